@@ -1,0 +1,14 @@
+//! The wire: what clients, coordinator and workers say to each other, and the only place where wire types become
+//! sim-core types and back.
+
+/// Version 1 of the protocol, generated from `proto/evogait/v1`.
+#[allow(missing_docs, clippy::all)]
+pub mod v1 {
+    tonic::include_proto!("evogait.v1");
+}
+
+/// The compiled descriptors, for gRPC reflection.
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/evogait.v1.bin"));
+
+/// Version of the worker protocol: both sides of a session must have the same.
+pub const PROTOCOL: u32 = 1;

@@ -1,0 +1,164 @@
+//! What can be wrong with what a user wrote.
+
+use std::fmt;
+
+/// A value in a robot, environment or job that can't be used. Never retryable: the file must change.
+///
+/// `field` is the path of the value inside its file, such as `module[3].attach.port`.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Invalid {
+    /// The text is not TOML, or its structure is not the expected one. `message` says where (line and column) and why.
+    #[error("{message}")]
+    Syntax {
+        /// What the parser says, with line and column.
+        message: String,
+    },
+    /// A number outside of what is allowed; NaN and infinities are always outside.
+    #[error("{field} = {value} is out of range: allowed is {min} to {max}{}", unit_suffix(.unit))]
+    OutOfRange {
+        /// Path of the value.
+        field: String,
+        /// What stands there.
+        value: f64,
+        /// Least allowed value.
+        min: f64,
+        /// Greatest allowed value.
+        max: f64,
+        /// Unit of the three, empty for a pure number.
+        unit: &'static str,
+    },
+    /// A name that nothing has.
+    #[error("{field} = \"{value}\" is unknown: {}", Known(.known))]
+    Unknown {
+        /// Path of the value.
+        field: String,
+        /// What stands there.
+        value: String,
+        /// The names that exist.
+        known: Vec<String>,
+    },
+    /// The same name twice.
+    #[error("{field} = \"{value}\" is used twice: names must be unique")]
+    Duplicate {
+        /// Path of the second one.
+        field: String,
+        /// The name.
+        value: String,
+    },
+    /// A name that can't be one.
+    #[error(
+        "{field} = \"{value}\" is no name: 1 to {} letters, digits, '-', '_' or '.' are allowed",
+        crate::limits::MAX_NAME_LENGTH
+    )]
+    Name {
+        /// Path of the value.
+        field: String,
+        /// What stands there.
+        value: String,
+    },
+    /// Two parts of the robot occupy the same space in the neutral configuration.
+    #[error(
+        "modules \"{first}\" and \"{second}\" overlap in the neutral configuration (by {depth:.3} mu): attach one elsewhere"
+    )]
+    Overlap {
+        /// One module.
+        first: String,
+        /// The other module.
+        second: String,
+        /// How deep they overlap, mu.
+        depth: f64,
+    },
+    /// A module that hangs on nothing.
+    #[error("module \"{module}\" is not connected to pivot \"{pivot}\": give it an `attach` that leads there")]
+    Disconnected {
+        /// The module.
+        module: String,
+        /// The pivot's module.
+        pivot: String,
+    },
+    /// A module attached to itself, directly or around a loop.
+    #[error("module \"{module}\" is attached to itself through {through}: attachments must form a tree")]
+    AttachmentLoop {
+        /// The module.
+        module: String,
+        /// The way around.
+        through: String,
+    },
+    /// Two modules on one port.
+    #[error("{field}: port \"{port}\" of module \"{module}\" is taken by \"{by}\"")]
+    PortTaken {
+        /// Path of the second attachment.
+        field: String,
+        /// The port.
+        port: String,
+        /// The module that has it.
+        module: String,
+        /// Who is there already.
+        by: String,
+    },
+    /// A place that has to be free is not.
+    #[error("{what} at ({x}, {y}) lies {wrong}")]
+    Misplaced {
+        /// What: the start, the goal.
+        what: &'static str,
+        /// mu from the map's centre.
+        x: f64,
+        /// mu from the map's centre.
+        y: f64,
+        /// What is wrong there.
+        wrong: String,
+    },
+    /// Two settings that can't stand together, or one that needs another.
+    #[error("{field}: {reason}")]
+    Conflict {
+        /// Path of the value.
+        field: String,
+        /// Why not, and what would do.
+        reason: String,
+    },
+}
+
+impl From<toml::de::Error> for Invalid {
+    fn from(error: toml::de::Error) -> Self {
+        Self::Syntax { message: error.to_string().trim_end().to_owned() }
+    }
+}
+
+fn unit_suffix(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
+}
+
+struct Known<'a>(&'a [String]);
+
+impl fmt::Display for Known<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.is_empty() { f.write_str("there is none") } else { write!(f, "known are {}", self.0.join(", ")) }
+    }
+}
+
+/// Refuses a number outside `min..=max`, and NaN.
+pub(crate) fn in_range(
+    field: impl Into<String>,
+    value: f64,
+    (min, max): (f64, f64),
+    unit: &'static str,
+) -> Result<(), Invalid> {
+    if value >= min && value <= max {
+        Ok(())
+    } else {
+        Err(Invalid::OutOfRange { field: field.into(), value, min, max, unit })
+    }
+}
+
+/// Refuses texts that can't name a thing in messages, tables and file names.
+pub(crate) fn name(field: impl Into<String>, value: &str) -> Result<(), Invalid> {
+    let fine = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    if (1..=crate::limits::MAX_NAME_LENGTH).contains(&value.len())
+        && value.chars().all(fine)
+        && value.starts_with(|c: char| c.is_ascii_alphanumeric())
+    {
+        Ok(())
+    } else {
+        Err(Invalid::Name { field: field.into(), value: value.to_owned() })
+    }
+}

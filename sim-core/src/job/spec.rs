@@ -1,0 +1,198 @@
+//! The job file.
+
+use crate::environment::Environment;
+use crate::optimise::OptimiserSpec;
+use crate::robot::RobotSpec;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A job as its TOML file says it; *resolved* once robot and environment stand in it in full and every setting is
+/// written out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JobSpec {
+    /// Name in messages, tables and folder names. Not part of the job's identity.
+    pub name: String,
+    /// Free text. Not part of the job's identity.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// The one number that all randomness follows from, 0 to 2⁶³ − 1.
+    #[serde(default = "one")]
+    pub seed: u64,
+    /// A named set of failed modules of the robot, such as "E1".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// What the gaits are.
+    pub gaits: GaitsSpec,
+    /// How a candidate's tree is grown.
+    #[serde(default)]
+    pub planner: PlannerSpec,
+    /// What the tree is worth.
+    pub fitness: FitnessSpec,
+    /// How candidates are searched for.
+    pub optimiser: OptimiserSpec,
+    /// Where they move.
+    #[serde(default)]
+    pub physics: PhysicsSpec,
+    /// The environment: a name that ships, a path, or the table itself.
+    pub environment: Reference<Environment>,
+    /// The robot: a name that ships, a path, or the table itself.
+    pub robot: Reference<RobotSpec>,
+}
+
+/// Something named, or something written out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Reference<T> {
+    /// A name that ships, or a path to a TOML file.
+    Named(String),
+    /// The thing itself.
+    Inline(Box<T>),
+}
+
+/// The `[gaits]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaitsSpec {
+    /// k, the number of gaits of a candidate.
+    pub count: u32,
+    /// τ, how long each is applied, s.
+    #[serde(default = "paper_duration")]
+    pub duration: f64,
+    /// What generates the joint targets.
+    #[serde(default)]
+    pub controller: ControllerKind,
+    /// Bounds of parameters that differ from the controller's own, by the parameter's name: `mu = [0.3, 1.3]`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bounds: BTreeMap<String, (f64, f64)>,
+}
+
+/// The controllers there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ControllerKind {
+    /// A Hopf oscillator a joint, Eq. 2: six parameters a joint.
+    #[default]
+    Hopf,
+    /// A sine a joint (section III): four parameters a joint.
+    Sine,
+}
+
+/// The `[planner]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlannerSpec {
+    /// Which of the two planners.
+    pub algorithm: Algorithm,
+    /// K_max, iterations.
+    pub iterations: u32,
+    /// w of the metric √(Δx² + Δy² (+ Δz²) + (w·Δyaw)²), mu/rad.
+    pub yaw_weight: f64,
+    /// How far joint angles (rad), tilt (rad) and height (mu) may differ for a transition to be reused. 0: every
+    /// expansion is simulated.
+    pub reuse_tolerance: f64,
+    /// Trees a candidate; its fitness is their mean.
+    pub repeats: u32,
+}
+
+impl Default for PlannerSpec {
+    fn default() -> Self {
+        Self { algorithm: Algorithm::FloodFill, iterations: 150, yaw_weight: 0.5, reuse_tolerance: 0.05, repeats: 1 }
+    }
+}
+
+/// How RRT-MP extends its tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Algorithm {
+    /// Algorithm 1: every gait's new configuration is added unless it lies nearer to another node than to its parent.
+    FloodFill,
+    /// The original RRT-MP: of the new configurations, the one nearest to the random one is added.
+    Original,
+}
+
+/// The `[fitness]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum FitnessSpec {
+    /// Share of the map's cells that hold a node, percent. Maximised.
+    Coverage {
+        /// Side of a cell, mu.
+        #[serde(default = "default_cell")]
+        cell: f64,
+        /// 2 counts squares of the map, 3 cubes of the space above it up to `height`.
+        #[serde(default = "two")]
+        dimensions: u32,
+        /// Height of the counted space in three dimensions, mu.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        height: Option<f64>,
+    },
+    /// Least planar distance of a node's pivot to the goal, mu. Minimised.
+    Distance {},
+    /// Greatest planar distance of a node's pivot from the start, mu. Maximised.
+    Travel {},
+}
+
+/// How big the robot is, which gravity in map units tells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scale {
+    /// Modules of 1 m under 9.81 m/s², as in the paper's simulator.
+    #[default]
+    Paper,
+    /// Modules of 0.105 m: 93.4 mu/s².
+    Real,
+}
+
+/// The `[physics]` table. What is not given follows from the scale.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PhysicsSpec {
+    /// The engine.
+    pub engine: EngineKind,
+    /// How big the robot is.
+    pub scale: Scale,
+    /// mu/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity: Option<f64>,
+    /// Coulomb friction of everything.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
+    /// Proportional gain of the joints' motors, kg·mu²/s² a rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
+    /// Derivative gain of the joints' motors, kg·mu²/s a rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping: Option<f64>,
+    /// Greatest torque of a motor, kg·mu²/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_torque: Option<f64>,
+    /// Physics steps in a second of simulated time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps_per_second: Option<u32>,
+    /// Solver iterations (substeps) of a step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub substeps: Option<u32>,
+}
+
+/// The physics engines there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EngineKind {
+    /// rapier3d: any terrain.
+    #[default]
+    Rapier,
+}
+
+fn one() -> u64 {
+    1
+}
+fn two() -> u32 {
+    2
+}
+fn paper_duration() -> f64 {
+    30.0
+}
+fn default_cell() -> f64 {
+    2.0
+}

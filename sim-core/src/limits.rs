@@ -1,0 +1,30 @@
+//! Every limit has a name. What exceeds one is refused with an error that tells it.
+
+/// Longest name of a robot, module, environment or job.
+pub const MAX_NAME_LENGTH: usize = 64;
+/// Longest description, in bytes.
+pub const MAX_DESCRIPTION_LENGTH: usize = 4096;
+/// Longest text of a job, robot or environment, in bytes.
+pub const MAX_TOML_LENGTH: usize = 256 * 1024;
+/// Most modules of a robot.
+pub const MAX_MODULES: usize = 64;
+/// Most obstacles, and most pieces of terrain, of an environment.
+pub const MAX_BOXES: usize = 256;
+/// Most gaits of a candidate, k.
+pub const MAX_GAITS: u32 = 32;
+/// Longest gait, s.
+pub const MAX_DURATION: f64 = 600.0;
+/// Most iterations of a planner, K.
+pub const MAX_ITERATIONS: u32 = 100_000;
+/// Most candidates of a generation.
+pub const MAX_POPULATION: u32 = 10_000;
+/// Most generations of a job.
+pub const MAX_GENERATIONS: u32 = 1_000_000;
+/// Most trees of an evaluation.
+pub const MAX_REPEATS: u32 = 1_000;
+/// Largest side of a map, mu.
+pub const MAX_MAP_SIZE: f64 = 10_000.0;
+/// Most cells of a coverage grid.
+pub const MAX_CELLS: usize = 4_000_000;
+/// Longest genome.
+pub const MAX_GENOME: usize = 16_384;

@@ -1,0 +1,3 @@
+//! Robots.
+mod spec;
+pub use spec::*;
