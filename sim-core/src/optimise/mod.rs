@@ -3,10 +3,14 @@
 //! An optimiser's state serialises, so a coordinator can stop between two generations and go on later with the same
 //! bits. Scores are told for a whole generation at once, by candidate index, never by arrival.
 
+mod ga;
+mod pso;
 mod spec;
+mod state;
 
 pub use spec::OptimiserSpec;
 
+use crate::random::{Purpose, Stream};
 use crate::score::{Direction, Genome};
 
 /// The box that genomes live in: one (low, high) a parameter, low < high.
@@ -40,4 +44,45 @@ pub trait Optimiser: Send {
 
     /// Whether larger or smaller scores are better.
     fn direction(&self) -> Direction;
+}
+
+/// Makes the optimiser that a validated spec describes, at generation 0. All its randomness follows from `seed`.
+///
+/// # Panics
+/// If a bound is not finite, or its low end lies above its high end.
+pub fn build(spec: &OptimiserSpec, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser> {
+    let usable = |&(low, high): &(f64, f64)| low <= high && (high - low).is_finite();
+    assert!(bounds.0.iter().all(usable), "bounds must be finite, low end first");
+    match *spec {
+        OptimiserSpec::Pso { particles, inertia_weight, cognitive, social, .. } => {
+            let coefficients = pso::Coefficients { constriction: 1.0, inertia_weight, cognitive, social };
+            Box::new(pso::Swarm::new(particles, coefficients, bounds, direction, seed))
+        }
+        OptimiserSpec::PsoConstriction { particles, cognitive, social, .. } => {
+            let coefficients = pso::Coefficients::constricted(cognitive, social);
+            Box::new(pso::Swarm::new(particles, coefficients, bounds, direction, seed))
+        }
+        OptimiserSpec::Ga {
+            population,
+            tournament,
+            crossover_rate,
+            crossover_eta,
+            mutation_rate,
+            mutation_scale,
+            elite,
+            ..
+        } => {
+            let mutation_rate = mutation_rate.unwrap_or(1.0 / bounds.0.len().max(1) as f64);
+            let breeding =
+                ga::Breeding { tournament, crossover_rate, crossover_eta, mutation_rate, mutation_scale, elite };
+            Box::new(ga::GeneticAlgorithm::new(population, breeding, bounds, direction, seed))
+        }
+    }
+}
+
+/// Candidate `i` of generation 0: uniform in the bounds.
+fn random_genome(bounds: &Bounds, seed: u64, i: u32) -> Genome {
+    let mut random = Stream::new(seed, Purpose::InitialPosition, 0, i, 0);
+    // Rounding may lead out of very uneven bounds by a bit.
+    bounds.0.iter().map(|&(low, high)| random.uniform(low, high).clamp(low, high)).collect()
 }

@@ -1,5 +1,7 @@
 //! The `[optimiser]` table of a job.
 
+use crate::error::{Invalid, in_range};
+use crate::limits::{MAX_GENERATIONS, MAX_POPULATION};
 use serde::{Deserialize, Serialize};
 
 /// Which optimiser, with its settings. The defaults are the paper's where it states one.
@@ -84,6 +86,57 @@ impl OptimiserSpec {
             Self::Pso { generations, .. }
             | Self::PsoConstriction { generations, .. }
             | Self::Ga { generations, .. } => generations,
+        }
+    }
+
+    /// Refuses settings that can't work: nobody to score, nothing to do, swarms that explode, more elites than places.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let chance = |field, value| in_range(field, value, (0.0, 1.0), "");
+        let pull = |field, value| in_range(field, value, (0.0, 10.0), "");
+        in_range("optimiser.generations", self.generations().into(), (1.0, MAX_GENERATIONS.into()), "")?;
+        match *self {
+            Self::Pso { particles, inertia_weight, cognitive, social, .. } => {
+                in_range("optimiser.particles", particles.into(), (1.0, MAX_POPULATION.into()), "")?;
+                in_range("optimiser.inertia_weight", inertia_weight, (0.0, 2.0), "")?;
+                pull("optimiser.cognitive", cognitive)?;
+                pull("optimiser.social", social)
+            }
+            Self::PsoConstriction { particles, cognitive, social, .. } => {
+                in_range("optimiser.particles", particles.into(), (1.0, MAX_POPULATION.into()), "")?;
+                pull("optimiser.cognitive", cognitive)?;
+                pull("optimiser.social", social)?;
+                if cognitive + social > 4.0 {
+                    return Ok(());
+                }
+                Err(Invalid::Conflict {
+                    field: "optimiser.cognitive".into(),
+                    reason: format!(
+                        "constriction is defined for cognitive + social above 4, here it is {}: \
+                         use 2.05 for each, or kind = \"pso\"",
+                        cognitive + social
+                    ),
+                })
+            }
+            Self::Ga {
+                population,
+                tournament,
+                crossover_rate,
+                crossover_eta,
+                mutation_rate,
+                mutation_scale,
+                elite,
+                ..
+            } => {
+                in_range("optimiser.population", population.into(), (2.0, MAX_POPULATION.into()), "")?;
+                in_range("optimiser.tournament", tournament.into(), (1.0, population.into()), "")?;
+                in_range("optimiser.elite", elite.into(), (0.0, f64::from(population) - 1.0), "")?;
+                chance("optimiser.crossover_rate", crossover_rate)?;
+                in_range("optimiser.crossover_eta", crossover_eta, (0.0, 1000.0), "")?;
+                if let Some(rate) = mutation_rate {
+                    chance("optimiser.mutation_rate", rate)?;
+                }
+                in_range("optimiser.mutation_scale", mutation_scale, (0.0, 1.0), "")
+            }
         }
     }
 }
