@@ -135,7 +135,8 @@ async fn watching_resumes_without_a_gap() {
     let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
     assert_eq!(sequence, (1..=events.len() as u64).collect::<Vec<_>>());
     assert_eq!(events.last().unwrap().job.as_ref().unwrap().state(), JobState::Succeeded);
-    let generation = |e: &JobEvent| if let Some(Event::GenerationSealed(g)) = &e.event { Some(g.generation) } else { None };
+    let generation =
+        |e: &JobEvent| if let Some(Event::GenerationSealed(g)) = &e.event { Some(g.generation) } else { None };
     assert_eq!(events.iter().filter_map(generation).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
     assert_eq!(watch(&sandbox, &job.id, 0, usize::MAX).await, events, "an ended job tells the same again");
 

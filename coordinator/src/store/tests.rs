@@ -280,7 +280,11 @@ async fn a_database_of_another_program_or_a_newer_version_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     for (name, sql, reason) in [
         ("other.db", "CREATE TABLE letters (a)", "another program"),
-        ("newer.db", "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 99", "newer version"),
+        (
+            "newer.db",
+            "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 99",
+            "newer version",
+        ),
     ] {
         let path = folder.path().join(name);
         let options = sqlx::sqlite::SqliteConnectOptions::new().filename(&path).create_if_missing(true);

@@ -276,7 +276,11 @@ fn shares(priorities: (u32, u32), costs: (u64, u64)) -> (f64, f64) {
         clock = clock.max(at);
         let given = rig.given.remove(index);
         let compute = compute(&given);
-        if given.job == a { spent_a += compute } else { spent_b += compute }
+        if given.job == a {
+            spent_a += compute
+        } else {
+            spent_b += compute
+        }
         let delivery = given.delivery();
         rig.complete(Completed { compute, ..given.completed(delivery) });
         // Who had nothing to do goes on from now.
@@ -321,7 +325,8 @@ fn a_jobs_text_goes_to_a_session_once() {
     rig.scheduler.submit(rig.now, new_job("a", 4, 1));
     rig.scheduler.connect(rig.now, greeting("w", 4));
     let texts = |actions: Vec<Action>| -> Vec<bool> {
-        let text = |a| if let Action::Send(_, _, Message::Assign { toml, .. }) = a { Some(toml.is_some()) } else { None };
+        let text =
+            |a| if let Action::Send(_, _, Message::Assign { toml, .. }) = a { Some(toml.is_some()) } else { None };
         actions.into_iter().filter_map(text).collect()
     };
     assert_eq!(texts(rig.scheduler.take_actions()), [true, false, false, false]);

@@ -11,9 +11,15 @@ const WORKERS: u8 = 3;
 #[derive(Clone, Debug)]
 enum Step {
     Submit(u8),
-    Connect { worker: u8, slots: u32 },
+    Connect {
+        worker: u8,
+        slots: u32,
+    },
     /// Answers some work; `keep` leaves it in the hands of the worker, to be delivered once more later.
-    Complete { pick: usize, keep: bool },
+    Complete {
+        pick: usize,
+        keep: bool,
+    },
     /// A worker's connection breaks; it may or may not come back.
     Disconnect(u8),
     Reconnect(u8),
@@ -181,7 +187,8 @@ impl World {
                     .filter(|l| l.job == *id)
                     .map(|l| match l.work {
                         lease::Leased::Range(range) => {
-                            range.candidates().filter(|i| !generation.is_done(&one(generation.number, *i))).count() as u32
+                            range.candidates().filter(|i| !generation.is_done(&one(generation.number, *i))).count()
+                                as u32
                         }
                         lease::Leased::Report => panic!("a report before the search is over"),
                     })
