@@ -154,7 +154,8 @@ impl Actor {
                     None => Ok((self.scheduler.submit(now, *new), true)),
                 };
                 if let Ok((record, true)) = &answer {
-                    tracing::info!(job = %record.id, name = record.name, "job submitted");
+                    let (id, name) = (record.id.clone(), record.name.clone());
+                    replies.push(Box::new(move || tracing::info!(job = %id, name, "job submitted")));
                 }
                 later(replies, reply, answer);
             }

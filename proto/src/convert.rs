@@ -121,7 +121,6 @@ pub fn range_length(first: u32, count: usize) -> Result<u32, ConvertError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use prost::Message as _;
 
     /// Through bytes and back.
     fn over_the_wire<M: prost::Message + Default>(message: &M) -> M {

@@ -49,6 +49,22 @@ async fn a_killed_worker_changes_no_bit() {
 }
 
 #[tokio::test]
+async fn a_worker_that_is_told_to_stop_gives_its_work_back_at_once() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let leaves = sandbox.worker(2);
+    let job = sandbox.submit("r", &tiny_job(13, GENERATIONS)).await;
+    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    let _stays = sandbox.worker(1);
+    assert_eq!(leaves.terminate(), Some(0));
+    let running = sandbox.job(&job.id).await;
+    assert_eq!(running.state(), JobState::Running, "it was stopped in mid-run");
+    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.unwrap().into_inner().workers;
+    assert!(workers.iter().all(|w| w.slots == 1), "{workers:?}");
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(13, GENERATIONS).await);
+}
+
+#[tokio::test]
 async fn a_killed_coordinator_goes_on_where_it_was_and_changes_no_bit() {
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();

@@ -55,3 +55,34 @@ fn message(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_core::job::Job;
+    use std::sync::Arc;
+
+    fn assignment(candidates: Vec<(u32, Vec<f64>)>) -> Assignment {
+        let text = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
+                    [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\n";
+        let job = Arc::new(Job::from_toml(text).expect("a valid job"));
+        Assignment::new(7, "j".to_owned(), job, Task::Evaluate { generation: 0, first: 3, candidates })
+    }
+
+    #[test]
+    fn evaluations_come_back_in_order_with_the_time_they_took() {
+        let genomes = assignment(Vec::new()).job.optimiser().ask();
+        let candidates = (3..).zip(genomes.into_iter().skip(3).take(2)).collect();
+        let done = carry_out(&assignment(candidates)).expect("nobody stopped it");
+        let Some(Outcome::Evaluate(result)) = done.result else { panic!("{:?}", done.result) };
+        assert_eq!((result.first, result.evaluations.len(), done.assignment_id), (3, 2, 7));
+        assert!(done.compute_us > 0);
+    }
+
+    #[test]
+    fn a_panic_is_a_failure_with_its_message_not_the_end_of_the_worker() {
+        let done = carry_out(&assignment(vec![(3, vec![0.0])])).expect("nobody stopped it");
+        let Some(Outcome::Failure(reason)) = done.result else { panic!("{:?}", done.result) };
+        assert!(reason.starts_with("it panicked: ") && reason.len() > 20, "{reason}");
+    }
+}
