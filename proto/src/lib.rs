@@ -1,6 +1,11 @@
 //! The wire: what clients, coordinator and workers say to each other, and the only place where wire types become
 //! sim-core types and back.
 
+mod convert;
+pub mod limits;
+
+pub use convert::{ConvertError, digest, evaluations, range_length};
+
 /// Version 1 of the protocol, generated from `proto/evogait/v1`.
 #[allow(missing_docs, clippy::all)]
 pub mod v1 {

@@ -1,0 +1,116 @@
+//! Work that a worker has been given.
+
+use super::generation::Range;
+use super::worker::WorkerId;
+use super::{Action, Message, Now, Scheduler, job};
+use crate::record::{JobId, JobState};
+use sim_core::score::{Genome, Scored};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Names an assignment, uniquely over all starts on a store.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct AssignmentId(pub u64);
+
+/// What a worker is asked to do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Task {
+    /// Score a range of candidates.
+    Evaluate {
+        /// Which.
+        range: Range,
+        /// The genomes of the whole generation, by index.
+        genomes: Arc<[Genome]>,
+    },
+    /// Make the report.
+    Report {
+        /// The best of the search.
+        winner: Scored,
+        /// The best of generation 0.
+        first: Scored,
+    },
+}
+
+/// What a lease is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Leased {
+    Range(Range),
+    Report,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Lease {
+    pub worker: WorkerId,
+    pub job: JobId,
+    pub work: Leased,
+    pub since: Duration,
+    /// What the job's fair-queue tag was charged for it.
+    pub charged: f64,
+}
+
+impl Scheduler {
+    /// Gives a lease back: what it covers and is not done becomes pending again. Costs nothing.
+    pub(super) fn release(&mut self, id: AssignmentId) -> Option<Lease> {
+        let lease = self.leases.remove(&id)?;
+        if let Some(worker) = self.workers.get_mut(&lease.worker) {
+            worker.held.remove(&id);
+        }
+        if let Some(job) = self.jobs.get_mut(&lease.job) {
+            job.finish_tag -= lease.charged;
+            match lease.work {
+                Leased::Range(range) => {
+                    if let Some(generation) = job.generation.as_mut().filter(|g| g.contains(&range)) {
+                        generation.release(&range, id);
+                    }
+                }
+                Leased::Report => {
+                    if job.report == job::Report::Leased(id) {
+                        job.report = job::Report::Pending;
+                    }
+                }
+            }
+        }
+        Some(lease)
+    }
+
+    /// A crash or failure while this was worked on. A range of several is split to find the culprit; one that failed
+    /// alone too often fails the job.
+    pub(super) fn blame(&mut self, now: Now, lease: &Lease, why: &str) {
+        let Some(job) = self.jobs.get_mut(&lease.job) else { return };
+        let (attempts, what) = match lease.work {
+            Leased::Range(range) => match job.generation.as_mut().filter(|g| g.contains(&range)) {
+                // Done meanwhile by somebody else: not to blame.
+                Some(generation) if generation.is_done(&range) => return,
+                Some(generation) => (
+                    generation.blame(&range),
+                    format!("the evaluation of candidate {} of generation {}", range.first, range.generation),
+                ),
+                None => return,
+            },
+            Leased::Report => {
+                job.report_attempts += 1;
+                (job.report_attempts, "the report".to_owned())
+            }
+        };
+        if attempts >= super::MAX_ATTEMPTS {
+            let reason = format!("{what} failed {attempts} times; the last time: {why}");
+            self.end_job(now, &lease.job, JobState::Failed, reason);
+        }
+    }
+
+    /// Takes leases away from their workers and tells them. For work that nobody needs any more.
+    pub(super) fn cancel_leases(&mut self, ids: &[AssignmentId]) {
+        let mut by_worker: BTreeMap<WorkerId, Vec<AssignmentId>> = BTreeMap::new();
+        for &id in ids {
+            if let Some(lease) = self.release(id) {
+                by_worker.entry(lease.worker).or_default().push(id);
+            }
+        }
+        for (worker, ids) in by_worker {
+            if let Some(session) = self.workers.get(&worker).and_then(|w| w.session) {
+                self.actions.push(Action::Send(worker, session, Message::Cancel(ids)));
+            }
+        }
+    }
+}

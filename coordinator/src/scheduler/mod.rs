@@ -1,0 +1,237 @@
+//! Who evaluates what, and what follows from it: a pure state machine.
+//!
+//! No sockets, no clock, no tasks: every function is told the time and what happened, changes the state, and leaves
+//! [`Action`]s for the shell, which commits the writes among them *before* it does anything else with the outside. So
+//! nothing is acknowledged that the store does not hold. If a commit fails the state in memory is ahead of the store,
+//! and the coordinator has to stop and start again from the store.
+//!
+//! Candidates go PENDING → LEASED → DONE; a lease that is lost makes its candidates PENDING again. How candidates are cut
+//! into ranges, who evaluates them and in which order results arrive never touches a result: scores are folded by index
+//! once all of a generation are there.
+
+mod fair;
+mod generation;
+mod job;
+mod lease;
+mod results;
+mod sizing;
+mod statistics;
+mod worker;
+
+pub use generation::{Outcome, Range};
+pub use job::{NewJob, Resumed};
+pub use lease::{AssignmentId, Task};
+pub use results::{Completed, Delivery, Verdict};
+pub use worker::{Greeting, SessionId, Welcome, WorkerId};
+
+use crate::record::{JobId, JobRecord};
+use crate::store::Write;
+use job::ActiveJob;
+use lease::Lease;
+use proto::v1;
+use sim_core::identity::Digest;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+use worker::Worker;
+
+/// After how many crashes or failures of a candidate that was evaluated alone its job fails.
+pub const MAX_ATTEMPTS: u32 = 3;
+/// Progress of a job is told at most this often.
+const PROGRESS_EVERY: Duration = Duration::from_millis(100);
+
+/// The time, as the shell tells it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Now {
+    /// Since some fixed moment; never goes back.
+    pub since_start: Duration,
+    /// Unix time in ms, for people.
+    pub unix_ms: i64,
+}
+
+/// What the shell has to do, in this order, once all writes of the same list are committed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// To be committed; all writes of a list in one transaction.
+    Write(Box<Write>),
+    /// To be sent to a worker, if this session of it still stands.
+    Send(WorkerId, SessionId, Message),
+    /// To be told to those who watch; not stored.
+    Publish(JobId, Box<v1::JobEvent>),
+}
+
+/// What a worker is told.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Message {
+    /// Work for one slot.
+    Assign {
+        /// Its id.
+        assignment: AssignmentId,
+        /// The job.
+        job: JobId,
+        /// The job's text, where this session has not had it yet.
+        toml: Option<Arc<str>>,
+        /// What to do.
+        task: Task,
+    },
+    /// Work that nobody needs any more.
+    Cancel(Vec<AssignmentId>),
+}
+
+/// Times and identity of a coordinator.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Counts the starts on a store.
+    pub epoch: u64,
+    /// Without a sign of life for this long a worker's work goes to others.
+    pub lease: Duration,
+}
+
+impl Settings {
+    /// How often workers should give a sign of life.
+    pub fn heartbeat(&self) -> Duration {
+        self.lease / 5
+    }
+}
+
+/// The state machine.
+pub struct Scheduler {
+    settings: Settings,
+    jobs: BTreeMap<JobId, ActiveJob>,
+    ended: BTreeSet<JobId>,
+    workers: BTreeMap<WorkerId, Worker>,
+    leases: BTreeMap<AssignmentId, Lease>,
+    next_job: u64,
+    next_assignment: u64,
+    next_session: u64,
+    /// Virtual time of the fair queue: the tag of the work handed out last.
+    virtual_time: f64,
+    actions: Vec<Action>,
+}
+
+impl Scheduler {
+    /// An empty one. `next_job` is the number of the next job, `ended` are the jobs that will never change again.
+    pub fn new(settings: Settings, next_job: u64, ended: BTreeSet<JobId>) -> Self {
+        Self {
+            settings,
+            jobs: BTreeMap::new(),
+            ended,
+            workers: BTreeMap::new(),
+            leases: BTreeMap::new(),
+            next_job,
+            // Unique over all epochs of a store.
+            next_assignment: settings.epoch << 32,
+            next_session: 1,
+            virtual_time: 0.0,
+            actions: Vec::new(),
+        }
+    }
+
+    /// What is to be done since the last call.
+    pub fn take_actions(&mut self) -> Vec<Action> {
+        std::mem::take(&mut self.actions)
+    }
+
+    /// A job that has not ended.
+    pub fn job(&self, id: &JobId) -> Option<&JobRecord> {
+        self.jobs.get(id).map(|j| &j.record)
+    }
+
+    /// The job that has not ended with this request id.
+    pub fn job_of_request(&self, request_id: &str) -> Option<&JobRecord> {
+        self.jobs.values().map(|j| &j.record).find(|r| r.request_id == request_id)
+    }
+
+    /// How many jobs have not ended.
+    pub fn active_jobs(&self) -> usize {
+        self.jobs.len()
+    }
+
+    /// Why a job gets nothing done, if so: a sentence for people.
+    pub fn waits_for(&self, id: &JobId) -> Option<String> {
+        let engine = self.jobs.get(id)?.record.engine_digest;
+        if self.workers.is_empty() {
+            Some("waits for a worker: none is connected".to_owned())
+        } else if self.slots_for(&engine) == 0 {
+            Some(format!("waits for a worker with engine {}: none of those connected has it", engine.short()))
+        } else {
+            None
+        }
+    }
+
+    /// A client submits a job. The caller has checked that its request id is new.
+    pub fn submit(&mut self, now: Now, new: NewJob) -> JobRecord {
+        let number = self.next_job;
+        self.next_job += 1;
+        let (job, write) = ActiveJob::submitted(now, number, new, self.virtual_time);
+        let record = job.record.clone();
+        self.actions.push(Action::Write(Box::new(write)));
+        self.jobs.insert(record.id.clone(), job);
+        self.dispatch(now);
+        record
+    }
+
+    /// A job from the store goes on where it stood. Nothing is handed out before the next event.
+    pub fn resume(&mut self, resumed: Resumed) -> Result<(), sim_core::optimise::BadState> {
+        let job = ActiveJob::resumed(resumed, self.virtual_time)?;
+        self.jobs.insert(job.record.id.clone(), job);
+        Ok(())
+    }
+
+    /// A client ends a job. `None` if no job that has not ended has this id.
+    pub fn cancel(&mut self, now: Now, id: &JobId) -> Option<JobRecord> {
+        let record = self.end_job(now, id, v1::JobState::Cancelled, String::new());
+        self.dispatch(now);
+        record
+    }
+
+    /// Ends a job that can't go on.
+    pub fn fail(&mut self, now: Now, id: &JobId, reason: String) -> Option<JobRecord> {
+        let record = self.end_job(now, id, v1::JobState::Failed, reason);
+        self.dispatch(now);
+        record
+    }
+
+    /// Time passed: leases of silent workers are taken back.
+    pub fn tick(&mut self, now: Now) {
+        let silent: Vec<WorkerId> =
+            self.workers.iter().filter(|(_, w)| w.expires <= now.since_start).map(|(id, _)| id.clone()).collect();
+        for id in silent {
+            self.lose_worker(now, &id);
+        }
+        self.dispatch(now);
+    }
+
+    /// When the next lease ends unless a sign of life comes.
+    pub fn next_deadline(&self) -> Option<Duration> {
+        let expiry = self.workers.values().map(|w| w.expires);
+        let refusal = self.workers.values().flat_map(|w| w.refused.values().copied());
+        expiry.chain(refusal).min()
+    }
+
+    fn slots_for(&self, engine: &Digest) -> u32 {
+        self.workers.values().filter(|w| w.takes_work() && w.engines.contains(engine)).map(|w| w.slots).sum()
+    }
+
+    fn end_job(&mut self, now: Now, id: &JobId, state: v1::JobState, reason: String) -> Option<JobRecord> {
+        let mut job = self.jobs.remove(id)?;
+        let write = job.end(now, state, reason);
+        self.actions.push(Action::Write(Box::new(write)));
+        self.forget(id);
+        Some(job.record)
+    }
+
+    /// A job is over: nobody needs to work on it any more.
+    fn forget(&mut self, id: &JobId) {
+        self.ended.insert(id.clone());
+        let running: Vec<AssignmentId> = self.leases.iter().filter(|(_, l)| l.job == *id).map(|(a, _)| *a).collect();
+        self.cancel_leases(&running);
+        for worker in self.workers.values_mut() {
+            worker.known_jobs.remove(id);
+            worker.refused.remove(id);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,218 @@
+//! Results come in: on time, late, twice, wrong, or for something long over.
+
+use super::generation::{Outcome, Range, same_bits};
+use super::job::Report;
+use super::lease::{AssignmentId, Leased};
+use super::worker::WorkerId;
+use super::{Action, Now, Scheduler};
+use crate::record::{JobId, JobState};
+use crate::store::Write;
+use sim_core::identity::Digest;
+use std::time::Duration;
+
+/// What a worker delivers.
+#[derive(Clone, Debug)]
+pub struct Completed {
+    /// Who.
+    pub worker: WorkerId,
+    /// Which assignment it was.
+    pub assignment: AssignmentId,
+    /// Of which job.
+    pub job: JobId,
+    /// The engine that ran.
+    pub engine: Digest,
+    /// How long a slot was busy; zero if unknown.
+    pub compute: Duration,
+    /// What came of it.
+    pub delivery: Delivery,
+}
+
+/// What came of an assignment.
+#[derive(Clone, Debug)]
+pub enum Delivery {
+    /// Scores.
+    Evaluations {
+        /// The generation.
+        generation: u32,
+        /// Index of the first.
+        first: u32,
+        /// By index from `first` on.
+        outcomes: Vec<Outcome>,
+    },
+    /// The report as JSON.
+    Report(Vec<u8>),
+    /// It could not be carried out.
+    Failure(String),
+}
+
+/// What became of a result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It counts.
+    Accepted,
+    /// The same bits were there before.
+    Duplicate,
+    /// Other bits were there before: somebody computes wrongly.
+    Conflict,
+    /// The job ended or moved on.
+    Obsolete,
+    /// No such job or range.
+    Unknown,
+}
+
+impl Scheduler {
+    /// A result. Whoever has the lease: the first right one wins.
+    pub fn complete(&mut self, now: Now, completed: Completed) -> Verdict {
+        let verdict = self.take_result(now, completed);
+        self.dispatch(now);
+        verdict
+    }
+
+    fn take_result(&mut self, now: Now, completed: Completed) -> Verdict {
+        let Completed { worker, assignment, job: id, engine, compute, delivery } = completed;
+        let own = self.leases.get(&assignment).is_some_and(|l| l.worker == worker && l.job == id);
+        let Some(job) = self.jobs.get(&id) else {
+            return if self.ended.contains(&id) { Verdict::Obsolete } else { Verdict::Unknown };
+        };
+        if job.record.engine_digest != engine {
+            return Verdict::Unknown;
+        }
+        match delivery {
+            Delivery::Failure(reason) => {
+                if !own {
+                    return Verdict::Obsolete;
+                }
+                if let Some(lease) = self.release(assignment) {
+                    self.blame(now, &lease, &reason);
+                }
+                Verdict::Accepted
+            }
+            Delivery::Report(report) => {
+                if job.report == Report::NotYet {
+                    return Verdict::Unknown;
+                }
+                self.take_report(now, &id, report);
+                Verdict::Accepted
+            }
+            Delivery::Evaluations { generation, first, outcomes } => {
+                let Ok(count) = u32::try_from(outcomes.len()) else { return Verdict::Unknown };
+                let range = Range { generation, first, count };
+                let fits = first.checked_add(count).is_some_and(|end| count > 0 && end <= job.record.population);
+                if !fits || generation > job.record.generations_done || generation >= job.record.generations_total {
+                    return Verdict::Unknown;
+                }
+                if generation < job.record.generations_done {
+                    return self.compare_with_sealed(&id, &range, &outcomes);
+                }
+                if own {
+                    self.settle(assignment, count, compute);
+                }
+                self.take_evaluations(now, &id, range, outcomes, &worker)
+            }
+        }
+    }
+
+    fn take_evaluations(
+        &mut self,
+        now: Now,
+        id: &JobId,
+        range: Range,
+        outcomes: Vec<Outcome>,
+        worker: &WorkerId,
+    ) -> Verdict {
+        let Some(job) = self.jobs.get_mut(id) else { return Verdict::Unknown };
+        let Some(generation) = job.generation.as_mut().filter(|g| g.contains(&range)) else { return Verdict::Unknown };
+        // What is new, in ranges without a break.
+        let mut ranges: Vec<(u32, Vec<Outcome>)> = Vec::new();
+        let mut conflict = false;
+        for (candidate, outcome) in range.candidates().zip(outcomes) {
+            match generation.record(candidate, outcome) {
+                None => match ranges.last_mut() {
+                    Some((first, run)) if *first + run.len() as u32 == candidate => run.push(outcome),
+                    _ => ranges.push((candidate, vec![outcome])),
+                },
+                Some(there) => conflict |= there != outcome,
+            }
+        }
+        let accepted: usize = ranges.iter().map(|(_, run)| run.len()).sum();
+        if let Some(worker) = self.workers.get_mut(worker) {
+            worker.evaluations += accepted as u64;
+        }
+        if accepted > 0 {
+            let needless: Vec<AssignmentId> = self
+                .leases
+                .iter()
+                .filter(|(_, l)| l.job == *id && matches!(l.work, Leased::Range(r) if generation.is_done(&r)))
+                .map(|(a, _)| *a)
+                .collect();
+            self.cancel_leases(&needless);
+            self.seal_or_store(now, id, range.generation, ranges);
+        }
+        match (conflict, accepted) {
+            (true, _) => Verdict::Conflict,
+            (false, 0) => Verdict::Duplicate,
+            (false, _) => Verdict::Accepted,
+        }
+    }
+
+    /// Goes on to the next generation if this one is complete; otherwise keeps what came in.
+    fn seal_or_store(&mut self, now: Now, id: &JobId, generation: u32, ranges: Vec<(u32, Vec<Outcome>)>) {
+        let Some(job) = self.jobs.get_mut(id) else { return };
+        match job.seal(now) {
+            Some((write, dead_end)) => {
+                self.actions.push(Action::Write(Box::new(write)));
+                if let Some(reason) = dead_end {
+                    self.end_job(now, id, JobState::Failed, reason);
+                }
+            }
+            None => {
+                let write = Write::Results { job: id.clone(), generation, ranges };
+                self.actions.push(Action::Write(Box::new(write)));
+                if let Some(event) = job.progress(now) {
+                    self.actions.push(Action::Publish(id.clone(), Box::new(event)));
+                }
+            }
+        }
+    }
+
+    fn take_report(&mut self, now: Now, id: &JobId, report: Vec<u8>) {
+        let Some(mut job) = self.jobs.remove(id) else { return };
+        self.actions.push(Action::Write(Box::new(job.finish(now, report))));
+        self.forget(id);
+    }
+
+    /// A result for a generation that is over can only agree or disagree.
+    fn compare_with_sealed(&self, id: &JobId, range: &Range, outcomes: &[Outcome]) -> Verdict {
+        let Some(job) = self.jobs.get(id) else { return Verdict::Unknown };
+        match &job.last_scores {
+            Some(scores) if range.generation + 1 == job.record.generations_done => {
+                let same = range.candidates().zip(outcomes).all(|(i, o)| same_bits(scores[i as usize], o.score));
+                if same { Verdict::Duplicate } else { Verdict::Conflict }
+            }
+            _ => Verdict::Obsolete,
+        }
+    }
+
+    /// A lease was worked off: its measured cost replaces the estimate.
+    fn settle(&mut self, id: AssignmentId, count: u32, compute: Duration) {
+        let Some(lease) = self.leases.get(&id) else { return };
+        let charged = lease.charged;
+        let Some(job) = self.jobs.get_mut(&lease.job) else { return };
+        if !compute.is_zero() {
+            let each = compute.as_secs_f64() / f64::from(count);
+            job.cost = Some(job.cost.map_or(each, |cost| 0.7 * cost + 0.3 * each));
+            job.finish_tag += compute.as_secs_f64() / f64::from(job.record.priority) - charged;
+        }
+        if let Some(lease) = self.leases.remove(&id) {
+            if let Some(worker) = self.workers.get_mut(&lease.worker) {
+                worker.held.remove(&id);
+            }
+            // Should a result cover less than was asked for, the rest is still to be done.
+            if let Leased::Range(range) = lease.work
+                && let Some(generation) = job.generation.as_mut().filter(|g| g.contains(&range))
+            {
+                generation.release(&range, id);
+            }
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Workers: they come, give signs of life, and go.
+
+use super::generation::Range;
+use super::job::Report;
+use super::lease::{AssignmentId, Lease, Leased};
+use super::{Now, Scheduler};
+use crate::record::JobId;
+use proto::v1;
+use sim_core::identity::Digest;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Names a worker from its start to its end, over reconnects.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct WorkerId(pub Arc<str>);
+
+impl fmt::Display for WorkerId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// Names one connection of a worker: what an older connection still says is ignored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SessionId(pub u64);
+
+/// A worker introduces itself.
+#[derive(Clone, Debug)]
+pub struct Greeting {
+    /// Its id.
+    pub worker: WorkerId,
+    /// For people.
+    pub name: String,
+    /// Where it calls from, for people.
+    pub address: String,
+    /// Evaluations at once, at least 1.
+    pub slots: u32,
+    /// Its engines.
+    pub engines: Vec<Digest>,
+    /// What it still works on: (assignment, job, range; `None` for a report).
+    pub running: Vec<(AssignmentId, JobId, Option<Range>)>,
+}
+
+/// The answer to a [`Greeting`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Welcome {
+    /// The connection's name.
+    pub session: SessionId,
+    /// Of what it works on: go on with these …
+    pub keep: Vec<AssignmentId>,
+    /// … and drop these.
+    pub drop: Vec<AssignmentId>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Worker {
+    /// `None` while its connection is broken.
+    pub session: Option<SessionId>,
+    pub name: String,
+    pub address: String,
+    pub slots: u32,
+    pub engines: Vec<Digest>,
+    /// Its leases, in the order they were given.
+    pub held: BTreeSet<AssignmentId>,
+    /// Without a sign of life until then, it is lost.
+    pub expires: Duration,
+    pub draining: bool,
+    /// Jobs whose text this session has been sent.
+    pub known_jobs: BTreeSet<JobId>,
+    /// Jobs it rejected, and until when it is spared them.
+    pub refused: BTreeMap<JobId, Duration>,
+    connected_at_ms: i64,
+    pub evaluations: u64,
+}
+
+impl Worker {
+    pub fn takes_work(&self) -> bool {
+        self.session.is_some() && !self.draining
+    }
+}
+
+impl Scheduler {
+    /// A worker connects, for the first time or again. Work it says it still does stays its own, or becomes it (after a
+    /// restart the coordinator knows of no leases), unless somebody else has it or it is done.
+    pub fn connect(&mut self, now: Now, greeting: Greeting) -> Welcome {
+        let session = SessionId(self.next_session);
+        self.next_session += 1;
+        let before = self.workers.remove(&greeting.worker);
+        let held = before.as_ref().map(|w| w.held.clone()).unwrap_or_default();
+        let worker = Worker {
+            session: Some(session),
+            name: greeting.name,
+            address: greeting.address,
+            slots: greeting.slots,
+            engines: greeting.engines,
+            held: held.clone(),
+            expires: now.since_start + self.settings.lease,
+            draining: false,
+            known_jobs: BTreeSet::new(),
+            refused: BTreeMap::new(),
+            connected_at_ms: before.as_ref().map_or(now.unix_ms, |w| w.connected_at_ms),
+            evaluations: before.as_ref().map_or(0, |w| w.evaluations),
+        };
+        self.workers.insert(greeting.worker.clone(), worker);
+
+        let (mut keep, mut drop) = (Vec::new(), Vec::new());
+        for (id, job, range) in greeting.running {
+            let kept = held.contains(&id) || self.adopt(now, &greeting.worker, id, &job, range);
+            if kept { keep.push(id) } else { drop.push(id) }
+        }
+        // Assignments that never reached it.
+        for id in held.iter().filter(|id| !keep.contains(id)) {
+            self.release(*id);
+        }
+        self.dispatch(now);
+        Welcome { session, keep, drop }
+    }
+
+    /// Makes work that a worker claims to do its lease, if all of it is still pending.
+    fn adopt(&mut self, now: Now, worker: &WorkerId, id: AssignmentId, job: &JobId, range: Option<Range>) -> bool {
+        // An id that was never given out would collide with one that will be.
+        if id.0 >= self.next_assignment || self.leases.contains_key(&id) {
+            return false;
+        }
+        let Some(active) = self.jobs.get_mut(job) else { return false };
+        let work = match range {
+            Some(range) if active.generation.as_mut().is_some_and(|g| g.take(&range, id)) => Leased::Range(range),
+            None if active.report == Report::Pending => {
+                active.report = Report::Leased(id);
+                Leased::Report
+            }
+            _ => return false,
+        };
+        let lease = Lease { worker: worker.clone(), job: job.clone(), work, since: now.since_start, charged: 0.0 };
+        self.leases.insert(id, lease);
+        if let Some(worker) = self.workers.get_mut(worker) {
+            worker.held.insert(id);
+        }
+        true
+    }
+
+    /// A sign of life. `false` if this session is not known any more: the worker has to connect again.
+    pub fn heartbeat(&mut self, now: Now, id: &WorkerId, session: SessionId, running: &[AssignmentId]) -> bool {
+        let Some(worker) = self.session(id, session) else { return false };
+        let held = worker.held.clone();
+        if let Some(worker) = self.workers.get_mut(id) {
+            worker.expires = now.since_start + self.settings.lease;
+        }
+        // What the worker was given a while ago and does not know of got lost on the way.
+        let given_before = now.since_start.saturating_sub(self.settings.lease / 2);
+        for id in held {
+            if !running.contains(&id) && self.leases.get(&id).is_some_and(|l| l.since < given_before) {
+                self.release(id);
+            }
+        }
+        self.dispatch(now);
+        true
+    }
+
+    /// A connection broke. The worker has a heartbeat's time to come back before its work goes to others.
+    pub fn disconnect(&mut self, now: Now, id: &WorkerId, session: SessionId) {
+        if self.session(id, session).is_none() {
+            return;
+        }
+        let grace = now.since_start + self.settings.heartbeat();
+        if let Some(worker) = self.workers.get_mut(id) {
+            worker.session = None;
+            worker.expires = worker.expires.min(grace);
+            if worker.held.is_empty() {
+                self.workers.remove(id);
+            }
+        }
+        self.dispatch(now);
+    }
+
+    /// A worker will stop: what it has goes back at once, at no cost, and it gets nothing new.
+    pub fn drain(&mut self, now: Now, id: &WorkerId, session: SessionId) {
+        let Some(worker) = self.session(id, session) else { return };
+        for assignment in worker.held.clone() {
+            self.release(assignment);
+        }
+        if let Some(worker) = self.workers.get_mut(id) {
+            worker.draining = true;
+        }
+        self.dispatch(now);
+    }
+
+    /// A worker can't run an assignment. It costs no attempt; for the time of a lease it is spared that job.
+    pub fn reject(&mut self, now: Now, id: &WorkerId, session: SessionId, assignment: AssignmentId) {
+        let Some(worker) = self.session(id, session) else { return };
+        if worker.held.contains(&assignment)
+            && let Some(lease) = self.release(assignment)
+        {
+            let until = now.since_start + self.settings.lease;
+            if let Some(worker) = self.workers.get_mut(id) {
+                worker.refused.insert(lease.job, until);
+            }
+        }
+        self.dispatch(now);
+    }
+
+    /// The workers that are connected.
+    pub fn workers(&self) -> Vec<v1::WorkerInfo> {
+        self.workers
+            .iter()
+            .filter(|(_, w)| w.session.is_some())
+            .map(|(id, w)| v1::WorkerInfo {
+                id: id.to_string(),
+                name: w.name.clone(),
+                slots: w.slots,
+                busy: w.held.len().min(w.slots as usize) as u32,
+                engine_digest: w.engines.first().map(|d| d.0.to_vec()).unwrap_or_default(),
+                connected_at_ms: w.connected_at_ms,
+                evaluations: w.evaluations,
+                address: w.address.clone(),
+            })
+            .collect()
+    }
+
+    /// A worker is gone. If its connection broke it crashed, and what it did is suspected of having crashed it; if it
+    /// only fell silent (a network that swallows everything), nothing is to blame.
+    pub(super) fn lose_worker(&mut self, now: Now, id: &WorkerId) {
+        let Some(worker) = self.workers.remove(id) else { return };
+        let crashed = worker.session.is_none();
+        for assignment in worker.held {
+            if let Some(lease) = self.release(assignment)
+                && crashed
+            {
+                self.blame(now, &lease, &format!("worker {} died with it", worker.name));
+            }
+        }
+    }
+
+    fn session(&self, id: &WorkerId, session: SessionId) -> Option<&Worker> {
+        self.workers.get(id).filter(|w| w.session == Some(session))
+    }
+}

@@ -1,0 +1,243 @@
+//! Where jobs live. One trait; SQLite in production, memory in tests; one test suite for all.
+//!
+//! Few indexed columns, everything else in versioned blobs (a version byte, then protobuf), so that a second SQL dialect
+//! stays small. Numbers that must keep their bits are in blobs: SQLite turns NaN into NULL.
+
+mod blob;
+mod memory;
+mod migrations;
+mod sqlite;
+mod url;
+
+pub use memory::MemoryStore;
+pub use sqlite::SqliteStore;
+pub use url::{BadStoreUrl, StoreUrl};
+
+use crate::record::{JobId, JobRecord, JobState};
+use crate::scheduler::Outcome;
+use proto::v1;
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::Arc;
+
+/// One change. Changes that belong together are committed together.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Write {
+    /// A job comes in.
+    Submit {
+        /// The job.
+        record: JobRecord,
+        /// As it was resolved.
+        toml: Arc<str>,
+        /// The optimiser's state at generation 0.
+        optimiser: Vec<u8>,
+        /// The first event.
+        event: v1::JobEvent,
+    },
+    /// Results of the generation at hand.
+    Results {
+        /// The job.
+        job: JobId,
+        /// The generation.
+        generation: u32,
+        /// Ranges without overlap: (index of the first, outcomes).
+        ranges: Vec<(u32, Vec<Outcome>)>,
+    },
+    /// A generation is over: scores, statistics, the optimiser's next state and the events at once.
+    Seal {
+        /// The job after it.
+        record: JobRecord,
+        /// What is kept of the generation; the ranges' results go.
+        sealed: SealedGeneration,
+        /// The optimiser's state for the next generation.
+        optimiser: Vec<u8>,
+        /// What is told.
+        events: Vec<v1::JobEvent>,
+    },
+    /// The job stands elsewhere.
+    Change {
+        /// The job after it.
+        record: JobRecord,
+        /// What is told.
+        event: v1::JobEvent,
+    },
+    /// The report: the job succeeded.
+    Report {
+        /// The job after it.
+        record: JobRecord,
+        /// JSON.
+        report: Vec<u8>,
+        /// What is told.
+        event: v1::JobEvent,
+    },
+}
+
+impl Write {
+    /// The events among it, to be told once it is committed.
+    pub fn events(&self) -> &[v1::JobEvent] {
+        match self {
+            Self::Submit { event, .. } | Self::Change { event, .. } | Self::Report { event, .. } => {
+                std::slice::from_ref(event)
+            }
+            Self::Seal { events, .. } => events,
+            Self::Results { .. } => &[],
+        }
+    }
+
+    /// Whose change it is.
+    pub fn job(&self) -> &JobId {
+        match self {
+            Self::Submit { record, .. }
+            | Self::Seal { record, .. }
+            | Self::Change { record, .. }
+            | Self::Report { record, .. } => &record.id,
+            Self::Results { job, .. } => job,
+        }
+    }
+}
+
+/// What is kept of a generation.
+#[derive(Clone, Debug)]
+pub struct SealedGeneration {
+    /// By candidate; `None` where the evaluation failed.
+    pub scores: Vec<Option<f64>>,
+    /// What the scores look like.
+    pub statistics: v1::GenerationSealed,
+}
+
+impl PartialEq for SealedGeneration {
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |s: &Self| s.scores.iter().map(|s| s.map(f64::to_bits)).collect::<Vec<_>>();
+        bits(self) == bits(other)
+    }
+}
+
+/// A job that has not ended, with all it takes to go on.
+#[derive(Clone, Debug)]
+pub struct StoredJob {
+    /// As it stood.
+    pub record: JobRecord,
+    /// As it was resolved.
+    pub toml: Arc<str>,
+    /// The optimiser's state.
+    pub optimiser: Vec<u8>,
+    /// Results of the current generation: (index of the first, outcomes).
+    pub results: Vec<(u32, Vec<Outcome>)>,
+    /// Scores of the generation sealed last.
+    pub last_scores: Option<Vec<Option<f64>>>,
+}
+
+/// What a coordinator finds when it starts.
+#[derive(Clone, Debug, Default)]
+pub struct Loaded {
+    /// Counts the starts on this store, this one included.
+    pub epoch: u64,
+    /// The number for the next job.
+    pub next_job: u64,
+    /// Jobs that go on.
+    pub active: Vec<StoredJob>,
+    /// Jobs that will never change again.
+    pub ended: Vec<JobId>,
+}
+
+/// What a succeeded job found.
+#[derive(Clone, Debug)]
+pub struct StoredResult {
+    /// Statistics by generation.
+    pub history: Vec<v1::GenerationSealed>,
+    /// JSON.
+    pub report: Vec<u8>,
+}
+
+/// Why the store can't do what it should.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The file or its folder can't be opened or made. Not retryable before that is mended.
+    #[error("the store {path} can't be opened: {reason}", path = .path.display())]
+    Open {
+        /// Which.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// Another process has it open. Retryable once that has ended.
+    #[error("the store {path} is in use by another coordinator: stop that one, or choose another --store", path = .path.display())]
+    InUse {
+        /// Which.
+        path: PathBuf,
+    },
+    /// The file is no store, or one of a newer version.
+    #[error("{path} is no store that this version can read: {reason}", path = .path.display())]
+    Foreign {
+        /// Which.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// No space left, or a quota. Retryable once there is.
+    #[error("the disk that holds the store {path} is full: free some space and start the coordinator again; nothing that was acknowledged is lost", path = .path.display())]
+    Full {
+        /// Which.
+        path: PathBuf,
+    },
+    /// Another coordinator has taken the store over; this one's writes change nothing any more.
+    #[error("another coordinator (start {by}) has taken over the store of this one (start {own}): this one stops")]
+    Superseded {
+        /// This coordinator's epoch.
+        own: u64,
+        /// The other's.
+        by: u64,
+    },
+    /// A stored value that can't be read back.
+    #[error("the store holds a value that can't be read: {what}: restore the store from a copy")]
+    Corrupt {
+        /// What and why.
+        what: String,
+    },
+    /// Anything else that the database says.
+    #[error("the store failed: {0}")]
+    Database(String),
+}
+
+/// What a store promises to answer.
+pub type Answer<'a, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 'a>>;
+
+/// Durable jobs. All functions see what was committed before they were called.
+pub trait Store: Send + Sync {
+    /// Starts a new epoch and tells all that a coordinator needs to go on. From here on, writes of an earlier epoch are
+    /// refused.
+    fn start(&self) -> Answer<'_, Loaded>;
+
+    /// Commits all of it or nothing; answered once it is on the disk. Refused with [`StoreError::Superseded`] if a
+    /// later epoch has started.
+    fn commit(&self, epoch: u64, writes: Vec<Write>) -> Answer<'_, ()>;
+
+    /// A job and its text.
+    fn job<'a>(&'a self, id: &'a JobId) -> Answer<'a, Option<(JobRecord, String)>>;
+
+    /// The job with this request id.
+    fn job_of_request<'a>(&'a self, request_id: &'a str) -> Answer<'a, Option<JobRecord>>;
+
+    /// Up to `limit` jobs with numbers below `below`, newest first; only those in `states` unless that is empty.
+    fn jobs<'a>(&'a self, below: u64, limit: u32, states: &'a [JobState]) -> Answer<'a, Vec<JobRecord>>;
+
+    /// Up to `limit` events after a sequence number, in order.
+    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>>;
+
+    /// Scores of a sealed generation.
+    fn scores<'a>(&'a self, id: &'a JobId, generation: u32) -> Answer<'a, Option<Vec<Option<f64>>>>;
+
+    /// History and report.
+    fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult>;
+}
+
+/// Opens the store that a URL names.
+pub async fn open(url: &StoreUrl) -> Result<Arc<dyn Store>, StoreError> {
+    Ok(match url {
+        StoreUrl::Sqlite(path) => Arc::new(SqliteStore::open(path).await?),
+        StoreUrl::Memory => Arc::new(MemoryStore::default()),
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,28 @@
+//! Limits of the protocol. What exceeds one is refused with an error that tells it.
+
+/// Largest message, either way, in bytes.
+pub const MAX_MESSAGE: usize = 32 * 1024 * 1024;
+/// Longest job as TOML, in bytes.
+pub const MAX_JOB_TOML: usize = sim_core::limits::MAX_TOML_LENGTH;
+/// Longest request id, in bytes.
+pub const MAX_REQUEST_ID: usize = 64;
+/// Longest id of a job or worker, in bytes.
+pub const MAX_ID: usize = 64;
+/// Longest name and version of a worker, in bytes.
+pub const MAX_WORKER_NAME: usize = 256;
+/// Longest text that says why something failed, in bytes; longer ones are cut.
+pub const MAX_REASON: usize = 4096;
+/// Most slots of a worker.
+pub const MAX_SLOTS: u32 = 4096;
+/// Most engines of a worker.
+pub const MAX_ENGINES: usize = 64;
+/// Most jobs in a page of a list.
+pub const MAX_PAGE: u32 = 1000;
+/// Jobs in a page when the client does not say.
+pub const DEFAULT_PAGE: u32 = 100;
+/// Greatest priority of a job; the least is 1.
+pub const MAX_PRIORITY: u32 = 100;
+/// Priority of a job when the client does not say.
+pub const DEFAULT_PRIORITY: u32 = 10;
+/// Bytes of genomes put into one assignment, so that it stays far below [`MAX_MESSAGE`].
+pub const MAX_ASSIGNMENT_GENOMES: usize = 8 * 1024 * 1024;
