@@ -61,10 +61,8 @@ pub struct Client {
 impl Client {
     /// Connects, or says that nobody is there.
     pub async fn connect(url: &Url) -> Result<Self, Error> {
-        let unreachable = |error: tonic::transport::Error| Error::Unreachable {
-            url: url.to_string(),
-            reason: innermost(&error),
-        };
+        let unreachable =
+            |error: tonic::transport::Error| Error::Unreachable { url: url.to_string(), reason: innermost(&error) };
         let endpoint = Endpoint::from_shared(url.to_string()).map_err(unreachable)?;
         let channel = endpoint
             .connect_timeout(CONNECT_TIMEOUT)

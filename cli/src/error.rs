@@ -92,7 +92,9 @@ pub enum Error {
         folder: PathBuf,
     },
     /// Nobody answers at the coordinator's address.
-    #[error("can't reach a coordinator at {url}: {reason}; is it running? (`coordinator --listen …`, --coordinator URL)")]
+    #[error(
+        "can't reach a coordinator at {url}: {reason}; is it running? (`coordinator --listen …`, --coordinator URL)"
+    )]
     Unreachable {
         /// Its address.
         url: String,

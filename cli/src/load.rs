@@ -142,9 +142,8 @@ fn read_text(path: &Path) -> Result<String, Error> {
         if bytes.len() > limits::MAX_TOML_LENGTH {
             return Err(io::Error::other(format!("it is longer than {} bytes", limits::MAX_TOML_LENGTH)));
         }
-        String::from_utf8(bytes).map_err(|e| {
-            io::Error::other(format!("it is not UTF-8 text (byte {})", e.utf8_error().valid_up_to()))
-        })
+        String::from_utf8(bytes)
+            .map_err(|e| io::Error::other(format!("it is not UTF-8 text (byte {})", e.utf8_error().valid_up_to())))
     };
     read().map_err(|source| Error::read(path, source))
 }

@@ -1,6 +1,6 @@
 //! How a run gets on, on standard error: a bar on a terminal, plain lines elsewhere, nothing with `--quiet`.
 
-use crate::console;
+use crate::{console, watch};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::v1::job_event::Event;
 use proto::v1::{self, JobEvent, JobState};
@@ -81,7 +81,7 @@ impl Progress {
             total,
             population,
             generations: job.generations_total,
-            best: job.best.as_ref().map(|best| best.score),
+            best: watch::best(job),
             mean: f64::NAN,
         }
     }
@@ -105,9 +105,9 @@ impl Progress {
                     self.draw(false);
                 }
             }
-            Some(Event::StateChanged(state)) if *state == i32::from(JobState::Reporting) => self.say(
-                "the search is done: scoring the winner again on fresh seeds, tracing its gaits",
-            ),
+            Some(Event::StateChanged(state)) if *state == i32::from(JobState::Reporting) => {
+                self.say("the search is done: scoring the winner again on fresh seeds, tracing its gaits")
+            }
             _ => {}
         }
     }

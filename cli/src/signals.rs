@@ -28,11 +28,6 @@ impl Interrupt {
             std::future::pending::<()>().await;
         }
     }
-
-    /// Whether a signal came.
-    pub fn is_set(&self) -> bool {
-        *self.0.borrow()
-    }
 }
 
 #[cfg(unix)]

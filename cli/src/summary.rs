@@ -15,7 +15,11 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
         Some(winner) => {
             lines.push(format!(
                 "{}: {} {} (generation {}, candidate {})",
-                result.name, result.score.name, with_unit(Some(winner.fitness)), winner.generation, winner.candidate
+                result.name,
+                result.score.name,
+                with_unit(Some(winner.fitness)),
+                winner.generation,
+                winner.candidate
             ));
             let spread = winner.fresh_deviation.map_or_else(String::new, |d| format!(" ± {}", score(d)));
             lines.push(format!(
@@ -54,14 +58,20 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
     lines.push(format!("  result digest      {}", result.result_digest));
     let folder = folder.display();
     if result.winner.is_some() {
-        lines.push(format!("  files              {folder}: result.json, history.csv, gaits.json, trajectories/, tree.json,"));
-        lines.push("                     report.json; pictures map, gaits, convergence, primitives (.svg, .png)".to_owned());
+        lines.push(format!(
+            "  files              {folder}: result.json, history.csv, gaits.json, trajectories/, tree.json,"
+        ));
+        lines.push(
+            "                     report.json; pictures map, gaits, convergence, primitives (.svg, .png)".to_owned(),
+        );
         lines.push(format!("  next               look at {folder}/map.png"));
         lines.push(format!("                     evogait replay {folder} --gait 1"));
         lines.push(format!("                     evogait verify {folder}"));
     } else {
         lines.push(format!("  files              {folder}: result.json, history.csv, job.toml"));
-        lines.push("  next               look at `evogait robot` and at the gaits' bounds: the robot can't stand".to_owned());
+        lines.push(
+            "  next               look at `evogait robot` and at the gaits' bounds: the robot can't stand".to_owned(),
+        );
     }
     lines.join("\n")
 }

@@ -35,7 +35,7 @@ pub struct JobView {
 struct BestView {
     generation: u32,
     candidate: u32,
-    score: f64,
+    score: Option<f64>,
 }
 
 impl JobView {

@@ -111,6 +111,11 @@ pub fn word(state: JobState) -> &'static str {
     }
 }
 
+/// The best score that a job has so far.
+pub fn best(job: &v1::Job) -> Option<f64> {
+    job.best.as_ref()?.score
+}
+
 /// Refuses a job that ended without a result.
 pub fn succeeded(job: &v1::Job) -> Result<(), Error> {
     if job.state() == JobState::Succeeded {

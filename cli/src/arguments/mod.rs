@@ -187,12 +187,9 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
         }),
         raw::Command::Show(show) => Command::Show(Show { toml: show.toml, job: one_job(show.job)? }),
         raw::Command::Cancel(job) => Command::Cancel(one_job(job)?),
-        raw::Command::Fetch(fetch) => Command::Fetch(Fetch {
-            id: fetch.id,
-            out: fetch.out,
-            json: fetch.on.json,
-            on: coordinator(fetch.on)?,
-        }),
+        raw::Command::Fetch(fetch) => {
+            Command::Fetch(Fetch { id: fetch.id, out: fetch.out, json: fetch.on.json, on: coordinator(fetch.on)? })
+        }
         raw::Command::Workers(on) => Command::Workers { json: on.json, on: coordinator(on)? },
         raw::Command::Replay(replay) => Command::Replay(Replay {
             folder: folder_of(replay.folder),

@@ -5,7 +5,7 @@ use crate::client::Client;
 use crate::console::{self, table};
 use crate::error::Error;
 use crate::view::{JobView, running_time};
-use crate::watch::word;
+use crate::watch::{best, word};
 use proto::v1::JobState;
 
 /// Prints the jobs, newest first.
@@ -27,7 +27,7 @@ pub async fn run(args: List) -> Result<(), Error> {
                 job.name.clone(),
                 word(job.state()).to_owned(),
                 format!("{}/{}", job.generations_done, job.generations_total),
-                job.best.as_ref().map_or_else(|| "–".to_owned(), |best| console::score(best.score)),
+                console::score_with(best(job), ""),
                 running_time(job),
                 console::moment(job.submitted_at_ms),
                 job.reason.clone(),

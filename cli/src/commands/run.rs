@@ -37,13 +37,7 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
     }
 }
 
-async fn evolve(
-    job: &Job,
-    job_toml: String,
-    folder: &Folder,
-    place: &Place,
-    quiet: bool,
-) -> Result<ResultFile, Error> {
+async fn evolve(job: &Job, job_toml: String, folder: &Folder, place: &Place, quiet: bool) -> Result<ResultFile, Error> {
     let interrupt = Interrupt::listen();
     match place {
         Place::There(url) => finish(job, job_toml, folder, url, quiet, &interrupt).await.map_err(|error| match error {

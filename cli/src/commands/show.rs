@@ -25,14 +25,17 @@ pub async fn run(args: Show) -> Result<(), Error> {
     let best = job.best.as_ref().map_or_else(
         || "none yet".to_owned(),
         |best| {
-            let score = console::score_with(Some(best.score), &label.unit);
+            let score = console::score_with(best.score, &label.unit);
             format!("{} {score} (generation {}, candidate {})", label.name, best.generation, best.candidate)
         },
     );
     let mut lines = vec![
         format!("{} ({})", job.name, job.id),
         format!("  state          {}{because}", word(job.state())),
-        format!("  generations    {} of {}, {} candidates each", job.generations_done, job.generations_total, job.population),
+        format!(
+            "  generations    {} of {}, {} candidates each",
+            job.generations_done, job.generations_total, job.population
+        ),
         format!("  best           {best}"),
         format!(
             "  evaluations    {} ({} failed), {} rollouts, {} of simulated time",

@@ -135,10 +135,7 @@ fn text(view: &View) -> String {
             count(view.evaluations),
             view.seed
         ),
-        format!(
-            "  evaluation     at most {} rollouts, with reuse far fewer",
-            count(view.most_rollouts_per_evaluation)
-        ),
+        format!("  evaluation     at most {} rollouts, with reuse far fewer", count(view.most_rollouts_per_evaluation)),
         format!("  job digest     {}", view.job_digest),
         format!("  engine digest  {}", view.engine_digest),
     ];

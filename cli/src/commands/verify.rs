@@ -51,10 +51,7 @@ pub fn run(args: Verify, quiet: bool) -> Result<(), Error> {
     }
     match view.checks.iter().find(|check| !check.same) {
         None => Ok(()),
-        Some(check) => Err(Error::Different {
-            folder: args.folder,
-            difference: explain(check, &stored.result, &here),
-        }),
+        Some(check) => Err(Error::Different { folder: args.folder, difference: explain(check, &stored.result, &here) }),
     }
 }
 
@@ -74,8 +71,8 @@ fn checks(stored: &Stored, full: bool) -> Result<Vec<Check>, Error> {
     if full {
         let first = result.first.as_ref().ok_or_else(no_winner)?.scored();
         let kept = stored.report()?;
-        let made = report(&stored.job, &winner, &first, &|| false)
-            .map_err(|_| Error::Interrupted { hint: String::new() })?;
+        let made =
+            report(&stored.job, &winner, &first, &|| false).map_err(|_| Error::Interrupted { hint: String::new() })?;
         checks.extend(compare_reports(&kept, &made));
         let fresh = &result.winner.as_ref().ok_or_else(no_winner)?.fresh;
         checks.push(same("fresh scores in result.json", fresh, &kept.winner_fresh));
@@ -103,7 +100,11 @@ fn compare_score(what: &'static str, kept: Option<f64>, made: Option<f64>) -> Ch
 
 fn compare(what: &'static str, kept: &Digest, made: &Digest) -> Check {
     let same = kept == made;
-    Check { what, same, difference: (!same).then(|| format!("stored is {}, recomputed {}", kept.short(), made.short())) }
+    Check {
+        what,
+        same,
+        difference: (!same).then(|| format!("stored is {}, recomputed {}", kept.short(), made.short())),
+    }
 }
 
 /// Compares by what would be stored: text that tells numbers of different bits apart, 0 and −0 too.

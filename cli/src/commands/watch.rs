@@ -46,9 +46,9 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     .await;
     progress.finish();
     match watched? {
-        Watched::Interrupted => Err(Error::Interrupted {
-            hint: format!("; the job goes on, `evogait watch {}` comes back to it", args.id),
-        }),
+        Watched::Interrupted => {
+            Err(Error::Interrupted { hint: format!("; the job goes on, `evogait watch {}` comes back to it", args.id) })
+        }
         Watched::Ended(job) => {
             if args.json {
                 console::say_json_line(&JobView::new(&job))?;
@@ -57,8 +57,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             if args.json || quiet {
                 return Ok(());
             }
-            let best = job.best.as_ref().map(|best| best.score);
-            let best = console::score_with(best, &label.unit);
+            let best = console::score_with(watch::best(&job), &label.unit);
             console::say(&format!(
                 "{}: {} {best} after {} generations\n  next  evogait fetch {}",
                 job.name, label.name, job.generations_done, job.id

@@ -87,8 +87,15 @@ mod tests {
     fn a_generation_without_a_score_leaves_its_best_empty() {
         let nan = f64::NAN;
         let failed = GenerationSealed {
-            generation: 0, min: nan, lower_quartile: nan, median: nan, upper_quartile: nan, max: nan, mean: nan,
-            best_so_far: None, failed: 20,
+            generation: 0,
+            min: nan,
+            lower_quartile: nan,
+            median: nan,
+            upper_quartile: nan,
+            max: nan,
+            mean: nan,
+            best_so_far: None,
+            failed: 20,
         };
         assert!(history(&[failed]).ends_with("\n0,NaN,NaN,NaN,NaN,NaN,NaN,,20\n"));
     }

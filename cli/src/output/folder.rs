@@ -32,11 +32,8 @@ impl Folder {
         }
         fs::create_dir_all(path).map_err(|e| Error::write(path, e))?;
         let lock_path = path.join(LOCK);
-        let lock = File::options()
-            .create(true)
-            .append(true)
-            .open(&lock_path)
-            .map_err(|e| Error::write(&lock_path, e))?;
+        let lock =
+            File::options().create(true).append(true).open(&lock_path).map_err(|e| Error::write(&lock_path, e))?;
         match lock.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(Error::Busy { folder: path.to_owned() }),

@@ -30,15 +30,15 @@ struct Gait {
 
 /// In the frame of the start: x ahead, y to the left.
 #[derive(Serialize)]
-struct Displacement {
+pub struct Displacement {
     /// mu.
-    x: f64,
+    pub x: f64,
     /// mu.
-    y: f64,
+    pub y: f64,
     /// Change of heading, rad, in (−π, π].
-    yaw: f64,
+    pub yaw: f64,
     /// mu.
-    distance: f64,
+    pub distance: f64,
 }
 
 /// The file of a gait's samples, counted from 0.
@@ -68,7 +68,8 @@ pub fn file(job: &Job, report: &Report) -> GaitFile {
     GaitFile { controller: job.spec().gaits.controller, duration: job.spec().gaits.duration, gaits }
 }
 
-fn displacement(trace: &GaitTrace) -> Option<Displacement> {
+/// Where a gait leads; nothing if it has no samples.
+pub fn displacement(trace: &GaitTrace) -> Option<Displacement> {
     let (start, end) = (trace.samples.first()?, trace.samples.last()?);
     let (dx, dy) = (end.position[0] - start.position[0], end.position[1] - start.position[1]);
     let (sin, cos) = start.yaw.sin_cos();
@@ -90,7 +91,12 @@ mod tests {
     #[test]
     fn a_displacement_is_told_in_the_frame_of_the_start() {
         let at = |x, y, yaw| TraceSample {
-            time: 0.0, targets: vec![], angles: vec![], position: [x, y, 0.0], rotation: [0.0, 0.0, 0.0, 1.0], yaw,
+            time: 0.0,
+            targets: vec![],
+            angles: vec![],
+            position: [x, y, 0.0],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            yaw,
         };
         // Heading north, three north and one west: three ahead, one to the left; and a turn that passes π.
         let samples = vec![at(5.0, 5.0, FRAC_PI_2), at(4.0, 8.0, FRAC_PI_2 + 3.5)];

@@ -9,8 +9,9 @@ mod result;
 mod stored;
 mod write;
 
-pub use csv::{gait as gait_csv, paths as paths_csv};
+pub use csv::{gait as gait_csv, mode as mode_word, paths as paths_csv};
 pub use folder::Folder;
+pub use gaits::displacement;
 pub use pictures::png;
 pub use result::ResultFile;
 pub use stored::Stored;

@@ -8,11 +8,7 @@ use sim_core::job::Job;
 use sim_core::report::Report;
 
 /// (file name, content) of every picture that a job has: without a report only that of its history.
-pub fn all(
-    job: &Job,
-    history: &[GenerationSealed],
-    report: Option<&Report>,
-) -> Result<Vec<(String, Vec<u8>)>, Error> {
+pub fn all(job: &Job, history: &[GenerationSealed], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let name = &job.spec().name;
     let Label { name: score, unit } = Label::of_job(job);
     let label = if unit.is_empty() { score } else { format!("{score}, {unit}") };

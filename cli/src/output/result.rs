@@ -116,9 +116,15 @@ pub struct Versions {
 
 impl ResultFile {
     /// Puts a coordinator's answer into words; the report has the scores on fresh seeds.
-    pub fn new(job: &Job, job_digest: Digest, result_digest: Digest, answer: &v1::GetResultResponse, status: &v1::Job, report: Option<&Report>) -> Self {
+    pub fn new(
+        job: &Job,
+        status: &v1::Job,
+        (job_digest, result_digest): (Digest, Digest),
+        (winner, first): (Option<Scored>, Option<Scored>),
+        report: Option<&Report>,
+    ) -> Self {
         let names = job.parameter_names();
-        let candidate = |scored: &v1::ScoredCandidate, fresh: Option<&[Option<f64>]>, without_reuse| Candidate {
+        let candidate = |scored: &Scored, fresh: Option<&[Option<f64>]>, without_reuse| Candidate {
             generation: scored.generation,
             candidate: scored.candidate,
             fitness: scored.score,
@@ -129,8 +135,8 @@ impl ResultFile {
             genome: names.iter().zip(&scored.genome).map(|(n, &value)| Parameter { name: n.clone(), value }).collect(),
         };
         let without_reuse = report.and_then(|r| r.winner_without_reuse);
-        let winner = answer.winner.as_ref().map(|w| candidate(w, report.map(|r| &r.winner_fresh[..]), without_reuse));
-        let first = answer.first.as_ref().map(|f| candidate(f, report.map(|r| &r.first_fresh[..]), None));
+        let winner = winner.as_ref().map(|w| candidate(w, report.map(|r| &r.winner_fresh[..]), without_reuse));
+        let first = first.as_ref().map(|f| candidate(f, report.map(|r| &r.first_fresh[..]), None));
         let means = (winner.as_ref().and_then(|w| w.fresh_mean), first.as_ref().and_then(|f| f.fresh_mean));
         let counts = status.counts.unwrap_or_default();
         let Label { name, unit } = Label::of_job(job);

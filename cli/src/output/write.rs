@@ -4,22 +4,25 @@ use super::{Folder, JOB, REPORT, RESULT, ResultFile, atomic::Batch, csv, gaits, 
 use crate::client::Url;
 use crate::console;
 use crate::error::Error;
-use proto::v1;
-use sim_core::identity::Digest;
+use proto::{ConvertError, v1};
 use sim_core::job::Job;
 use sim_core::report::Report;
+use sim_core::score::Scored;
 
 /// Writes a result to its folder: all files or none, `result.json` last.
 pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &Url) -> Result<ResultFile, Error> {
     let unreadable = |reason: String| Error::Answer { url: from.to_string(), reason };
     let status = answer.job.as_ref().ok_or_else(|| unreadable("a result without its job".to_owned()))?;
-    let result_digest = digest("result digest", &answer.result_digest).map_err(unreadable)?;
-    let job_digest = digest("job digest", &status.job_digest).map_err(unreadable)?;
+    let wrong = |e: ConvertError| unreadable(e.to_string());
+    let job_digest = proto::digest("the job digest", &status.job_digest).map_err(wrong)?;
+    let result_digest = proto::digest("the result digest", &answer.result_digest).map_err(wrong)?;
+    let scored = |wire: &Option<v1::ScoredCandidate>| wire.clone().map(Scored::try_from).transpose().map_err(wrong);
+    let best = (scored(&answer.winner)?, scored(&answer.first)?);
     let report: Option<Report> = match answer.report_json.as_slice() {
         [] => None,
         bytes => Some(serde_json::from_slice(bytes).map_err(|e| unreadable(format!("the report: {e}")))?),
     };
-    let result = ResultFile::new(job, job_digest, result_digest, answer, status, report.as_ref());
+    let result = ResultFile::new(job, status, (job_digest, result_digest), best, report.as_ref());
 
     let mut batch = Batch::new(folder.path());
     batch.add(JOB, answer.job_toml.as_bytes())?;
@@ -38,9 +41,4 @@ pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &
     batch.add(RESULT, console::json(&result)?.as_bytes())?;
     batch.commit()?;
     Ok(result)
-}
-
-fn digest(what: &str, bytes: &[u8]) -> Result<Digest, String> {
-    let bytes = bytes.try_into().map_err(|_| format!("a {what} of {} bytes instead of 32", bytes.len()))?;
-    Ok(Digest(bytes))
 }

@@ -1,0 +1,83 @@
+//! `evogait replay`: simulates a stored gait or plan again.
+
+use crate::arguments::{Replay, ReplayWhat};
+use crate::console;
+use crate::error::Error;
+use crate::output::{self, Stored, atomic, mode_word};
+use sim_core::report::{GaitTrace, PathTrace};
+use sim_core::report::{trace_gait, trace_paths};
+
+/// Simulates, tells facts, writes samples.
+pub fn run(args: Replay) -> Result<(), Error> {
+    let stored = Stored::read(&args.folder)?;
+    let (text, csv) = match args.what {
+        ReplayWhat::Gait(gait) => replay_gait(&stored, gait)?,
+        ReplayWhat::Plan => replay_plan(&stored)?,
+    };
+    match &args.out {
+        Some(path) => {
+            atomic::write_file(path, csv.as_bytes())?;
+            console::say(&format!("{text}\n  samples in {}", path.display()))
+        }
+        None => console::say(&text),
+    }
+}
+
+fn replay_gait(stored: &Stored, gait: usize) -> Result<(String, String), Error> {
+    let count = stored.job.spec().gaits.count as usize;
+    if gait >= count {
+        let message =
+            format!("--gait {} is out of range: {} has gaits 1 to {count}", gait + 1, stored.folder.display());
+        return Err(Error::Usage { message });
+    }
+    let no_winner = || Error::NoWinner { folder: stored.folder.clone() };
+    let winner = stored.result.winner.as_ref().ok_or_else(no_winner)?.scored();
+    let trace = trace_gait(&stored.job, &winner.genome, gait);
+    Ok((gait_text(stored, gait, &trace), output::gait_csv(&trace)))
+}
+
+fn gait_text(stored: &Stored, gait: usize, trace: &GaitTrace) -> String {
+    let mut lines = vec![format!("gait {} of {}, simulated from the settled start", gait + 1, stored.result.name)];
+    if let Some(d) = output::displacement(trace) {
+        lines.push(format!(
+            "  leads {} mu ahead and {} mu to the left (distance {} mu), turns by {} rad",
+            console::score(d.x),
+            console::score(d.y),
+            console::score(d.distance),
+            console::score(d.yaw)
+        ));
+    }
+    lines.push(format!("  {} samples of {} joints", trace.samples.len(), trace.joints.len()));
+    if let Some(why) = &trace.unstable {
+        lines.push(format!("  unstable: {why}"));
+    }
+    lines.join("\n")
+}
+
+fn replay_plan(stored: &Stored) -> Result<(String, String), Error> {
+    let report = stored.report()?;
+    let path = &report.tree.best_path;
+    let gaits: Vec<String> =
+        path.iter().filter_map(|&node| report.tree.nodes.get(node)?.gait).map(|gait| (gait + 1).to_string()).collect();
+    let paths = trace_paths(&stored.job, &report.winner.genome, &report.tree);
+    let mut lines = vec![format!(
+        "the best path of {}: {} gaits, {} s",
+        stored.result.name,
+        gaits.len(),
+        console::score(gaits.len() as f64 * stored.job.spec().gaits.duration)
+    )];
+    lines.push(format!("  gaits        {}", gaits.join(" ")));
+    lines.extend(paths.iter().map(path_text));
+    Ok((lines.join("\n"), output::paths_csv(&paths)))
+}
+
+fn path_text(path: &PathTrace) -> String {
+    let [x, y] = path.way.last().copied().unwrap_or_default();
+    format!(
+        "  {:12} ends at ({}, {}) mu, {} mu from where the tree says",
+        mode_word(path.mode),
+        console::score(x),
+        console::score(y),
+        console::score(path.end_error)
+    )
+}
