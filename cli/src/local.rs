@@ -2,7 +2,6 @@
 
 use crate::client::Url;
 use crate::error::Error;
-use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -18,9 +17,8 @@ pub struct Local {
 impl Local {
     /// Starts both; the worker runs `slots` evaluations at once.
     pub async fn start(store: &Path, slots: u32) -> Result<Self, Error> {
-        let failed = |e: coordinator::Error| Error::LocalCoordinator { reason: e.to_string() };
-        let listen = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let coordinator = coordinator::serve(coordinator::Config::local(listen, store)).await.map_err(failed)?;
+        let store = coordinator::StoreUrl::Sqlite(store.to_owned());
+        let coordinator = coordinator::serve(coordinator::Config::embedded(store)).await.map_err(failed)?;
         let url = Url::of_socket(coordinator.local_addr());
         let (stop_worker, mut stopped) = watch::channel(false);
         let config = worker::Config { coordinator: url.to_string(), slots, name: "this process".to_owned() };
@@ -36,23 +34,32 @@ impl Local {
         &self.url
     }
 
-    /// Returns only if the worker ends by itself, which it should not.
-    pub async fn worker_ended(&mut self) -> Error {
-        let reason = match (&mut self.worker).await {
-            Ok(Ok(())) => "it stopped by itself".to_owned(),
-            Ok(Err(error)) => error.to_string(),
-            Err(panic) => panic.to_string(),
-        };
-        Error::LocalWorker { reason }
+    /// Returns only if one of them ends by itself, which it should not.
+    pub async fn broken(&mut self) -> Error {
+        tokio::select! {
+            error = self.coordinator.failed() => failed(error),
+            ended = &mut self.worker => Error::LocalWorker {
+                reason: match ended {
+                    Ok(Ok(())) => "it stopped by itself".to_owned(),
+                    Ok(Err(error)) => error.to_string(),
+                    Err(panic) => panic.to_string(),
+                },
+            },
+        }
     }
 
     /// Stops both; what is committed stays in the store.
-    pub async fn stop(self) {
+    pub async fn stop(self) -> Result<(), Error> {
         // Without a receiver the worker has ended already.
         let _ = self.stop_worker.send(true);
         if !self.worker.is_finished() {
+            // How it ended no longer matters: whatever it had not delivered is computed again.
             let _ = self.worker.await;
         }
-        self.coordinator.shutdown().await;
+        self.coordinator.shutdown().await.map_err(failed)
     }
+}
+
+fn failed(error: coordinator::Error) -> Error {
+    Error::LocalCoordinator { reason: error.to_string() }
 }

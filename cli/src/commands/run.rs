@@ -51,9 +51,10 @@ async fn evolve(job: &Job, job_toml: String, folder: &Folder, place: &Place, qui
             let url = local.url().clone();
             let finished = tokio::select! {
                 finished = finish(job, job_toml, folder, &url, quiet, &interrupt) => finished,
-                error = local.worker_ended() => Err(error),
+                error = local.broken() => Err(error),
             };
-            local.stop().await;
+            let stopped = local.stop().await;
+            let finished = finished.and_then(|result| stopped.map(|()| result));
             finished.map_err(|error| match error {
                 Error::Interrupted { hint } => {
                     Error::Interrupted { hint: format!("{hint}; the same command goes on from there") }
