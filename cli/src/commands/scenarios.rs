@@ -4,12 +4,15 @@ use crate::console::{self, table};
 use crate::error::Error;
 use serde::Serialize;
 use sim_core::catalogue::{self, Entry};
+use sim_core::robot::{Robot, RobotSpec};
 
 #[derive(Serialize)]
 struct View {
     kind: &'static str,
     name: &'static str,
     description: String,
+    #[serde(skip)]
+    toml: &'static str,
 }
 
 fn all() -> Vec<(&'static str, &'static Entry)> {
@@ -25,8 +28,8 @@ pub fn run(show: Option<String>, json: bool) -> Result<(), Error> {
     if let Some(name) = show {
         return one(&name);
     }
-    let views: Vec<View> =
-        all().into_iter().map(|(kind, e)| View { kind, name: e.name, description: description(e.toml) }).collect();
+    let view = |(kind, e): (_, &Entry)| View { kind, name: e.name, description: description(e.toml), toml: e.toml };
+    let views: Vec<View> = all().into_iter().map(view).collect();
     if json {
         return console::say_json(&views);
     }
@@ -35,7 +38,10 @@ pub fn run(show: Option<String>, json: bool) -> Result<(), Error> {
         let rows: Vec<Vec<String>> = views
             .iter()
             .filter(|view| view.kind == kind)
-            .map(|view| vec![view.name.to_owned(), first_sentence(&view.description)])
+            .map(|view| {
+                let facts = if kind == "robots" { robot_facts(view.toml).unwrap_or_default() } else { String::new() };
+                vec![view.name.to_owned(), facts + &first_sentence(&view.description)]
+            })
             .collect();
         text += &format!("{}\n\n", table(&[kind, ""], &rows));
     }
@@ -67,7 +73,29 @@ fn description(text: &str) -> String {
     table.get("description").and_then(|d| d.as_str()).unwrap_or_default().trim().to_owned()
 }
 
+/// Up to a full stop that a new sentence follows: "Fig. 3" has none.
 fn first_sentence(text: &str) -> String {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    line.find(". ").map_or(line.clone(), |end| line[..end].to_owned()).trim_end_matches('.').to_owned()
+    let begins_with_capital = |rest: &str| rest.chars().next().is_some_and(char::is_uppercase);
+    let end = line.match_indices(". ").map(|(at, _)| at).find(|at| begins_with_capital(&line[at + 2..]));
+    end.map_or(line.as_str(), |at| &line[..at]).trim_end_matches('.').to_owned()
+}
+
+/// How many modules and joints a robot has, before its description.
+fn robot_facts(toml: &str) -> Option<String> {
+    let spec: RobotSpec = toml::from_str(toml).ok()?;
+    let robot = Robot::compile(&spec).ok()?;
+    Some(format!("{} modules, {} joints. ", spec.modules.len(), robot.hinges.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sentence_ends_before_the_next_one() {
+        assert_eq!(first_sentence("Robot of\nA (2016), Fig. 3. The figure is lost."), "Robot of A (2016), Fig. 3");
+        assert_eq!(first_sentence("Only one."), "Only one");
+        assert_eq!(first_sentence(""), "");
+    }
 }
