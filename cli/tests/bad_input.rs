@@ -110,7 +110,7 @@ fn unknown_names() {
         refused(&[("\"empty\"", "\"emty\"")]),
         refused(&[("seed = 1", "seed = 1\nvariant = \"E9\"")]),
         refused(&[("\"quadropod\"", "\"robots/mine.toml\"")]),
-        refused(&[("kind = \"travel\"", "kind = \"speed\"")]),
+        refused(&[("kind = \"coverage\"\ncell = 0.5", "kind = \"speed\"")]),
         refused(&[("count = 2", "count = 2\nbounds = { my = [0.0, 1.0] }")]),
         failure(folder(&[]).path(), 1, &["run", "quadropod"]),
         failure(folder(&[]).path(), 1, &["robot", "quadroped"]),
@@ -171,9 +171,9 @@ fn numbers_out_of_range() {
         refused(&[("count = 2", "count = 0")]),
         refused(&[("count = 2", "count = -1")]),
         refused(&[("iterations = 4", "iterations = 0")]),
-        refused(&[("duration = 1.0", "duration = nan")]),
-        refused(&[("duration = 1.0", "duration = inf")]),
-        refused(&[("duration = 1.0", "duration = -3.0")]),
+        refused(&[("duration = 3.0", "duration = nan")]),
+        refused(&[("duration = 3.0", "duration = inf")]),
+        refused(&[("duration = 3.0", "duration = -3.0")]),
         refused(&[("iterations = 4", "iterations = 4\nreuse_tolerance = nan")]),
         refused(&[("particles = 3", "particles = 0")]),
         refused(&[("generations = 2", "generations = 0")]),
@@ -192,7 +192,7 @@ fn places_that_are_not_free() {
         environment_refused(&[("start = { x = -5.0", "start = { x = -50.0")]),
         environment_refused(&[("goal = { x = 5.0", "goal = { x = 50.0")]),
         environment_refused(&[("goal = { x = 5.0", "goal = { x = 0.0")]),
-        refused(&[("kind = \"travel\"", "kind = \"distance\"")]),
+        refused(&[("kind = \"coverage\"\ncell = 0.5", "kind = \"distance\"")]),
     ];
     insta::assert_snapshot!(said.join("\n"));
 }

@@ -72,7 +72,7 @@ pub fn listing(folder: &Path) -> Vec<String> {
     found
 }
 
-/// A job that takes about a second: one second a gait, four iterations, two generations of three.
+/// A job that takes about a second: three seconds a gait, four iterations, two generations of three.
 pub const SMALL_JOB: &str = r#"
 name = "small"
 seed = 1
@@ -81,13 +81,14 @@ environment = "empty"
 
 [gaits]
 count = 2
-duration = 1.0
+duration = 3.0
 
 [planner]
 iterations = 4
 
 [fitness]
-kind = "travel"
+kind = "coverage"
+cell = 0.5
 
 [optimiser]
 kind = "pso"
