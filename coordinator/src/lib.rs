@@ -1,1 +1,15 @@
-//! stub
+//! The coordinator: takes jobs in, runs their population loops, hands evaluations to workers, keeps everything.
+//!
+//! `scheduler` decides and knows neither network nor clock; `store` keeps; `api` talks; `actor` holds them together.
+
+mod actor;
+mod api;
+mod engines;
+pub mod limits;
+pub mod record;
+pub mod scheduler;
+mod server;
+pub mod store;
+
+pub use server::{Config, Error, Running, serve};
+pub use store::{StoreError, StoreUrl};

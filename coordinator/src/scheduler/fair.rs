@@ -39,8 +39,7 @@ impl Scheduler {
     }
 
     fn fill(&mut self, now: Now, id: &WorkerId, fill: Fill) {
-        while let Some(worker) = self.workers.get_mut(id) {
-            worker.refused.retain(|_, until| *until > now.since_start);
+        while let Some(worker) = self.workers.get(id) {
             let room = match fill {
                 Fill::FreeSlots => worker.slots as usize,
                 Fill::InAdvance => 2 * worker.slots as usize,

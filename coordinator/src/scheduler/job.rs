@@ -118,7 +118,7 @@ impl ActiveJob {
             cost: None,
             last_progress: None,
         };
-        let event = job.event(now, Event::StateChanged(JobState::Queued.into()));
+        let event = event(&mut job.record, now, Event::StateChanged(JobState::Queued.into()));
         let write = Write::Submit {
             record: job.record.clone(),
             toml: job.toml.clone(),
@@ -182,7 +182,9 @@ impl ActiveJob {
     pub fn start(&mut self, now: Now) -> Option<Write> {
         (self.record.state == JobState::Queued).then(|| {
             self.record.started_at_ms = now.unix_ms;
-            self.change(now, JobState::Running)
+            self.record.state = JobState::Running;
+            let event = event(&mut self.record, now, Event::StateChanged(JobState::Running.into()));
+            Write::Change { record: self.record.clone(), event }
         })
     }
 
@@ -218,7 +220,7 @@ impl ActiveJob {
 
         let best_so_far = self.record.best.as_ref().map(|b| b.score);
         let statistics = statistics(number, &scores, best_so_far);
-        let mut events = vec![self.event(now, Event::GenerationSealed(statistics))];
+        let mut events = vec![event(&mut self.record, now, Event::GenerationSealed(statistics))];
         let mut dead_end = None;
         if self.record.generations_done < self.record.generations_total {
             self.generation = Some(Generation::new(number + 1, self.optimiser.ask()));
@@ -229,7 +231,7 @@ impl ActiveJob {
                     self.record.result_digest = Some(self.record.scores_digest.seal(&winner.genome, winner.score));
                     self.report = Report::Pending;
                     self.record.state = JobState::Reporting;
-                    events.push(self.event(now, Event::StateChanged(JobState::Reporting.into())));
+                    events.push(event(&mut self.record, now, Event::StateChanged(JobState::Reporting.into())));
                 }
                 None => {
                     dead_end = Some(format!(
@@ -251,15 +253,8 @@ impl ActiveJob {
     pub fn finish(&mut self, now: Now, report: Vec<u8>) -> Write {
         self.record.ended_at_ms = now.unix_ms;
         self.record.state = JobState::Succeeded;
-        let event = self.event(now, Event::StateChanged(JobState::Succeeded.into()));
+        let event = event(&mut self.record, now, Event::StateChanged(JobState::Succeeded.into()));
         Write::Report { record: self.record.clone(), report, event }
-    }
-
-    /// The job ends without success.
-    pub fn end(&mut self, now: Now, state: JobState, reason: String) -> Write {
-        self.record.ended_at_ms = now.unix_ms;
-        self.record.reason = reason;
-        self.change(now, state)
     }
 
     /// How far the generation is, at most every [`PROGRESS_EVERY`].
@@ -281,21 +276,24 @@ impl ActiveJob {
             job: Some(self.record.to_wire()),
         })
     }
+}
 
-    fn change(&mut self, now: Now, state: JobState) -> Write {
-        self.record.state = state;
-        let event = self.event(now, Event::StateChanged(state.into()));
-        Write::Change { record: self.record.clone(), event }
-    }
+/// A job ends without success: how it stands then, and the write that says so.
+pub(super) fn end(mut record: JobRecord, now: Now, state: JobState, reason: String) -> (JobRecord, Write) {
+    record.ended_at_ms = now.unix_ms;
+    record.reason = reason;
+    record.state = state;
+    let event = event(&mut record, now, Event::StateChanged(state.into()));
+    (record.clone(), Write::Change { record, event })
+}
 
-    /// The next event, with the job as it stands now.
-    fn event(&mut self, now: Now, event: Event) -> v1::JobEvent {
-        self.record.last_event += 1;
-        v1::JobEvent {
-            sequence: self.record.last_event,
-            at_ms: now.unix_ms,
-            event: Some(event),
-            job: Some(self.record.to_wire()),
-        }
+/// The next event, with the job as it stands now.
+fn event(record: &mut JobRecord, now: Now, event: Event) -> v1::JobEvent {
+    record.last_event += 1;
+    v1::JobEvent {
+        sequence: record.last_event,
+        at_ms: now.unix_ms,
+        event: Some(event),
+        job: Some(record.to_wire()),
     }
 }

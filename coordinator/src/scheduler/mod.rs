@@ -24,12 +24,13 @@ pub use lease::{AssignmentId, Task};
 pub use results::{Completed, Delivery, Verdict};
 pub use worker::{Greeting, SessionId, Welcome, WorkerId};
 
-use crate::record::{JobId, JobRecord};
+use crate::record::{JobId, JobRecord, JobState};
 use crate::store::Write;
 use job::ActiveJob;
 use lease::Lease;
 use proto::v1;
 use sim_core::identity::Digest;
+use sim_core::optimise::BadState;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
@@ -171,23 +172,34 @@ impl Scheduler {
         record
     }
 
-    /// A job from the store goes on where it stood. Nothing is handed out before the next event.
-    pub fn resume(&mut self, resumed: Resumed) -> Result<(), sim_core::optimise::BadState> {
-        let job = ActiveJob::resumed(resumed, self.virtual_time)?;
-        self.jobs.insert(job.record.id.clone(), job);
-        Ok(())
+    /// A job from the store goes on where it stood; nothing is handed out before the next event. If its state can't be
+    /// used it fails.
+    pub fn resume(&mut self, now: Now, resumed: Resumed) -> Result<(), BadState> {
+        let record = resumed.record.clone();
+        let id = record.id.clone();
+        match ActiveJob::resumed(resumed, self.virtual_time) {
+            Ok(job) => {
+                self.jobs.insert(id.clone(), job);
+                self.seal(now, &id);
+                Ok(())
+            }
+            Err(problem) => {
+                self.give_up(now, record, problem.to_string());
+                Err(problem)
+            }
+        }
+    }
+
+    /// A job from the store that can't go on fails.
+    pub fn give_up(&mut self, now: Now, record: JobRecord, reason: String) {
+        self.ended.insert(record.id.clone());
+        let (_, write) = job::end(record, now, JobState::Failed, reason);
+        self.actions.push(Action::Write(Box::new(write)));
     }
 
     /// A client ends a job. `None` if no job that has not ended has this id.
     pub fn cancel(&mut self, now: Now, id: &JobId) -> Option<JobRecord> {
-        let record = self.end_job(now, id, v1::JobState::Cancelled, String::new());
-        self.dispatch(now);
-        record
-    }
-
-    /// Ends a job that can't go on.
-    pub fn fail(&mut self, now: Now, id: &JobId, reason: String) -> Option<JobRecord> {
-        let record = self.end_job(now, id, v1::JobState::Failed, reason);
+        let record = self.end_job(now, id, JobState::Cancelled, String::new());
         self.dispatch(now);
         record
     }
@@ -198,6 +210,9 @@ impl Scheduler {
             self.workers.iter().filter(|(_, w)| w.expires <= now.since_start).map(|(id, _)| id.clone()).collect();
         for id in silent {
             self.lose_worker(now, &id);
+        }
+        for worker in self.workers.values_mut() {
+            worker.refused.retain(|_, until| *until > now.since_start);
         }
         self.dispatch(now);
     }
@@ -213,12 +228,11 @@ impl Scheduler {
         self.workers.values().filter(|w| w.takes_work() && w.engines.contains(engine)).map(|w| w.slots).sum()
     }
 
-    fn end_job(&mut self, now: Now, id: &JobId, state: v1::JobState, reason: String) -> Option<JobRecord> {
-        let mut job = self.jobs.remove(id)?;
-        let write = job.end(now, state, reason);
+    fn end_job(&mut self, now: Now, id: &JobId, state: JobState, reason: String) -> Option<JobRecord> {
+        let (record, write) = job::end(self.jobs.remove(id)?.record, now, state, reason);
         self.actions.push(Action::Write(Box::new(write)));
         self.forget(id);
-        Some(job.record)
+        Some(record)
     }
 
     /// A job is over: nobody needs to work on it any more.

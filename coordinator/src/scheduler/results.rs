@@ -157,22 +157,24 @@ impl Scheduler {
 
     /// Goes on to the next generation if this one is complete; otherwise keeps what came in.
     fn seal_or_store(&mut self, now: Now, id: &JobId, generation: u32, ranges: Vec<(u32, Vec<Outcome>)>) {
-        let Some(job) = self.jobs.get_mut(id) else { return };
-        match job.seal(now) {
-            Some((write, dead_end)) => {
-                self.actions.push(Action::Write(Box::new(write)));
-                if let Some(reason) = dead_end {
-                    self.end_job(now, id, JobState::Failed, reason);
-                }
-            }
-            None => {
-                let write = Write::Results { job: id.clone(), generation, ranges };
-                self.actions.push(Action::Write(Box::new(write)));
-                if let Some(event) = job.progress(now) {
-                    self.actions.push(Action::Publish(id.clone(), Box::new(event)));
-                }
-            }
+        if self.seal(now, id) {
+            return;
         }
+        let write = Write::Results { job: id.clone(), generation, ranges };
+        self.actions.push(Action::Write(Box::new(write)));
+        if let Some(event) = self.jobs.get_mut(id).and_then(|job| job.progress(now)) {
+            self.actions.push(Action::Publish(id.clone(), Box::new(event)));
+        }
+    }
+
+    /// Seals the generation at hand if it is complete.
+    pub(super) fn seal(&mut self, now: Now, id: &JobId) -> bool {
+        let Some((write, dead_end)) = self.jobs.get_mut(id).and_then(|job| job.seal(now)) else { return false };
+        self.actions.push(Action::Write(Box::new(write)));
+        if let Some(reason) = dead_end {
+            self.end_job(now, id, JobState::Failed, reason);
+        }
+        true
     }
 
     fn take_report(&mut self, now: Now, id: &JobId, report: Vec<u8>) {

@@ -1,0 +1,259 @@
+//! The one task that owns the scheduler: takes commands, commits what follows from them, and only then tells anybody.
+//!
+//! Commands that wait are handled together and committed in one transaction (group commit).
+
+use crate::limits::GROUP;
+use crate::record::{JobId, JobRecord};
+use crate::scheduler::{
+    Action, AssignmentId, Completed, Greeting, Message, NewJob, Now, Scheduler, SessionId, Task, Verdict, WorkerId,
+};
+use crate::store::{Store, StoreError};
+use proto::v1::{self, assign, coordinator_message};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use tokio::sync::{broadcast, mpsc, oneshot};
+use tokio::time::Instant;
+
+/// An event of a job, for those who watch.
+pub(crate) type LiveEvent = Arc<(JobId, v1::JobEvent)>;
+
+/// Why a job was not taken in.
+pub(crate) enum SubmitError {
+    /// The request id stands for another job.
+    OtherBody(JobId),
+    /// Too many jobs.
+    TooMany,
+}
+
+/// What the actor is asked to do. Where there is a `reply`, it is given once everything that led to it is committed.
+pub(crate) enum Command {
+    Submit { new: Box<NewJob>, reply: oneshot::Sender<Result<(JobRecord, bool), SubmitError>> },
+    Cancel { id: JobId, reply: oneshot::Sender<Option<JobRecord>> },
+    Workers { reply: oneshot::Sender<Vec<v1::WorkerInfo>> },
+    WaitsFor { ids: Vec<JobId>, reply: oneshot::Sender<Vec<Option<String>>> },
+    Connect { greeting: Greeting, outbox: mpsc::UnboundedSender<v1::CoordinatorMessage>, reply: oneshot::Sender<SessionId> },
+    Heartbeat { worker: WorkerId, session: SessionId, running: Vec<AssignmentId> },
+    Reject { worker: WorkerId, session: SessionId, assignment: AssignmentId, reason: String },
+    Drain { worker: WorkerId, session: SessionId },
+    Disconnect { worker: WorkerId, session: SessionId },
+    Complete { completed: Completed, reply: oneshot::Sender<Verdict> },
+    Stop,
+}
+
+type Reply = Box<dyn FnOnce() + Send>;
+
+/// The time as the scheduler wants it.
+pub(crate) struct Clock(Instant);
+
+impl Clock {
+    pub fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    pub fn now(&self) -> Now {
+        let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        Now { since_start: self.0.elapsed(), unix_ms: unix.as_millis() as i64 }
+    }
+
+    fn at(&self, since_start: Duration) -> Instant {
+        self.0 + since_start
+    }
+}
+
+pub(crate) struct Actor {
+    pub scheduler: Scheduler,
+    pub store: Arc<dyn Store>,
+    pub epoch: u64,
+    pub lease: Duration,
+    pub heartbeat: Duration,
+    pub clock: Clock,
+    pub events: broadcast::Sender<LiveEvent>,
+    pub sessions: HashMap<WorkerId, (SessionId, mpsc::UnboundedSender<v1::CoordinatorMessage>)>,
+}
+
+impl Actor {
+    /// Runs until it is told to stop, or the store fails. After a failure the state in memory is ahead of the store: the
+    /// coordinator has to start again from there.
+    pub async fn run(mut self, mut commands: mpsc::Receiver<Command>) -> Result<(), StoreError> {
+        self.flush(Vec::new()).await?;
+        let mut stopping = false;
+        while !stopping {
+            let deadline = self.scheduler.next_deadline();
+            let tick = async {
+                match deadline {
+                    Some(at) => tokio::time::sleep_until(self.clock.at(at)).await,
+                    None => std::future::pending().await,
+                }
+            };
+            let mut next = tokio::select! {
+                command = commands.recv() => Some(command.unwrap_or(Command::Stop)),
+                () = tick => None,
+            };
+            if next.is_none() {
+                self.scheduler.tick(self.clock.now());
+            }
+            let mut replies = Vec::new();
+            while let Some(command) = next {
+                stopping |= matches!(command, Command::Stop);
+                self.handle(command, &mut replies).await?;
+                next = if replies.len() < GROUP { commands.try_recv().ok() } else { None };
+            }
+            self.flush(replies).await?;
+        }
+        for (_, outbox) in self.sessions.values() {
+            let drain = v1::Drain { reason: "the coordinator stops".to_owned() };
+            let _ = outbox.send(message(coordinator_message::Message::Drain(drain)));
+        }
+        Ok(())
+    }
+
+    async fn handle(&mut self, command: Command, replies: &mut Vec<Reply>) -> Result<(), StoreError> {
+        let now = self.clock.now();
+        match command {
+            Command::Submit { new, reply } => {
+                // What was submitted or ended a moment ago must be in the store before it is asked.
+                self.flush(std::mem::take(replies)).await?;
+                let answer = match self.store.job_of_request(&new.request_id).await? {
+                    Some(record) if record.request_digest == new.request_digest => Ok((record, false)),
+                    Some(record) => Err(SubmitError::OtherBody(record.id)),
+                    None if self.scheduler.active_jobs() >= crate::limits::MAX_ACTIVE_JOBS => Err(SubmitError::TooMany),
+                    None => Ok((self.scheduler.submit(now, *new), true)),
+                };
+                if let Ok((record, true)) = &answer {
+                    tracing::info!(job = %record.id, name = record.name, "job submitted");
+                }
+                later(replies, reply, answer);
+            }
+            Command::Cancel { id, reply } => {
+                let record = self.scheduler.cancel(now, &id);
+                later(replies, reply, record);
+            }
+            Command::Workers { reply } => later(replies, reply, self.scheduler.workers()),
+            Command::WaitsFor { ids, reply } => {
+                let reasons = ids.iter().map(|id| self.scheduler.waits_for(id)).collect();
+                later(replies, reply, reasons);
+            }
+            Command::Connect { greeting, outbox, reply } => {
+                let worker = greeting.worker.clone();
+                tracing::info!(worker = greeting.name, slots = greeting.slots, "worker connected");
+                let welcome = self.scheduler.connect(now, greeting);
+                let ids = |ids: &[AssignmentId]| ids.iter().map(|a| a.0).collect();
+                // Before anything else goes to this session.
+                let _ = outbox.send(message(coordinator_message::Message::Welcome(v1::Welcome {
+                    epoch: self.epoch,
+                    lease_ms: self.lease.as_millis() as u32,
+                    heartbeat_ms: self.heartbeat.as_millis() as u32,
+                    keep: ids(&welcome.keep),
+                    drop: ids(&welcome.drop),
+                })));
+                self.sessions.insert(worker, (welcome.session, outbox));
+                later(replies, reply, welcome.session);
+            }
+            Command::Heartbeat { worker, session, running } => {
+                if !self.scheduler.heartbeat(now, &worker, session, &running) {
+                    // Given up meanwhile: the worker has to connect again.
+                    self.hang_up(&worker, session);
+                }
+            }
+            Command::Reject { worker, session, assignment, reason } => {
+                tracing::warn!(%worker, assignment = assignment.0, reason, "assignment rejected");
+                self.scheduler.reject(now, &worker, session, assignment);
+            }
+            Command::Drain { worker, session } => self.scheduler.drain(now, &worker, session),
+            Command::Disconnect { worker, session } => {
+                tracing::info!(%worker, "worker disconnected");
+                self.hang_up(&worker, session);
+                self.scheduler.disconnect(now, &worker, session);
+            }
+            Command::Complete { completed, reply } => {
+                let (worker, job) = (completed.worker.clone(), completed.job.clone());
+                let verdict = self.scheduler.complete(now, completed);
+                match verdict {
+                    Verdict::Conflict => tracing::error!(%worker, %job, "a result differs from the one that was committed"),
+                    verdict => tracing::debug!(%worker, %job, ?verdict, "result"),
+                }
+                later(replies, reply, verdict);
+            }
+            Command::Stop => {}
+        }
+        Ok(())
+    }
+
+    fn hang_up(&mut self, worker: &WorkerId, session: SessionId) {
+        if self.sessions.get(worker).is_some_and(|(s, _)| *s == session) {
+            self.sessions.remove(worker);
+        }
+    }
+
+    /// Commits what there is to commit, then tells everybody.
+    async fn flush(&mut self, replies: Vec<Reply>) -> Result<(), StoreError> {
+        let actions = self.scheduler.take_actions();
+        let writes: Vec<_> = actions
+            .iter()
+            .filter_map(|a| if let Action::Write(write) = a { Some((**write).clone()) } else { None })
+            .collect();
+        if !writes.is_empty() {
+            self.store.commit(self.epoch, writes).await?;
+        }
+        for action in actions {
+            match action {
+                Action::Write(write) => {
+                    for event in write.events() {
+                        // Nobody watching is no error.
+                        let _ = self.events.send(Arc::new((write.job().clone(), event.clone())));
+                    }
+                }
+                Action::Publish(job, event) => {
+                    let _ = self.events.send(Arc::new((job, *event)));
+                }
+                Action::Send(worker, session, content) => {
+                    if let Some((_, outbox)) = self.sessions.get(&worker).filter(|(s, _)| *s == session) {
+                        // A session that just broke reports itself.
+                        let _ = outbox.send(to_wire(content));
+                    }
+                }
+            }
+        }
+        replies.into_iter().for_each(|reply| reply());
+        Ok(())
+    }
+}
+
+fn later<T: Send + 'static>(replies: &mut Vec<Reply>, reply: oneshot::Sender<T>, value: T) {
+    replies.push(Box::new(move || {
+        // Whoever asked may have gone.
+        let _ = reply.send(value);
+    }));
+}
+
+fn message(content: coordinator_message::Message) -> v1::CoordinatorMessage {
+    v1::CoordinatorMessage { message: Some(content) }
+}
+
+fn to_wire(content: Message) -> v1::CoordinatorMessage {
+    message(match content {
+        Message::Cancel(ids) => {
+            coordinator_message::Message::Cancel(v1::Cancel { assignment_ids: ids.iter().map(|a| a.0).collect() })
+        }
+        Message::Assign { assignment, job, toml, task } => coordinator_message::Message::Assign(v1::Assign {
+            assignment_id: assignment.0,
+            job_id: job.to_string(),
+            job_toml: toml.map(|t| t.to_string()).unwrap_or_default(),
+            task: Some(match task {
+                Task::Evaluate { range, genomes } => assign::Task::Evaluate(v1::EvaluateTask {
+                    generation: range.generation,
+                    first: range.first,
+                    genomes: range
+                        .candidates()
+                        .map(|i| v1::Genome { values: genomes[i as usize].clone() })
+                        .collect(),
+                }),
+                Task::Report { winner, first } => assign::Task::Report(v1::ReportTask {
+                    winner: Some((&winner).into()),
+                    first: Some((&first).into()),
+                }),
+            }),
+        }),
+    })
+}

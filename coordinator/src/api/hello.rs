@@ -1,0 +1,106 @@
+//! Hello: who may work here.
+
+use super::{at_most, id};
+use crate::record::JobId;
+use crate::scheduler::{AssignmentId, Greeting, Range, WorkerId};
+use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_WORKER_NAME};
+use proto::{PROTOCOL, v1};
+use sim_core::identity::Digest;
+use tonic::Status;
+
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Checks a worker's introduction. `engines` are those of this build: results of others could not be compared.
+pub(super) fn check(hello: v1::Hello, address: String, engines: &[(&'static str, Digest)]) -> Result<Greeting, Status> {
+    at_most("version", &hello.version, MAX_WORKER_NAME)?;
+    if hello.protocol != PROTOCOL {
+        return Err(Status::failed_precondition(format!(
+            "the worker (evogait {}) speaks protocol {} and this coordinator (evogait {VERSION}) protocol {PROTOCOL}: \
+             run the same version on both",
+            hello.version, hello.protocol
+        )));
+    }
+    id("worker_id", &hello.worker_id)?;
+    at_most("name", &hello.name, MAX_WORKER_NAME)?;
+    if !(1..=MAX_SLOTS).contains(&hello.slots) {
+        return Err(Status::failed_precondition(format!(
+            "slots = {} is out of range: 1 to {MAX_SLOTS} are allowed",
+            hello.slots
+        )));
+    }
+    if hello.engine_digests.len() > MAX_ENGINES {
+        return Err(Status::failed_precondition(format!(
+            "the worker offers {} engines: at most {MAX_ENGINES} are allowed",
+            hello.engine_digests.len()
+        )));
+    }
+    let offered = hello
+        .engine_digests
+        .iter()
+        .map(|bytes| proto::digest("engine_digests", bytes))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|e| Status::failed_precondition(e.to_string()))?;
+    if !offered.iter().any(|digest| engines.iter().any(|(_, own)| own == digest)) {
+        let theirs = offered.iter().map(Digest::short).collect::<Vec<_>>().join(", ");
+        let ours = engines.iter().map(|(name, d)| format!("{name} {}", d.short())).collect::<Vec<_>>().join(", ");
+        return Err(Status::failed_precondition(format!(
+            "the worker's engines ({theirs}; evogait {}) compute other bits than the coordinator's ({ours}; evogait \
+             {VERSION}): run the same build on both",
+            hello.version
+        )));
+    }
+    let running = hello
+        .running
+        .into_iter()
+        .filter(|running| running.job_id.len() <= MAX_ID)
+        .map(|running| {
+            let range = Range { generation: running.generation, first: running.first, count: running.count };
+            let range = (!running.report).then_some(range);
+            (AssignmentId(running.assignment_id), JobId::from(running.job_id.as_str()), range)
+        })
+        .collect();
+    Ok(Greeting {
+        worker: WorkerId(hello.worker_id.into()),
+        name: hello.name,
+        address,
+        slots: hello.slots,
+        engines: offered,
+        running,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hello() -> v1::Hello {
+        v1::Hello {
+            protocol: PROTOCOL,
+            worker_id: "w".to_owned(),
+            name: "n".to_owned(),
+            slots: 1,
+            engine_digests: vec![vec![7; 32]],
+            running: Vec::new(),
+            version: "9.9.9".to_owned(),
+        }
+    }
+
+    #[test]
+    fn refusals_name_both_sides() {
+        let engines = [("rapier", Digest([7; 32]))];
+        let refused = |hello| check(hello, String::new(), &engines).unwrap_err().message().to_owned();
+        assert!(check(hello(), String::new(), &engines).is_ok());
+
+        let message = refused(v1::Hello { protocol: PROTOCOL + 1, ..hello() });
+        assert!(message.contains("evogait 9.9.9") && message.contains(VERSION), "{message}");
+        assert!(message.contains("protocol 2") && message.contains("protocol 1"), "{message}");
+
+        let message = refused(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() });
+        assert!(message.contains("080808080808") && message.contains("rapier 070707070707"), "{message}");
+
+        assert!(refused(v1::Hello { engine_digests: vec![vec![8; 3]], ..hello() }).contains("3 bytes"));
+        assert!(refused(v1::Hello { slots: 0, ..hello() }).contains("slots = 0"));
+        assert!(refused(v1::Hello { worker_id: String::new(), ..hello() }).contains("worker_id is missing"));
+        assert!(refused(v1::Hello { worker_id: "w".repeat(65), ..hello() }).contains("at most 64"));
+    }
+}

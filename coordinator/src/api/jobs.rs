@@ -1,0 +1,199 @@
+//! JobService: what a client says to the coordinator.
+
+use super::{Api, at_most, id, store_failed};
+use crate::actor::{Command, SubmitError};
+use crate::limits::MAX_ACTIVE_JOBS;
+use crate::record::{JobId, JobRecord, JobState, ended};
+use crate::scheduler::NewJob;
+use proto::limits::{DEFAULT_PAGE, DEFAULT_PRIORITY, MAX_JOB_TOML, MAX_PAGE, MAX_PRIORITY, MAX_REQUEST_ID};
+use proto::v1::job_service_server::JobService;
+use proto::v1::{
+    CancelJobRequest, CancelJobResponse, GetJobRequest, GetJobResponse, GetResultRequest, GetResultResponse, Job,
+    JobEvent, ListJobsRequest, ListJobsResponse, ListWorkersRequest, ListWorkersResponse, SubmitJobRequest,
+    SubmitJobResponse, WatchJobRequest,
+};
+use sim_core::identity::Digest;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status};
+
+impl Api {
+    async fn stored(&self, text: &str) -> Result<(JobRecord, String), Status> {
+        id("id", text)?;
+        let job = self.store.job(&JobId::from(text)).await.map_err(store_failed)?;
+        job.ok_or_else(|| Status::not_found(format!("there is no job {text}")))
+    }
+
+    /// Jobs as the API tells them, with what they wait for.
+    async fn tell(&self, records: Vec<JobRecord>) -> Result<Vec<Job>, Status> {
+        let active: Vec<JobId> = records.iter().filter(|r| !ended(r.state)).map(|r| r.id.clone()).collect();
+        let mut reasons = Vec::new();
+        if !active.is_empty() {
+            reasons = self.ask(|reply| Command::WaitsFor { ids: active, reply }).await?;
+        }
+        let mut reasons = reasons.into_iter();
+        Ok(records
+            .iter()
+            .map(|record| {
+                let mut job = record.to_wire();
+                if !ended(record.state)
+                    && let Some(reason) = reasons.next().flatten()
+                {
+                    job.reason = reason;
+                }
+                job
+            })
+            .collect())
+    }
+
+    async fn tell_one(&self, record: JobRecord) -> Result<Option<Job>, Status> {
+        Ok(self.tell(vec![record]).await?.pop())
+    }
+}
+
+/// Reads the job and all the scheduler needs of it. Takes a while for large robots.
+fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Result<NewJob, Status> {
+    let job = sim_core::job::Job::from_toml(&request.job_toml)
+        .map_err(|e| Status::invalid_argument(format!("the job can't be used: {e}")))?;
+    Ok(NewJob {
+        name: job.spec().name.clone(),
+        request_id: request.request_id,
+        request_digest,
+        priority,
+        job_digest: job.digest(),
+        engine_digest: job.engine_digest(),
+        generations: job.spec().optimiser.generations(),
+        optimiser: job.optimiser(),
+        // Resolved, so that workers need no files and a later version no other defaults.
+        toml: job.to_toml().into(),
+    })
+}
+
+fn other_body(request_id: &str, job: &JobId) -> Status {
+    Status::already_exists(format!(
+        "request_id '{request_id}' was used for job {job} with another content: choose a new request_id"
+    ))
+}
+
+#[tonic::async_trait]
+impl JobService for Api {
+    type WatchJobStream = ReceiverStream<Result<JobEvent, Status>>;
+
+    async fn submit_job(&self, request: Request<SubmitJobRequest>) -> Result<Response<SubmitJobResponse>, Status> {
+        let request = request.into_inner();
+        if request.request_id.is_empty() {
+            return Err(Status::invalid_argument(format!(
+                "request_id is missing: choose one of up to {MAX_REQUEST_ID} bytes, it makes a retry safe"
+            )));
+        }
+        at_most("request_id", &request.request_id, MAX_REQUEST_ID)?;
+        at_most("job_toml", &request.job_toml, MAX_JOB_TOML)?;
+        let priority = match request.priority {
+            0 => DEFAULT_PRIORITY,
+            priority @ 1..=MAX_PRIORITY => priority,
+            priority => {
+                return Err(Status::invalid_argument(format!(
+                    "priority {priority} is out of range: 1 to {MAX_PRIORITY} are allowed"
+                )));
+            }
+        };
+        let request_digest = Digest::of("evogait request 1", &(&request.job_toml, priority));
+        let request_id = request.request_id.clone();
+        if let Some(record) = self.store.job_of_request(&request_id).await.map_err(store_failed)? {
+            if record.request_digest != request_digest {
+                return Err(other_body(&request_id, &record.id));
+            }
+            return Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created: false }));
+        }
+        let new = tokio::task::spawn_blocking(move || read(request, priority, request_digest))
+            .await
+            .map_err(|_| Status::internal("reading the job failed: this is a bug, please report it with the job"))??;
+        match self.ask(|reply| Command::Submit { new: Box::new(new), reply }).await? {
+            Ok((record, created)) => {
+                Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created }))
+            }
+            Err(SubmitError::OtherBody(job)) => Err(other_body(&request_id, &job)),
+            Err(SubmitError::TooMany) => Err(Status::resource_exhausted(format!(
+                "{MAX_ACTIVE_JOBS} jobs have not ended, which is the limit: wait, or cancel some"
+            ))),
+        }
+    }
+
+    async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<GetJobResponse>, Status> {
+        let (record, job_toml) = self.stored(&request.into_inner().id).await?;
+        Ok(Response::new(GetJobResponse { job: self.tell_one(record).await?, job_toml }))
+    }
+
+    async fn list_jobs(&self, request: Request<ListJobsRequest>) -> Result<Response<ListJobsResponse>, Status> {
+        let request = request.into_inner();
+        let size = match request.page_size {
+            0 => DEFAULT_PAGE,
+            size @ 1..=MAX_PAGE => size,
+            size => {
+                return Err(Status::invalid_argument(format!(
+                    "page_size {size} is out of range: 1 to {MAX_PAGE} are allowed"
+                )));
+            }
+        };
+        let below = match request.page_token.as_str() {
+            "" => u64::MAX,
+            token => token.parse().map_err(|_| {
+                Status::invalid_argument("page_token is not one that an earlier answer gave: leave it empty to start")
+            })?,
+        };
+        let states: Vec<JobState> = request.states().collect();
+        let mut records = self.store.jobs(below, size + 1, &states).await.map_err(store_failed)?;
+        let more = records.len() > size as usize;
+        records.truncate(size as usize);
+        let next_page_token = records.last().filter(|_| more).map(|r| r.number.to_string()).unwrap_or_default();
+        Ok(Response::new(ListJobsResponse { jobs: self.tell(records).await?, next_page_token }))
+    }
+
+    async fn watch_job(&self, request: Request<WatchJobRequest>) -> Result<Response<Self::WatchJobStream>, Status> {
+        let WatchJobRequest { id, after } = request.into_inner();
+        let (record, _) = self.stored(&id).await?;
+        if after > record.last_event {
+            return Err(Status::out_of_range(format!(
+                "after = {after} lies beyond the newest event of job {id}, which is {}",
+                record.last_event
+            )));
+        }
+        Ok(Response::new(self.watch(record.id, after)))
+    }
+
+    async fn cancel_job(&self, request: Request<CancelJobRequest>) -> Result<Response<CancelJobResponse>, Status> {
+        let text = request.into_inner().id;
+        id("id", &text)?;
+        let job = JobId::from(text.as_str());
+        let record = match self.ask(|reply| Command::Cancel { id: job, reply }).await? {
+            Some(record) => record,
+            None => self.stored(&text).await?.0,
+        };
+        Ok(Response::new(CancelJobResponse { job: Some(record.to_wire()) }))
+    }
+
+    async fn get_result(&self, request: Request<GetResultRequest>) -> Result<Response<GetResultResponse>, Status> {
+        let (record, job_toml) = self.stored(&request.into_inner().id).await?;
+        let no_result = |why: String| Status::failed_precondition(format!("job {} has no result: {why}", record.id));
+        match record.state {
+            JobState::Succeeded => {}
+            JobState::Failed => return Err(no_result(record.reason.clone())),
+            JobState::Cancelled => return Err(no_result("it was cancelled".to_owned())),
+            _ => return Err(no_result("it has not ended yet; watch it".to_owned())),
+        }
+        let result = self.store.result(&record.id).await.map_err(store_failed)?;
+        Ok(Response::new(GetResultResponse {
+            job: Some(record.to_wire()),
+            job_toml,
+            result_digest: record.result_digest.map(|d| d.0.to_vec()).unwrap_or_default(),
+            winner: record.best.as_ref().map(Into::into),
+            first: record.first.as_ref().map(Into::into),
+            history: result.history,
+            report_json: result.report,
+        }))
+    }
+
+    async fn list_workers(&self, _: Request<ListWorkersRequest>) -> Result<Response<ListWorkersResponse>, Status> {
+        let workers = self.ask(|reply| Command::Workers { reply }).await?;
+        Ok(Response::new(ListWorkersResponse { workers }))
+    }
+}

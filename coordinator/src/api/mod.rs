@@ -1,0 +1,62 @@
+//! The gRPC services: check what comes in, ask the actor or the store, answer.
+
+mod hello;
+mod jobs;
+mod watch;
+mod workers;
+
+use crate::actor::{Command, LiveEvent};
+use crate::store::{Store, StoreError};
+use proto::limits::MAX_ID;
+use sim_core::identity::Digest;
+use std::sync::Arc;
+use tokio::sync::{broadcast, mpsc, oneshot, watch as watching};
+use tonic::Status;
+
+/// What all services share.
+#[derive(Clone)]
+pub(crate) struct Api {
+    pub store: Arc<dyn Store>,
+    pub commands: mpsc::Sender<Command>,
+    pub events: broadcast::Sender<LiveEvent>,
+    /// Turns true when the coordinator stops.
+    pub stopping: watching::Receiver<bool>,
+    /// The engines of this build.
+    pub engines: Arc<[(&'static str, Digest)]>,
+}
+
+impl Api {
+    /// Asks the actor and waits for what it answers.
+    async fn ask<T>(&self, command: impl FnOnce(oneshot::Sender<T>) -> Command) -> Result<T, Status> {
+        let (reply, answer) = oneshot::channel();
+        self.commands.send(command(reply)).await.map_err(|_| stopping())?;
+        answer.await.map_err(|_| stopping())
+    }
+}
+
+/// Retryable: the coordinator will be back, or another one.
+fn stopping() -> Status {
+    Status::unavailable("the coordinator stops: try again once it is back")
+}
+
+fn store_failed(error: StoreError) -> Status {
+    tracing::error!(%error, "store");
+    Status::internal(error.to_string())
+}
+
+/// Refuses texts beyond a limit.
+fn at_most(field: &str, value: &str, limit: usize) -> Result<(), Status> {
+    if value.len() <= limit {
+        Ok(())
+    } else {
+        Err(Status::invalid_argument(format!("{field} has {} bytes: at most {limit} are allowed", value.len())))
+    }
+}
+
+/// Refuses what can't be an id.
+fn id(field: &str, value: &str) -> Result<(), Status> {
+    if value.is_empty() {
+        return Err(Status::invalid_argument(format!("{field} is missing: 1 to {MAX_ID} bytes are needed")));
+    }
+    at_most(field, value, MAX_ID)
+}

@@ -1,0 +1,79 @@
+//! WatchJob: stored events first, then live ones, without a gap between them.
+
+use super::{Api, stopping, store_failed};
+use crate::limits::EVENTS_AT_ONCE;
+use crate::record::{JobId, ended};
+use proto::v1::{JobEvent, job_event::Event};
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::Status;
+
+type Outbox = mpsc::Sender<Result<JobEvent, Status>>;
+
+impl Api {
+    /// The events after a sequence number, until the job ends.
+    pub(super) fn watch(&self, id: JobId, after: u64) -> ReceiverStream<Result<JobEvent, Status>> {
+        let (outbox, stream) = mpsc::channel(64);
+        let api = self.clone();
+        tokio::spawn(async move {
+            if let Err(status) = api.feed(&id, after, &outbox).await {
+                // If the watcher has gone there is nobody to tell.
+                let _ = outbox.send(Err(status)).await;
+            }
+        });
+        ReceiverStream::new(stream)
+    }
+
+    async fn feed(&self, id: &JobId, after: u64, outbox: &Outbox) -> Result<(), Status> {
+        // Subscribed before the store is read: what is committed meanwhile comes at least once.
+        let mut live = self.events.subscribe();
+        let mut stop = self.stopping.clone();
+        let mut last = after;
+        loop {
+            loop {
+                let events = self.store.events(id, last, EVENTS_AT_ONCE).await.map_err(store_failed)?;
+                let read = events.len();
+                for event in events {
+                    last = event.sequence;
+                    if outbox.send(Ok(event)).await.is_err() {
+                        return Ok(());
+                    }
+                }
+                if read < EVENTS_AT_ONCE as usize {
+                    break;
+                }
+            }
+            let job = self.store.job(id).await.map_err(store_failed)?;
+            if job.is_none_or(|(record, _)| ended(record.state) && record.last_event <= last) {
+                return Ok(());
+            }
+            loop {
+                let received = tokio::select! {
+                    received = live.recv() => received,
+                    _ = stop.wait_for(|stop| *stop) => return Err(stopping()),
+                    () = outbox.closed() => return Ok(()),
+                };
+                let event = match received {
+                    Ok(event) if event.0 == *id => event.1.clone(),
+                    Ok(_) => continue,
+                    // Too slow for the live ones: read on in the store.
+                    Err(RecvError::Lagged(_)) => break,
+                    Err(RecvError::Closed) => return Err(stopping()),
+                };
+                let stored = !matches!(event.event, Some(Event::Progress(_)));
+                if stored && event.sequence <= last {
+                    continue;
+                }
+                if event.sequence > last + u64::from(stored) {
+                    break;
+                }
+                last = last.max(event.sequence);
+                let end = event.job.as_ref().is_some_and(|job| ended(job.state()));
+                if outbox.send(Ok(event)).await.is_err() || end {
+                    return Ok(());
+                }
+            }
+        }
+    }
+}

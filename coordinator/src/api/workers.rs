@@ -1,0 +1,137 @@
+//! WorkerService: what a worker says to the coordinator.
+
+use super::{Api, hello, id};
+use crate::actor::Command;
+use crate::limits::HELLO_WITHIN;
+use crate::record::JobId;
+use crate::scheduler::{AssignmentId, Completed, Delivery, Outcome, SessionId, Verdict, WorkerId};
+use proto::limits::MAX_REASON;
+use proto::v1::worker_service_server::WorkerService;
+use proto::v1::{
+    CompleteRequest, CompleteResponse, CoordinatorMessage, WorkerMessage, complete_request, complete_response,
+    worker_message,
+};
+use std::pin::Pin;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::UnboundedReceiverStream;
+use tokio_stream::{Stream, StreamExt as _};
+use tonic::{Request, Response, Status, Streaming};
+
+#[tonic::async_trait]
+impl WorkerService for Api {
+    type SessionStream = Pin<Box<dyn Stream<Item = Result<CoordinatorMessage, Status>> + Send>>;
+
+    async fn session(
+        &self,
+        request: Request<Streaming<WorkerMessage>>,
+    ) -> Result<Response<Self::SessionStream>, Status> {
+        let address = request.remote_addr().map(|a| a.to_string()).unwrap_or_default();
+        let mut inbound = request.into_inner();
+        let first = tokio::time::timeout(HELLO_WITHIN, inbound.message()).await.map_err(|_| {
+            Status::deadline_exceeded(format!("the worker did not say Hello within {} s", HELLO_WITHIN.as_secs()))
+        })??;
+        let Some(WorkerMessage { message: Some(worker_message::Message::Hello(hello)) }) = first else {
+            return Err(Status::failed_precondition("a session starts with Hello"));
+        };
+        let greeting = hello::check(hello, address, &self.engines)?;
+        let worker = greeting.worker.clone();
+        let (outbox, messages) = mpsc::unbounded_channel();
+        let session = self.ask(|reply| Command::Connect { greeting, outbox, reply }).await?;
+        let api = self.clone();
+        tokio::spawn(async move { api.listen(inbound, worker, session).await });
+        Ok(Response::new(Box::pin(UnboundedReceiverStream::new(messages).map(Ok))))
+    }
+
+    async fn complete(&self, request: Request<CompleteRequest>) -> Result<Response<CompleteResponse>, Status> {
+        let completed = completed(request.into_inner())?;
+        let verdict = self.ask(|reply| Command::Complete { completed, reply }).await?;
+        let verdict = match verdict {
+            Verdict::Accepted => complete_response::Verdict::Accepted,
+            Verdict::Duplicate => complete_response::Verdict::Duplicate,
+            Verdict::Conflict => complete_response::Verdict::Conflict,
+            Verdict::Obsolete => complete_response::Verdict::Obsolete,
+            Verdict::Unknown => complete_response::Verdict::Unknown,
+        };
+        Ok(Response::new(CompleteResponse { verdict: verdict.into() }))
+    }
+}
+
+impl Api {
+    /// Passes on what a worker says, until its connection ends.
+    async fn listen(&self, mut inbound: Streaming<WorkerMessage>, worker: WorkerId, session: SessionId) {
+        let mut stop = self.stopping.clone();
+        loop {
+            let received = tokio::select! {
+                received = inbound.message() => received,
+                _ = stop.wait_for(|stop| *stop) => return,
+            };
+            let worker = worker.clone();
+            let command = match received {
+                Ok(Some(WorkerMessage { message: Some(message) })) => match message {
+                    worker_message::Message::Heartbeat(heartbeat) => {
+                        let running = heartbeat.running.into_iter().map(AssignmentId).collect();
+                        Command::Heartbeat { worker, session, running }
+                    }
+                    worker_message::Message::Reject(reject) => Command::Reject {
+                        worker,
+                        session,
+                        assignment: AssignmentId(reject.assignment_id),
+                        reason: shortened(reject.reason),
+                    },
+                    worker_message::Message::Drain(_) => Command::Drain { worker, session },
+                    // Said once is enough.
+                    worker_message::Message::Hello(_) => continue,
+                },
+                // A message of a later version.
+                Ok(Some(WorkerMessage { message: None })) => continue,
+                Ok(None) | Err(_) => {
+                    let _ = self.commands.send(Command::Disconnect { worker, session }).await;
+                    return;
+                }
+            };
+            if self.commands.send(command).await.is_err() {
+                return;
+            }
+        }
+    }
+}
+
+fn completed(request: CompleteRequest) -> Result<Completed, Status> {
+    id("worker_id", &request.worker_id)?;
+    id("job_id", &request.job_id)?;
+    let invalid = |e: proto::ConvertError| Status::invalid_argument(e.to_string());
+    let delivery = match request.result {
+        None => return Err(invalid(proto::ConvertError::Missing { field: "result" })),
+        Some(complete_request::Result::Evaluate(result)) => Delivery::Evaluations {
+            generation: result.generation,
+            first: result.first,
+            outcomes: proto::evaluations(&result)
+                .map_err(invalid)?
+                .into_iter()
+                .map(|e| Outcome { score: e.score, counts: e.counts })
+                .collect(),
+        },
+        Some(complete_request::Result::ReportJson(json)) => {
+            if serde_json::from_slice::<serde::de::IgnoredAny>(&json).is_err() {
+                return Err(Status::invalid_argument("report_json is not JSON"));
+            }
+            Delivery::Report(json)
+        }
+        Some(complete_request::Result::Failure(reason)) => Delivery::Failure(shortened(reason)),
+    };
+    Ok(Completed {
+        worker: WorkerId(request.worker_id.into()),
+        assignment: AssignmentId(request.assignment_id),
+        job: JobId::from(request.job_id.as_str()),
+        engine: proto::digest("engine_digest", &request.engine_digest).map_err(invalid)?,
+        compute: Duration::from_micros(request.compute_us),
+        delivery,
+    })
+}
+
+fn shortened(mut reason: String) -> String {
+    let end = (0..=MAX_REASON).rev().find(|i| reason.is_char_boundary(*i)).unwrap_or(0);
+    reason.truncate(end);
+    reason
+}

@@ -1,0 +1,274 @@
+//! Starting and stopping a coordinator.
+
+use crate::actor::{Actor, Clock, Command};
+use crate::api::Api;
+use crate::limits::{DEFAULT_LEASE, LIVE_EVENTS, MAX_LEASE, MIN_LEASE, STOP_WITHIN};
+use crate::record::JobRecord;
+use crate::scheduler::{Resumed, Scheduler, Settings};
+use crate::store::{self, Store, StoreError, StoreUrl, StoredJob};
+use proto::limits::MAX_MESSAGE;
+use proto::v1::job_service_server::JobServiceServer;
+use proto::v1::worker_service_server::WorkerServiceServer;
+use sim_core::job::Job;
+use std::collections::HashMap;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::sync::{broadcast, mpsc, watch};
+use tokio::task::JoinHandle;
+use tonic::transport::Server;
+use tonic::transport::server::TcpIncoming;
+
+/// How often an idle connection is checked, and how long the other side has to answer.
+const KEEPALIVE: Duration = Duration::from_secs(10);
+
+/// How a coordinator runs.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Where to listen; port 0 lets the system choose.
+    pub listen: SocketAddr,
+    /// Where jobs live.
+    pub store: StoreUrl,
+    /// Without a sign of life for this long a worker's work goes to others: 0.1 s to 1 h.
+    pub lease: Duration,
+    /// Allows to listen beyond loopback, without encryption or passwords.
+    pub insecure_bind: bool,
+}
+
+impl Config {
+    /// For a coordinator inside another process: a free port of the loopback interface.
+    pub fn embedded(store: StoreUrl) -> Self {
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 0)), store, lease: DEFAULT_LEASE, insecure_bind: false }
+    }
+}
+
+/// Why a coordinator does not start, or stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Somebody else listens there. Retryable once that has ended.
+    #[error("{addr} is taken by another program: stop it, or choose another --listen address")]
+    PortTaken {
+        /// Where.
+        addr: SocketAddr,
+    },
+    /// The address is reachable from other machines.
+    #[error(
+        "{addr} can be reached from other machines, and connections are neither encrypted nor authenticated: listen on \
+         127.0.0.1, or add --insecure-bind if everybody on that network may run jobs here"
+    )]
+    NotLoopback {
+        /// Where.
+        addr: SocketAddr,
+    },
+    /// The system refuses to listen there.
+    #[error("can't listen on {addr}: {source}")]
+    Bind {
+        /// Where.
+        addr: SocketAddr,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A lease out of range.
+    #[error(
+        "a lease of {} s is out of range: {} s to {} s are allowed",
+        .lease.as_secs_f64(), MIN_LEASE.as_secs_f64(), MAX_LEASE.as_secs_f64()
+    )]
+    Lease {
+        /// What was asked for.
+        lease: Duration,
+    },
+    /// The store. See there whether it is retryable.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The server ended by itself.
+    #[error("the server failed: {0}")]
+    Server(String),
+}
+
+/// A coordinator that runs. Dropping it does not stop it in an orderly way: call [`Running::shutdown`].
+#[derive(Debug)]
+pub struct Running {
+    local_addr: SocketAddr,
+    stop: watch::Sender<bool>,
+    task: JoinHandle<Result<(), Error>>,
+}
+
+impl Running {
+    /// Where it listens, with the port that was chosen.
+    pub fn local_addr(&self) -> SocketAddr {
+        self.local_addr
+    }
+
+    /// Where clients and workers connect to.
+    pub fn url(&self) -> String {
+        format!("http://{}", self.local_addr)
+    }
+
+    /// Waits until it ends by itself, which only a failure makes it do. May be dropped and called again.
+    pub async fn failed(&mut self) -> Error {
+        match (&mut self.task).await {
+            Ok(Err(error)) => error,
+            Ok(Ok(())) => Error::Server("it ended without being told to".to_owned()),
+            Err(error) => Error::Server(error.to_string()),
+        }
+    }
+
+    /// Ends all calls, commits what is under way and stops.
+    pub async fn shutdown(self) -> Result<(), Error> {
+        self.stop.send_replace(true);
+        self.task.await.unwrap_or_else(|error| Err(Error::Server(error.to_string())))
+    }
+}
+
+/// Starts a coordinator: binds, opens the store, takes up its jobs.
+pub async fn serve(config: Config) -> Result<Running, Error> {
+    let addr = config.listen;
+    if !addr.ip().is_loopback() && !config.insecure_bind {
+        return Err(Error::NotLoopback { addr });
+    }
+    if !(MIN_LEASE..=MAX_LEASE).contains(&config.lease) {
+        return Err(Error::Lease { lease: config.lease });
+    }
+    let listener = TcpListener::bind(addr).await.map_err(|source| match source.kind() {
+        io::ErrorKind::AddrInUse => Error::PortTaken { addr },
+        _ => Error::Bind { addr, source },
+    })?;
+    let local_addr = listener.local_addr().map_err(|source| Error::Bind { addr, source })?;
+    let store = store::open(&config.store).await?;
+    let engines = tokio::task::spawn_blocking(crate::engines::engines).await;
+    let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
+    let actor = take_up(store.clone(), config.lease).await?;
+    let events = actor.events.clone();
+
+    let (commands, inbox) = mpsc::channel(1024);
+    let (stop, stopping) = watch::channel(false);
+    let api = Api { store, commands: commands.clone(), events, stopping: stopping.clone(), engines };
+    let actor = tokio::spawn(actor.run(inbox));
+    let task = tokio::spawn(run(listener, api, actor, commands, stop.clone(), stopping));
+    Ok(Running { local_addr, stop, task })
+}
+
+/// Reads the store and builds the scheduler from what is there.
+async fn take_up(store: Arc<dyn Store>, lease: Duration) -> Result<Actor, Error> {
+    let loaded = store.start().await?;
+    let clock = Clock::start();
+    let settings = Settings { epoch: loaded.epoch, lease };
+    let mut scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect());
+    for stored in loaded.active {
+        let id = stored.record.id.clone();
+        let read = tokio::task::spawn_blocking(move || read_again(stored)).await;
+        let problem = match read.map_err(|e| Error::Server(e.to_string()))? {
+            Ok(resumed) => scheduler.resume(clock.now(), resumed).err().map(|e| e.to_string()),
+            Err(unusable) => {
+                let (record, reason) = *unusable;
+                scheduler.give_up(clock.now(), record, reason.clone());
+                Some(reason)
+            }
+        };
+        match problem {
+            None => tracing::info!(job = %id, "job goes on"),
+            Some(reason) => tracing::error!(job = %id, reason, "job can't go on"),
+        }
+    }
+    Ok(Actor {
+        scheduler,
+        store,
+        epoch: loaded.epoch,
+        lease,
+        heartbeat: settings.heartbeat(),
+        clock,
+        events: broadcast::channel(LIVE_EVENTS).0,
+        sessions: HashMap::new(),
+    })
+}
+
+/// Serves until told to stop, or until the actor fails.
+async fn run(
+    listener: TcpListener,
+    api: Api,
+    mut actor: JoinHandle<Result<(), StoreError>>,
+    commands: mpsc::Sender<Command>,
+    stop: watch::Sender<bool>,
+    mut stopping: watch::Receiver<bool>,
+) -> Result<(), Error> {
+    let (health, health_service) = tonic_health::server::health_reporter();
+    health.set_serving::<JobServiceServer<Api>>().await;
+    health.set_serving::<WorkerServiceServer<Api>>().await;
+    let reflection = tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        .build_v1()
+        .map_err(|e| Error::Server(e.to_string()))?;
+    let jobs = JobServiceServer::new(api.clone())
+        .max_decoding_message_size(MAX_MESSAGE)
+        .max_encoding_message_size(MAX_MESSAGE);
+    let workers =
+        WorkerServiceServer::new(api).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
+    let mut told = stopping.clone();
+    let server = Server::builder()
+        .http2_keepalive_interval(Some(KEEPALIVE))
+        .http2_keepalive_timeout(Some(KEEPALIVE))
+        .add_service(health_service)
+        .add_service(reflection)
+        .add_service(jobs)
+        .add_service(workers)
+        .serve_with_incoming_shutdown(TcpIncoming::from(listener).with_nodelay(Some(true)), async move {
+            // An error means that nobody can tell any more.
+            let _ = told.wait_for(|stop| *stop).await;
+        });
+    let mut server = tokio::spawn(server);
+
+    let actor_ended = tokio::select! {
+        ended = &mut actor => Some(ended),
+        ended = &mut server => {
+            let why = match ended {
+                Ok(Ok(())) => None,
+                Ok(Err(e)) => Some(e.to_string()),
+                Err(e) => Some(e.to_string()),
+            };
+            if let Some(why) = why {
+                return Err(Error::Server(why));
+            }
+            None
+        }
+        _ = stopping.wait_for(|stop| *stop) => None,
+    };
+    stop.send_replace(true);
+    let outcome = match actor_ended {
+        Some(ended) => ended,
+        None => {
+            // If the actor has gone it needs no telling.
+            let _ = commands.send(Command::Stop).await;
+            actor.await
+        }
+    };
+    if !server.is_finished() && tokio::time::timeout(STOP_WITHIN, &mut server).await.is_err() {
+        server.abort();
+    }
+    match outcome {
+        Ok(result) => Ok(result?),
+        Err(panic) => Err(Error::Server(panic.to_string())),
+    }
+}
+
+/// Reads a stored job again, or says why it can't go on.
+fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
+    let StoredJob { record, toml, optimiser: state, results, last_scores } = stored;
+    match Job::from_toml(&toml) {
+        Ok(job) if job.digest() == record.job_digest => {
+            Ok(Resumed { record, toml, optimiser: job.optimiser(), state, results, last_scores })
+        }
+        Ok(job) => {
+            let reason = format!(
+                "it was submitted to another version of evogait, which reads it differently (job digest then {}, now \
+                 {}): submit it again",
+                record.job_digest.short(),
+                job.digest().short()
+            );
+            Err(Box::new((record, reason)))
+        }
+        Err(error) => Err(Box::new((record, format!("this version of evogait can't read it: {error}")))),
+    }
+}

@@ -1,0 +1,169 @@
+//! A store in memory: what the others must behave like. Forgotten when it is dropped.
+
+use super::{Answer, Loaded, SealedGeneration, Store, StoreError, StoredJob, StoredResult, Write};
+use crate::record::{JobId, JobRecord, JobState, ended};
+use crate::scheduler::Outcome;
+use proto::v1;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// See the module.
+#[derive(Default)]
+pub struct MemoryStore {
+    inner: Mutex<Inner>,
+}
+
+#[derive(Default)]
+struct Inner {
+    epoch: u64,
+    jobs: BTreeMap<u64, Entry>,
+    numbers: BTreeMap<JobId, u64>,
+}
+
+struct Entry {
+    record: JobRecord,
+    toml: Arc<str>,
+    optimiser: Vec<u8>,
+    results: BTreeMap<u32, Vec<Outcome>>,
+    generations: Vec<SealedGeneration>,
+    events: Vec<v1::JobEvent>,
+    report: Vec<u8>,
+}
+
+impl Inner {
+    fn entry(&self, id: &JobId) -> Option<&Entry> {
+        self.jobs.get(self.numbers.get(id)?)
+    }
+
+    fn entry_mut(&mut self, id: &JobId) -> Result<&mut Entry, StoreError> {
+        let number = self.numbers.get(id);
+        let entry = number.and_then(|n| self.jobs.get_mut(n));
+        entry.ok_or_else(|| StoreError::Database(format!("there is no job {id}")))
+    }
+
+    fn apply(&mut self, write: Write) -> Result<(), StoreError> {
+        match write {
+            Write::Submit { record, toml, optimiser, event } => {
+                self.numbers.insert(record.id.clone(), record.number);
+                let entry = Entry {
+                    record,
+                    toml,
+                    optimiser,
+                    results: BTreeMap::new(),
+                    generations: Vec::new(),
+                    events: vec![event],
+                    report: Vec::new(),
+                };
+                self.jobs.insert(entry.record.number, entry);
+            }
+            Write::Results { job, ranges, .. } => self.entry_mut(&job)?.results.extend(ranges),
+            Write::Seal { record, sealed, optimiser, events } => {
+                let entry = self.entry_mut(&record.id)?;
+                entry.generations.push(sealed);
+                entry.optimiser = optimiser;
+                entry.results.clear();
+                entry.change(record, events);
+            }
+            Write::Change { record, event } => self.entry_mut(&record.id)?.change(record, vec![event]),
+            Write::Report { record, report, event } => {
+                let entry = self.entry_mut(&record.id)?;
+                entry.report = report;
+                entry.change(record, vec![event]);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Entry {
+    fn change(&mut self, record: JobRecord, events: Vec<v1::JobEvent>) {
+        self.record = record;
+        self.events.extend(events);
+        if ended(self.record.state) {
+            self.results.clear();
+            self.optimiser.clear();
+        }
+    }
+}
+
+impl MemoryStore {
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn answer<'a, T: Send + 'a>(value: Result<T, StoreError>) -> Answer<'a, T> {
+    Box::pin(std::future::ready(value))
+}
+
+impl Store for MemoryStore {
+    fn start(&self) -> Answer<'_, Loaded> {
+        let mut inner = self.lock();
+        inner.epoch += 1;
+        let mut loaded = Loaded {
+            epoch: inner.epoch,
+            next_job: inner.jobs.keys().last().map_or(1, |n| n + 1),
+            ..Loaded::default()
+        };
+        for entry in inner.jobs.values() {
+            if ended(entry.record.state) {
+                loaded.ended.push(entry.record.id.clone());
+            } else {
+                loaded.active.push(StoredJob {
+                    record: entry.record.clone(),
+                    toml: entry.toml.clone(),
+                    optimiser: entry.optimiser.clone(),
+                    results: entry.results.clone().into_iter().collect(),
+                    last_scores: entry.generations.last().map(|g| g.scores.clone()),
+                });
+            }
+        }
+        answer(Ok(loaded))
+    }
+
+    fn commit(&self, epoch: u64, writes: Vec<Write>) -> Answer<'_, ()> {
+        let mut inner = self.lock();
+        if inner.epoch != epoch {
+            return answer(Err(StoreError::Superseded { own: epoch, by: inner.epoch }));
+        }
+        answer(writes.into_iter().try_for_each(|write| inner.apply(write)))
+    }
+
+    fn job<'a>(&'a self, id: &'a JobId) -> Answer<'a, Option<(JobRecord, String)>> {
+        answer(Ok(self.lock().entry(id).map(|e| (e.record.clone(), e.toml.to_string()))))
+    }
+
+    fn job_of_request<'a>(&'a self, request_id: &'a str) -> Answer<'a, Option<JobRecord>> {
+        let inner = self.lock();
+        let record = inner.jobs.values().map(|e| &e.record).find(|r| r.request_id == request_id).cloned();
+        answer(Ok(record))
+    }
+
+    fn jobs<'a>(&'a self, below: u64, limit: u32, states: &'a [JobState]) -> Answer<'a, Vec<JobRecord>> {
+        let inner = self.lock();
+        let records = inner.jobs.range(..below).rev().map(|(_, e)| e.record.clone());
+        let wanted = records.filter(|r| states.is_empty() || states.contains(&r.state));
+        answer(Ok(wanted.take(limit as usize).collect()))
+    }
+
+    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>> {
+        let inner = self.lock();
+        let events = inner.entry(id).map(|e| e.events.as_slice()).unwrap_or_default();
+        answer(Ok(events.iter().filter(|e| e.sequence > after).take(limit as usize).cloned().collect()))
+    }
+
+    fn scores<'a>(&'a self, id: &'a JobId, generation: u32) -> Answer<'a, Option<Vec<Option<f64>>>> {
+        let inner = self.lock();
+        let sealed = inner.entry(id).and_then(|e| e.generations.get(generation as usize));
+        answer(Ok(sealed.map(|g| g.scores.clone())))
+    }
+
+    fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult> {
+        let inner = self.lock();
+        let result = inner.entry(id).map(|e| StoredResult {
+            history: e.generations.iter().map(|g| g.statistics).collect(),
+            report: e.report.clone(),
+        });
+        answer(Ok(result.unwrap_or(StoredResult { history: Vec::new(), report: Vec::new() })))
+    }
+}

