@@ -61,7 +61,7 @@ pub fn gait_traces(gaits: &[GaitTrace], title: &str) -> Picture {
 }
 
 fn trace_paint(i: usize) -> String {
-    format!("{}{}", stroke(series(i), 2.2), dashes(i))
+    format!("{}{}", stroke(series(i), 1.7), dashes(i))
 }
 
 fn from_start(gait: &GaitTrace) -> Vec<[f64; 2]> {
@@ -89,21 +89,24 @@ fn label_ends(canvas: &mut Canvas, frame: &Frame, gaits: &[GaitTrace], ways: &[V
         .enumerate()
         .filter_map(|(i, way)| frame.line(way.iter().copied()).last().and_then(|l| l.last().copied()).map(|p| (i, p)))
         .collect();
+    let start = frame.at(0.0, 0.0);
+    // What labels keep away from, and how far, px.
+    let mut taken: Vec<([f64; 2], f64)> = vec![(start, 17.0)];
+    taken.extend(ends.iter().map(|e| (e.1, 17.0)));
     for &(i, end) in &ends {
         canvas.circle(end, 4.5, &format!("{} {}", fill(series(i)), stroke("#ffffff", 1.2)));
         let yaw = gaits[i].samples.last().map_or(f64::NAN, |s| s.yaw);
         if yaw.is_finite() {
             let (sin, cos) = yaw.sin_cos();
-            canvas.arrow(end, [end[0] + 18.0 * cos, end[1] - 18.0 * sin], 2.0, series(i));
+            let tip = [end[0] + 18.0 * cos, end[1] - 18.0 * sin];
+            canvas.arrow(end, tip, 2.0, series(i));
+            taken.push((tip, 13.0));
         }
     }
-    let start = frame.at(0.0, 0.0);
-    let mut taken: Vec<[f64; 2]> = vec![start];
-    taken.extend(ends.iter().map(|e| e.1));
     for &(i, end) in &ends {
         let place = free_place(end, start, &taken, frame);
-        taken.push(place);
-        if (place[0] - end[0]).hypot(place[1] - end[1]) > 24.0 {
+        taken.push((place, 20.0));
+        if (place[0] - end[0]).hypot(place[1] - end[1]) > 38.0 {
             canvas.line(end, place, &stroke(FAINT, 0.8));
         }
         let style = Type { size: 15.0, ..Type::LABEL }.bold().coloured(series(i)).anchored(Anchor::Middle).halo();
@@ -112,7 +115,7 @@ fn label_ends(canvas: &mut Canvas, frame: &Frame, gaits: &[GaitTrace], ways: &[V
 }
 
 /// A place for a label near `end`: ahead of it as seen from the start if that is free, else the nearest that is.
-fn free_place(end: [f64; 2], start: [f64; 2], taken: &[[f64; 2]], frame: &Frame) -> [f64; 2] {
+fn free_place(end: [f64; 2], start: [f64; 2], taken: &[([f64; 2], f64)], frame: &Frame) -> [f64; 2] {
     let ahead = (end[1] - start[1]).atan2(end[0] - start[0]);
     let turns = [0.0, 0.7, -0.7, 1.4, -1.4, 2.1, -2.1, 2.8];
     let inside = |[x, y]: [f64; 2]| {
@@ -121,12 +124,12 @@ fn free_place(end: [f64; 2], start: [f64; 2], taken: &[[f64; 2]], frame: &Frame)
             && y > frame.top + 10.0
             && y < frame.top + frame.height - 10.0
     };
-    let places = [22.0, 34.0, 46.0, 58.0, 70.0, 82.0].into_iter().flat_map(|distance| {
+    let places = [20.0, 27.0, 34.0, 46.0, 58.0, 70.0, 82.0].into_iter().flat_map(|distance| {
         turns.map(|turn| {
             let (sin, cos) = (ahead + turn).sin_cos();
             [end[0] + distance * cos, end[1] + distance * sin]
         })
     });
-    let free = |p: &[f64; 2]| inside(*p) && taken.iter().all(|t| (t[0] - p[0]).hypot(t[1] - p[1]) >= 17.0);
+    let free = |p: &[f64; 2]| inside(*p) && taken.iter().all(|(t, room)| (t[0] - p[0]).hypot(t[1] - p[1]) >= *room);
     places.clone().find(free).or_else(|| places.clone().find(|p| inside(*p))).unwrap_or(end)
 }
