@@ -1,12 +1,145 @@
 //! Candidates in, scores out: what a worker does.
+//!
+//! All candidates of a call are advanced together: each round, their planners say which transitions they lack, the
+//! engine simulates all of them in one batch, and they go on. A candidate has a table of transitions of its own, so what
+//! it scores does not depend on whom it shares a batch with.
 
+use crate::control::Targets;
+use crate::environment::Block;
 use crate::job::Job;
-use crate::score::{Evaluation, Genome};
+use crate::plan::{Growth, TransitionKey, Transitions, Tree};
+use crate::random::{Purpose, Stream};
+use crate::rollout::{Outcome, Request};
+use crate::score::{Counts, Evaluation, Genome};
+
+/// Rollouts between two looks at whether to stop.
+const BATCH: usize = 64;
 
 /// The caller asked to stop before the work was done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stopped before the work was done")]
 pub struct Stopped;
+
+/// One candidate being evaluated: its gaits, its table of transitions and its trees.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// What the joints are told, by gait.
+    pub targets: Vec<Targets>,
+    /// Local states and transitions, shared by the trees.
+    pub table: Transitions,
+    /// The trees.
+    pub growths: Vec<Growth>,
+    /// What it took.
+    pub counts: Counts,
+}
+
+impl Trial {
+    /// A trial with one tree a stream, at the given reuse tolerance.
+    ///
+    /// # Panics
+    /// If the genome's length does not fit the job.
+    pub fn new(job: &Job, genome: &[f64], tolerance: f64, streams: impl IntoIterator<Item = Stream>) -> Self {
+        let (gaits, joints) = (job.spec().gaits.count as usize, job.robot().hinges.len());
+        assert_eq!(genome.len(), job.bounds().0.len(), "the genome does not fit the job");
+        let compile = |gait: &[f64]| job.controller().compile(gait, joints, job.spec().gaits.duration);
+        Self {
+            targets: genome.chunks(genome.len() / gaits).map(compile).collect(),
+            table: Transitions::new(gaits, tolerance, job.start()),
+            growths: streams.into_iter().map(|s| Growth::new(job.planner(), job.root(), s)).collect(),
+            counts: Counts::default(),
+        }
+    }
+
+    /// The score of each tree.
+    pub fn scores(&self, job: &Job) -> Vec<f64> {
+        self.growths.iter().map(|g| job.fitness().score(g.tree())).collect()
+    }
+
+    /// The mean of the trees' scores.
+    pub fn score(&self, job: &Job) -> f64 {
+        let scores = self.scores(job);
+        scores.iter().sum::<f64>() / scores.len() as f64
+    }
+
+    /// The first tree.
+    pub fn tree(&self) -> &Tree {
+        self.growths[0].tree()
+    }
+
+    /// Everything that was counted, rollouts and trees.
+    pub fn counts(&self) -> Counts {
+        let mut counts = self.counts;
+        self.growths.iter().for_each(|g| counts += g.counts());
+        counts
+    }
+
+    fn wishes(&mut self, job: &Job) -> Vec<TransitionKey> {
+        let mut wishes = Vec::new();
+        for growth in &mut self.growths {
+            for key in growth.advance(&job.setting(), &mut self.table) {
+                if !wishes.contains(&key) {
+                    wishes.push(key);
+                }
+            }
+        }
+        wishes
+    }
+}
+
+/// Advances trials side by side until all their trees are grown.
+pub fn grow(job: &Job, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    loop {
+        let wishes: Vec<(usize, TransitionKey)> = trials
+            .iter_mut()
+            .enumerate()
+            .flat_map(|(i, trial)| trial.wishes(job).into_iter().map(move |key| (i, key)))
+            .collect();
+        if wishes.is_empty() {
+            return Ok(());
+        }
+        // Canonical rollouts see flat ground only; rollouts in place see the terrain. A trial's outcomes are taken in by
+        // kind and then in the order of its wishes, whatever else is in the batch.
+        let (placed, canonical): (Vec<_>, Vec<_>) =
+            wishes.into_iter().partition(|(i, key)| trials[*i].table.is_in_place(key.start));
+        run(job, trials, &[], &canonical, stop)?;
+        run(job, trials, &job.environment().terrain, &placed, stop)?;
+    }
+}
+
+/// Simulates the wishes of trials and hands each its outcomes.
+fn run(
+    job: &Job,
+    trials: &mut [Trial],
+    terrain: &[Block],
+    wishes: &[(usize, TransitionKey)],
+    stop: &dyn Fn() -> bool,
+) -> Result<(), Stopped> {
+    for batch in wishes.chunks(BATCH) {
+        if stop() {
+            return Err(Stopped);
+        }
+        let request = |&(i, key): &(usize, TransitionKey)| {
+            let trial: &Trial = &trials[i];
+            Request { start: trial.table.start(key.start), targets: &trial.targets[key.gait] }
+        };
+        let requests: Vec<Request<'_>> = batch.iter().map(request).collect();
+        let rollouts = job.engine().run(job.robot(), job.physics(), terrain, &requests);
+        for (&(i, key), rollout) in batch.iter().zip(rollouts) {
+            let counts = &mut trials[i].counts;
+            counts.rollouts += 1;
+            counts.unstable += u64::from(rollout.outcome != Outcome::Completed);
+            counts.simulated_ms += rollout.simulated_ms;
+            trials[i].table.insert(key, rollout);
+        }
+    }
+    Ok(())
+}
+
+/// The random streams of a candidate's trees in the search.
+pub fn search_streams(job: &Job, generation: u32, candidate: u32) -> impl Iterator<Item = Stream> {
+    let seed = job.spec().seed;
+    (0..job.spec().planner.repeats).map(move |r| Stream::new(seed, Purpose::Planner, generation, candidate, r))
+}
 
 /// Scores candidates of one generation, given as (index in the generation, genome). What a candidate scores does not
 /// depend on which others are in the batch. `stop` is asked now and then; once true, the work is given up.
@@ -14,10 +147,21 @@ pub struct Stopped;
 /// # Panics
 /// If a genome's length does not fit the job.
 pub fn evaluate(
-    _job: &Job,
-    _generation: u32,
-    _candidates: &[(u32, Genome)],
-    _stop: &dyn Fn() -> bool,
+    job: &Job,
+    generation: u32,
+    candidates: &[(u32, Genome)],
+    stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Evaluation>, Stopped> {
-    todo!()
+    let tolerance = job.spec().planner.reuse_tolerance;
+    let mut trials: Vec<Trial> = candidates
+        .iter()
+        .map(|(index, genome)| Trial::new(job, genome, tolerance, search_streams(job, generation, *index)))
+        .collect();
+    grow(job, &mut trials, stop)?;
+    let scored = |(trial, (index, _)): (&Trial, &(u32, Genome))| Evaluation {
+        candidate: *index,
+        score: Some(trial.score(job)),
+        counts: trial.counts(),
+    };
+    Ok(trials.iter().zip(candidates).map(scored).collect())
 }

@@ -3,14 +3,22 @@
 //! Pure computation: no I/O, no clock, no threads of its own, no global random numbers. The same input gives the same
 //! bits on every machine. Lengths are in map units (mu, one module length), times in s, angles in rad, masses in kg.
 
+pub mod catalogue;
+pub mod control;
 pub mod environment;
 pub mod error;
 pub mod evaluate;
+pub mod fitness;
 pub mod identity;
 pub mod job;
 pub mod limits;
+pub mod math;
 pub mod optimise;
+pub mod plan;
 pub mod random;
 pub mod report;
 pub mod robot;
+pub mod rollout;
 pub mod score;
+
+pub use rollout::engine_digests;

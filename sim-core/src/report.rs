@@ -1,8 +1,11 @@
 //! What a finished job tells of its winner: computed by a worker as the job's last task, stored with the job, drawn by
 //! the command line.
 
-use crate::evaluate::Stopped;
+mod record;
+
+use crate::evaluate::{Stopped, Trial, grow, search_streams};
 use crate::job::Job;
+use crate::random::{Purpose, Stream};
 use crate::score::{Counts, Scored};
 use serde::{Deserialize, Serialize};
 
@@ -114,6 +117,36 @@ pub enum PathMode {
 }
 
 /// Makes the report of a job's winner. `stop` is asked now and then.
-pub fn report(_job: &Job, _winner: &Scored, _first: &Scored, _stop: &dyn Fn() -> bool) -> Result<Report, Stopped> {
-    todo!()
+pub fn report(job: &Job, winner: &Scored, first: &Scored, stop: &dyn Fn() -> bool) -> Result<Report, Stopped> {
+    let tolerance = job.spec().planner.reuse_tolerance;
+    let streams = || search_streams(job, winner.generation, winner.candidate);
+    let mut trials = [
+        Trial::new(job, &winner.genome, tolerance, streams()),
+        Trial::new(job, &winner.genome, tolerance, fresh_streams(job)),
+        Trial::new(job, &first.genome, tolerance, fresh_streams(job)),
+        Trial::new(job, &winner.genome, 0.0, streams()),
+    ];
+    grow(job, &mut trials, stop)?;
+    let mut counts = Counts::default();
+    trials.iter().for_each(|t| counts += t.counts());
+    let [search, winner_fresh, first_fresh, literal] = &trials;
+    let tree = record::tree(job, search);
+    let paths = record::paths(job, search, &tree.best_path, &mut counts);
+    Ok(Report {
+        winner: winner.clone(),
+        first: first.clone(),
+        winner_fresh: winner_fresh.scores(job).into_iter().map(Some).collect(),
+        first_fresh: first_fresh.scores(job).into_iter().map(Some).collect(),
+        winner_without_reuse: Some(literal.score(job)),
+        gaits: record::gaits(job, winner, &search.targets, &mut counts),
+        tree,
+        paths,
+        counts,
+    })
+}
+
+/// The random streams of the fresh trees that a finished job's candidates are scored on.
+pub fn fresh_streams(job: &Job) -> impl Iterator<Item = Stream> {
+    let seed = job.spec().seed;
+    (0..FRESH_SEEDS).map(move |repeat| Stream::new(seed, Purpose::Rescore, 0, 0, repeat))
 }

@@ -4,89 +4,298 @@ mod spec;
 
 pub use spec::*;
 
+use crate::catalogue;
+use crate::control::{Controller, controller};
 use crate::environment::Environment;
-use crate::error::Invalid;
+use crate::error::{Invalid, in_range, name};
+use crate::fitness::Fitness;
 use crate::identity::Digest;
-use crate::optimise::{Bounds, Optimiser};
-use crate::robot::RobotSpec;
+use crate::limits;
+use crate::optimise::{self, Bounds, Optimiser};
+use crate::plan::{Metric, Place, Planner, Setting, state_touches};
+use crate::robot::{Robot, RobotSpec, State};
+use crate::rollout::{Engine, Physics, engine, engine_digest, settle};
 use crate::score::Direction;
+use serde::Serialize;
+use std::sync::Arc;
 
-/// A resolved, validated job with its robot compiled.
+/// A resolved, validated job with its robot compiled and settled. Cheap to clone.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct Job(Arc<Resolved>);
+
+#[derive(Debug)]
+struct Resolved {
     spec: JobSpec,
+    robot_spec: RobotSpec,
+    environment: Environment,
+    robot: Robot,
+    physics: Physics,
+    fitness: Fitness,
+    bounds: Bounds,
+    /// The settled start in the canonical frame.
+    start: State,
 }
 
 impl Job {
     /// Reads a self-contained job: one whose robot and environment are written out or ship with evogait.
     /// Settings that are not given get their defaults, so that [`Job::to_toml`] tells all of them.
-    pub fn from_toml(_text: &str) -> Result<Job, Invalid> {
-        todo!()
+    pub fn from_toml(text: &str) -> Result<Job, Invalid> {
+        let length = text.len() as f64;
+        in_range("length of the job's text", length, (0.0, limits::MAX_TOML_LENGTH as f64), "bytes")?;
+        Self::new(toml::from_str(text)?)
     }
 
     /// Resolves and validates a job whose robot and environment are written out or ship with evogait.
-    pub fn new(_spec: JobSpec) -> Result<Job, Invalid> {
-        todo!()
+    pub fn new(mut spec: JobSpec) -> Result<Job, Invalid> {
+        name("name", &spec.name)?;
+        let length = spec.description.len() as f64;
+        in_range("description length", length, (0.0, limits::MAX_DESCRIPTION_LENGTH as f64), "bytes")?;
+        in_range("seed", spec.seed as f64, (0.0, i64::MAX as f64), "")?;
+        let robot_spec = resolve_robot(&spec)?;
+        let environment = resolve_environment(&spec.environment)?;
+        let robot = Robot::compile(&robot_spec)?;
+        let physics = Physics::resolve(&spec.physics)?;
+        validate_gaits(&spec.gaits, &physics)?;
+        validate_planner(&spec.planner)?;
+        spec.optimiser.validate()?;
+        let fitness = Fitness::new(&spec.fitness, &environment)?;
+        let bounds = bounds_of(&spec.gaits, robot.hinges.len())?;
+        let engine = engine(spec.physics.engine);
+        let start = settle(engine, &robot, &physics)
+            .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
+        refuse_blocked_start(&robot, &environment, &start)?;
+
+        spec.variant = None;
+        spec.physics = physics.written_out(&spec.physics);
+        spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
+        spec.environment = Reference::Inline(Box::new(environment.clone()));
+        Ok(Job(Arc::new(Resolved { spec, robot_spec, environment, robot, physics, fitness, bounds, start })))
     }
 
     /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
     /// job with the same digest.
     pub fn to_toml(&self) -> String {
-        todo!()
+        toml::to_string(&self.0.spec).expect("a resolved job can be written as TOML")
     }
 
-    /// The job digest: resolved job, robot, environment, optimiser and engine; not the name or description.
+    /// The job digest: resolved job, robot, environment, optimiser and engine; not names or descriptions.
     pub fn digest(&self) -> Digest {
-        todo!()
+        #[derive(Serialize)]
+        struct Identity<'a> {
+            spec: &'a JobSpec,
+            engine: Digest,
+        }
+        let mut spec = self.0.spec.clone();
+        spec.name.clear();
+        spec.description.clear();
+        if let (Reference::Inline(robot), Reference::Inline(environment)) = (&mut spec.robot, &mut spec.environment) {
+            robot.name.clear();
+            robot.description.clear();
+            environment.name.clear();
+            environment.description.clear();
+        }
+        Digest::of("evogait job 1", &Identity { spec: &spec, engine: self.engine_digest() })
     }
 
     /// The digest of the engine that the job runs on, as this build has it. A worker must offer the same.
     pub fn engine_digest(&self) -> Digest {
-        todo!()
+        engine_digest(self.0.spec.physics.engine)
     }
 
     /// The resolved job as written.
     pub fn spec(&self) -> &JobSpec {
-        &self.spec
+        &self.0.spec
     }
 
     /// The resolved robot file.
     pub fn robot_spec(&self) -> &RobotSpec {
-        todo!()
+        &self.0.robot_spec
+    }
+
+    /// The compiled robot.
+    pub fn robot(&self) -> &Robot {
+        &self.0.robot
     }
 
     /// The environment.
     pub fn environment(&self) -> &Environment {
-        todo!()
+        &self.0.environment
+    }
+
+    /// The physics, every number resolved.
+    pub fn physics(&self) -> &Physics {
+        &self.0.physics
+    }
+
+    /// The fitness.
+    pub fn fitness(&self) -> &Fitness {
+        &self.0.fitness
     }
 
     /// The box of genomes.
     pub fn bounds(&self) -> &Bounds {
-        todo!()
+        &self.0.bounds
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> &'static dyn Engine {
+        engine(self.0.spec.physics.engine)
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &'static dyn Controller {
+        controller(self.0.spec.gaits.controller)
+    }
+
+    /// The settled start in the canonical frame.
+    pub fn start(&self) -> &State {
+        &self.0.start
+    }
+
+    /// Where the pivot starts on the map.
+    pub fn root(&self) -> Place {
+        let start = &self.0.environment.start;
+        Place { x: start.x, y: start.y, z: self.0.start.pivot.translation.z.into(), yaw: start.yaw }
+    }
+
+    /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
+    /// distance fitness.
+    pub fn planner(&self) -> Planner {
+        let spec = &self.0.spec.planner;
+        Planner {
+            algorithm: spec.algorithm,
+            iterations: spec.iterations,
+            metric: Metric { yaw_weight: spec.yaw_weight, height: !self.0.environment.is_flat() },
+            map: self.0.environment.size,
+            stop_at: None,
+        }
+    }
+
+    /// Where trees are grown.
+    pub fn setting(&self) -> Setting<'_> {
+        Setting {
+            robot: &self.0.robot,
+            environment: &self.0.environment,
+            gaits: self.0.spec.gaits.count as usize,
+            height: self.0.start.pivot.translation.z.into(),
+        }
     }
 
     /// Names of the genome's parameters, such as `gait1.hip-front.omega1`, in order.
     pub fn parameter_names(&self) -> Vec<String> {
-        todo!()
+        let mut names = Vec::new();
+        for gait in 1..=self.0.spec.gaits.count {
+            for hinge in &self.0.robot.hinges {
+                for parameter in self.controller().parameters() {
+                    names.push(format!("gait{gait}.{}.{}", hinge.name, parameter.name));
+                }
+            }
+        }
+        names
     }
 
     /// Whether larger or smaller scores are better.
     pub fn direction(&self) -> Direction {
-        todo!()
+        self.0.fitness.direction()
     }
 
     /// Name and unit of the score, such as ("coverage", "%").
     pub fn score_label(&self) -> (&'static str, &'static str) {
-        todo!()
+        self.0.fitness.label()
     }
 
     /// A fresh optimiser at generation 0.
     pub fn optimiser(&self) -> Box<dyn Optimiser> {
-        todo!()
+        optimise::build(&self.0.spec.optimiser, self.0.bounds.clone(), self.direction(), self.0.spec.seed)
     }
 
     /// Most rollouts one evaluation can take; with reuse it takes far fewer.
     pub fn most_rollouts(&self) -> u64 {
-        todo!()
+        let planner = &self.0.spec.planner;
+        u64::from(planner.iterations) * u64::from(self.0.spec.gaits.count) * u64::from(planner.repeats)
     }
+}
+
+fn resolve_robot(spec: &JobSpec) -> Result<RobotSpec, Invalid> {
+    let mut robot: RobotSpec = match &spec.robot {
+        Reference::Inline(robot) => (**robot).clone(),
+        Reference::Named(name) => toml::from_str(shipped("robot", catalogue::robots(), name)?)?,
+    };
+    if let Some(variant) = &spec.variant {
+        robot = robot.variant(variant)?;
+    }
+    robot.variants.clear();
+    Ok(robot)
+}
+
+fn resolve_environment(reference: &Reference<Environment>) -> Result<Environment, Invalid> {
+    let environment: Environment = match reference {
+        Reference::Inline(environment) => (**environment).clone(),
+        Reference::Named(name) => toml::from_str(shipped("environment", catalogue::environments(), name)?)?,
+    };
+    environment.validate()?;
+    Ok(environment)
+}
+
+fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Result<&'static str, Invalid> {
+    catalogue::find(entries, name).map(|e| e.toml).ok_or_else(|| Invalid::Unknown {
+        field: field.to_owned(),
+        value: name.to_owned(),
+        known: entries.iter().map(|e| e.name.to_owned()).collect(),
+    })
+}
+
+fn validate_gaits(gaits: &GaitsSpec, physics: &Physics) -> Result<(), Invalid> {
+    in_range("gaits.count", gaits.count.into(), (1.0, limits::MAX_GAITS.into()), "")?;
+    in_range("gaits.duration", gaits.duration, (0.1, limits::MAX_DURATION), "s")?;
+    let steps = gaits.duration * f64::from(physics.steps_per_second);
+    let ticks = gaits.duration / crate::control::TICK;
+    if (steps - libm::round(steps)).abs() > 1e-6 || (ticks - libm::round(ticks)).abs() > 1e-6 {
+        let reason = format!(
+            "{} s is not a whole number of physics steps ({} a second) and of ticks of the target table (200 a second)",
+            gaits.duration, physics.steps_per_second
+        );
+        return Err(Invalid::Conflict { field: "gaits.duration".into(), reason });
+    }
+    Ok(())
+}
+
+fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
+    in_range("planner.iterations", planner.iterations.into(), (1.0, limits::MAX_ITERATIONS.into()), "")?;
+    in_range("planner.yaw_weight", planner.yaw_weight, (0.0, 1000.0), "mu/rad")?;
+    in_range("planner.reuse_tolerance", planner.reuse_tolerance, (0.0, 1.0), "rad (mu for height)")?;
+    in_range("planner.repeats", planner.repeats.into(), (1.0, limits::MAX_REPEATS.into()), "")
+}
+
+fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
+    let parameters = controller(gaits.controller).parameters();
+    for (parameter, &(low, high)) in &gaits.bounds {
+        let field = format!("gaits.bounds.{parameter}");
+        if !parameters.iter().any(|p| p.name == parameter) {
+            let known = parameters.iter().map(|p| p.name.to_owned()).collect();
+            return Err(Invalid::Unknown { field: "gaits.bounds".into(), value: parameter.clone(), known });
+        }
+        in_range(format!("{field}[0]"), low, (-1000.0, 1000.0), "")?;
+        in_range(format!("{field}[1]"), high, (-1000.0, 1000.0), "")?;
+        if low >= high {
+            let reason = format!("the lower bound {low} is not below the upper bound {high}");
+            return Err(Invalid::Conflict { field, reason });
+        }
+    }
+    let joint: Vec<(f64, f64)> =
+        parameters.iter().map(|p| gaits.bounds.get(p.name).copied().unwrap_or(p.bounds)).collect();
+    let length = joint.len() * joints * gaits.count as usize;
+    in_range("length of the genome", length as f64, (1.0, limits::MAX_GENOME as f64), "")?;
+    Ok(Bounds(joint.iter().copied().cycle().take(length).collect()))
+}
+
+fn refuse_blocked_start(robot: &Robot, environment: &Environment, start: &State) -> Result<(), Invalid> {
+    let place = Place { x: environment.start.x, y: environment.start.y, z: 0.0, yaw: environment.start.yaw };
+    for (what, blocks) in [("obstacle", &environment.obstacles), ("terrain", &environment.terrain)] {
+        if let Some(i) = blocks.iter().position(|block| state_touches(robot, block, &place, start)) {
+            let wrong = format!("where the robot touches environment.{what}[{i}]");
+            return Err(Invalid::Misplaced { what: "the start", x: place.x, y: place.y, wrong });
+        }
+    }
+    Ok(())
 }

@@ -129,8 +129,6 @@ pub enum FitnessSpec {
     },
     /// Least planar distance of a node's pivot to the goal, mu. Minimised.
     Distance {},
-    /// Greatest planar distance of a node's pivot from the start, mu. Maximised.
-    Travel {},
 }
 
 /// How big the robot is, which gravity in map units tells.

@@ -1,3 +1,12 @@
-//! Robots.
+//! Robots: modules docked to each other, compiled to few rigid bodies and a tree of hinges.
+
+mod assemble;
+mod body;
+mod kind;
+mod pose;
 mod spec;
+
+pub use body::{Body, CollisionBox, Hinge, JOINT_LIMIT, PartBox, Robot};
+pub use kind::{HingeKind, KINDS, Kind, PartKind, PortKind};
+pub use pose::State;
 pub use spec::*;

@@ -1,5 +1,6 @@
 //! The robot file.
 
+use crate::error::Invalid;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -67,4 +68,19 @@ pub struct PoseSpec {
     /// Rotation about the module's own x, then y, then z axis, degrees.
     #[serde(default)]
     pub rotation: [f64; 3],
+}
+
+impl RobotSpec {
+    /// The robot with a named set of its modules failed; named after it.
+    pub fn variant(&self, variant: &str) -> Result<RobotSpec, Invalid> {
+        let failed = self.variants.get(variant).ok_or_else(|| Invalid::Unknown {
+            field: "variant".into(),
+            value: variant.to_owned(),
+            known: self.variants.keys().cloned().collect(),
+        })?;
+        let mut robot = self.clone();
+        robot.name = format!("{}-{variant}", self.name);
+        robot.failed.extend(failed.iter().filter(|f| !self.failed.contains(f)).cloned());
+        Ok(robot)
+    }
 }

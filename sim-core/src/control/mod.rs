@@ -1,0 +1,54 @@
+//! Controllers: signal generators that give joint targets over time.
+//!
+//! Nothing in a controller senses the physics, so a gait is compiled once to a table of joint targets, which all rollouts
+//! of that gait share. No physics engine knows what an oscillator is.
+
+mod hopf;
+mod sine;
+mod targets;
+
+pub use hopf::Hopf;
+pub use sine::Sine;
+pub use targets::{TICK, Targets};
+
+use crate::job::ControllerKind;
+
+/// A parameter of a controller, one a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// Name in job files, tables and results.
+    pub name: &'static str,
+    /// Unit, empty for a pure number.
+    pub unit: &'static str,
+    /// Default bounds.
+    pub bounds: (f64, f64),
+}
+
+/// A controller drives every joint by a signal of its own. A gait's parameters are laid out joint after joint, each with
+/// the parameters in the order of [`Controller::parameters`].
+pub trait Controller: Sync {
+    /// The parameters of one joint.
+    fn parameters(&self) -> &'static [Parameter];
+
+    /// The signal of one joint, rad, at `ticks` instants [`TICK`] apart, the first at time 0.
+    fn signal(&self, parameters: &[f64], ticks: usize) -> Vec<f64>;
+
+    /// The joint targets of a gait over `duration` s.
+    ///
+    /// # Panics
+    /// If the number of parameters is not that of `joints` joints.
+    fn compile(&self, gait: &[f64], joints: usize, duration: f64) -> Targets {
+        let each = self.parameters().len();
+        assert_eq!(gait.len(), joints * each, "a gait of {joints} joints has {} parameters", joints * each);
+        let signals: Vec<Vec<f64>> = gait.chunks(each).map(|p| self.signal(p, Targets::ticks(duration))).collect();
+        Targets::new(&signals, duration)
+    }
+}
+
+/// The controller of a kind.
+pub fn controller(kind: ControllerKind) -> &'static dyn Controller {
+    match kind {
+        ControllerKind::Hopf => &Hopf,
+        ControllerKind::Sine => &Sine,
+    }
+}

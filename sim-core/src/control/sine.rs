@@ -1,0 +1,36 @@
+//! A sine a joint: section III of Vonásek and Faigl (2016).
+
+use super::{Controller, Parameter, TICK};
+
+/// a(t) = A sin(ω t + φ) + B: four parameters a joint. The paper gives no bounds; these keep the amplitude that of the
+/// Hopf oscillator (√1.3) and its frequencies, and offsets within a third of the joint's range.
+pub struct Sine;
+
+impl Controller for Sine {
+    fn parameters(&self) -> &'static [Parameter] {
+        &[
+            Parameter { name: "amplitude", unit: "rad", bounds: (0.0, 1.14) },
+            Parameter { name: "offset", unit: "rad", bounds: (-0.5, 0.5) },
+            Parameter { name: "omega", unit: "rad/s", bounds: (0.0, 4.0) },
+            Parameter { name: "phase", unit: "rad", bounds: (-3.141_592_653_589_793, 3.141_592_653_589_793) },
+        ]
+    }
+
+    fn signal(&self, parameters: &[f64], ticks: usize) -> Vec<f64> {
+        let &[amplitude, offset, omega, phase] = parameters else { unreachable!("a sine has four parameters") };
+        (0..ticks).map(|t| amplitude * libm::sin(omega * (t as f64 * TICK) + phase) + offset).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signal_is_the_formula() {
+        let signal = Sine.signal(&[0.7, -0.2, 3.0, 0.4], 401);
+        for (tick, value) in [(0, 0.4), (200, 3.4), (400, 6.4)] {
+            assert_eq!(signal[tick], 0.7 * libm::sin(value) - 0.2, "at tick {tick}");
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! A planner and the table of transitions it is fed from: grows one tree, saying which rollouts it lacks.
+
+use super::{Ask, Place, Planner, RrtMp, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches};
+use crate::environment::Environment;
+use crate::math::{Pose, Vector, about_z};
+use crate::random::Stream;
+use crate::robot::{Robot, State};
+use crate::rollout::{Outcome, canonical};
+use crate::score::Counts;
+
+/// Where trees are grown.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting<'a> {
+    /// Who moves.
+    pub robot: &'a Robot,
+    /// Where.
+    pub environment: &'a Environment,
+    /// k.
+    pub gaits: usize,
+    /// Height of the pivot above the ground at rest, mu.
+    pub height: f64,
+}
+
+/// A tree on its way.
+#[derive(Clone, Debug)]
+pub struct Growth {
+    rrt: RrtMp,
+    nodes: Vec<NodeStart>,
+    /// Of every expanded node, the transition behind each gait's arrival.
+    edges: Vec<Vec<TransitionKey>>,
+    counts: Counts,
+}
+
+/// What a node starts from.
+#[derive(Clone, Debug)]
+struct NodeStart {
+    /// Its representative in the canonical frame.
+    local: StartId,
+    /// The exact configuration in the map, where it was reached by a rollout in place.
+    exact: Option<State>,
+    /// The start bound to its place, once one was needed.
+    in_place: Option<StartId>,
+}
+
+impl Growth {
+    /// Starts at a place, in start 0 of the table.
+    pub fn new(planner: Planner, root: Place, stream: Stream) -> Self {
+        let root_start = NodeStart { local: StartId(0), exact: None, in_place: None };
+        Self {
+            rrt: RrtMp::new(planner, root, stream),
+            nodes: vec![root_start],
+            edges: vec![Vec::new()],
+            counts: Counts::default(),
+        }
+    }
+
+    /// The tree so far.
+    pub fn tree(&self) -> &Tree {
+        self.rrt.tree()
+    }
+
+    /// Edges tried and rejected, and nodes. Rollouts are counted where they are run.
+    pub fn counts(&self) -> Counts {
+        Counts { nodes: self.tree().nodes.len() as u64, ..self.counts }
+    }
+
+    /// The transition that led to a node; `None` for the root.
+    pub fn transition_to(&self, node: usize) -> Option<TransitionKey> {
+        let (parent, gait) = self.tree().nodes[node].edge?;
+        self.edges[parent].get(gait).copied()
+    }
+
+    /// Where a node is laid out from when its transition was simulated in the canonical frame: its place, or the map's
+    /// origin for a rollout in place.
+    pub fn frame(&self, table: &Transitions, node: usize, key: TransitionKey) -> Place {
+        if table.is_in_place(key.start) { Place::ORIGIN } else { self.tree().nodes[node].place }
+    }
+
+    /// Grows until transitions are missing and returns them, or returns none when the tree is grown.
+    pub fn advance(&mut self, setting: &Setting<'_>, table: &mut Transitions) -> Vec<TransitionKey> {
+        let ground = |x: f64, y: f64| {
+            let over = setting.environment.terrain.iter().filter(|t| t.covers(x, y, 0.0));
+            setting.height + over.map(|t| t.top).fold(0.0, f64::max)
+        };
+        loop {
+            let Ask::Expand(node) = self.rrt.ask(&ground) else { return Vec::new() };
+            let keys: Vec<TransitionKey> = (0..setting.gaits).map(|g| self.key(setting, table, node, g)).collect();
+            let missing: Vec<TransitionKey> = keys.iter().copied().filter(|k| table.get(*k).is_none()).collect();
+            if !missing.is_empty() {
+                return missing;
+            }
+            let before = self.tree().nodes.len();
+            let arrivals = keys.iter().map(|key| self.arrival(setting, table, node, *key)).collect();
+            self.rrt.tell(arrivals);
+            self.edges[node] = keys;
+            for new in before..self.tree().nodes.len() {
+                self.edges.push(Vec::new());
+                let start = self.start_of(table, new);
+                self.nodes.push(start);
+            }
+        }
+    }
+
+    /// The transition to use from a node: the canonical one unless it comes over terrain.
+    fn key(&mut self, setting: &Setting<'_>, table: &mut Transitions, node: usize, gait: usize) -> TransitionKey {
+        let place = self.tree().nodes[node].place;
+        let local = TransitionKey { start: self.nodes[node].local, gait };
+        let terrain = &setting.environment.terrain;
+        if terrain.is_empty() {
+            return local;
+        }
+        let start = &self.nodes[node];
+        let clear = start.exact.as_ref().is_none_or(|exact| !over(setting.robot, terrain, exact));
+        if clear && table.get(local).is_none_or(|t| !on_terrain(terrain, &place, &t.rollout)) {
+            return local;
+        }
+        let bound = start.in_place.unwrap_or_else(|| {
+            let exact = start.exact.clone();
+            table.in_place(exact.unwrap_or_else(|| laid_out(table.start(local.start), &place)))
+        });
+        self.nodes[node].in_place = Some(bound);
+        TransitionKey { start: bound, gait }
+    }
+
+    fn arrival(
+        &mut self,
+        setting: &Setting<'_>,
+        table: &Transitions,
+        node: usize,
+        key: TransitionKey,
+    ) -> Option<Place> {
+        self.counts.edges += 1;
+        let frame = self.frame(table, node, key);
+        let transition = table.get(key)?;
+        let rejected = transition.rollout.outcome != Outcome::Completed
+            || leaves_map(setting.environment, &frame, &transition.rollout)
+            || touches(setting.robot, &setting.environment.obstacles, &frame, &transition.rollout);
+        if rejected {
+            self.counts.rejected += 1;
+            return None;
+        }
+        Some(frame.then(&transition.end))
+    }
+
+    fn start_of(&self, table: &Transitions, node: usize) -> NodeStart {
+        let reached = self.transition_to(node).and_then(|key| table.get(key).map(|t| (key, t)));
+        let Some((key, transition)) = reached else {
+            return NodeStart { local: StartId(0), exact: None, in_place: None };
+        };
+        let exact = table.is_in_place(key.start).then(|| transition.rollout.end.clone());
+        NodeStart { local: transition.end_start.unwrap_or(StartId(0)), exact, in_place: None }
+    }
+}
+
+/// A canonical configuration, moved to a place of the map.
+pub(crate) fn laid_out(state: &State, place: &Place) -> State {
+    let local = canonical(state.clone());
+    let height = f64::from(local.pivot.translation.z);
+    let rotation = (about_z(place.yaw) * local.pivot.rotation).normalize();
+    let translation = Vector::new(place.x as f32, place.y as f32, height as f32);
+    State { pivot: Pose::from_parts(translation, rotation), joints: local.joints }
+}
+
+/// Whether the robot's bounds come over terrain.
+fn over(robot: &Robot, terrain: &[crate::environment::Block], state: &State) -> bool {
+    let (low, high) = robot.bounds(state);
+    let (x, y) = (f64::from(low.x + high.x) / 2.0, f64::from(low.y + high.y) / 2.0);
+    let (w, h) = (f64::from(high.x - low.x) / 2.0, f64::from(high.y - low.y) / 2.0);
+    terrain.iter().any(|t| t.covers(x, y, (w * w + h * h).sqrt()))
+}

@@ -1,0 +1,19 @@
+//! Motion planning with gaits: trees of configurations, grown by running a candidate's gaits.
+
+mod grow;
+mod nearest;
+mod place;
+mod rrt_mp;
+mod swept;
+mod transitions;
+mod tree;
+
+pub(crate) use grow::laid_out;
+pub use grow::{Growth, Setting};
+pub use nearest::Nearest;
+pub use place::{Metric, Place};
+pub use rrt_mp::{Ask, Planner, RrtMp};
+pub(crate) use swept::state_touches;
+pub use swept::{leaves_map, on_terrain, touches};
+pub use transitions::{StartId, Transition, TransitionKey, Transitions};
+pub use tree::{Node, Tree};

@@ -1,0 +1,63 @@
+//! Where a robot is on the map, and how far two places are apart.
+
+use crate::math::{Pose, Vector, about_z, wrap};
+
+/// Place of the pivot: what a planner knows of a configuration. Joint angles and tilt belong to its local state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// mu.
+    pub x: f64,
+    /// mu.
+    pub y: f64,
+    /// mu.
+    pub z: f64,
+    /// Heading, rad, in (−π, π].
+    pub yaw: f64,
+}
+
+impl Place {
+    /// The origin, heading along x.
+    pub const ORIGIN: Place = Place { x: 0.0, y: 0.0, z: 0.0, yaw: 0.0 };
+
+    /// A point of this place's frame, in the map. Height stays: frames differ by a turn about z and a shift in the plane.
+    pub fn point(&self, x: f64, y: f64) -> (f64, f64) {
+        let (s, c) = (libm::sin(self.yaw), libm::cos(self.yaw));
+        (self.x + c * x - s * y, self.y + s * x + c * y)
+    }
+
+    /// A place of this place's frame, in the map.
+    pub fn then(&self, inner: &Place) -> Place {
+        let (x, y) = self.point(inner.x, inner.y);
+        Place { x, y, z: inner.z, yaw: wrap(self.yaw + inner.yaw) }
+    }
+
+    /// The frame that rollouts simulated in the canonical frame are laid out in: this place's x, y and heading.
+    pub fn frame(&self) -> Pose {
+        Pose::from_parts(Vector::new(self.x as f32, self.y as f32, 0.0), about_z(self.yaw))
+    }
+
+    /// Planar distance, mu.
+    pub fn planar_distance(&self, other: &Place) -> f64 {
+        let (dx, dy) = (self.x - other.x, self.y - other.y);
+        (dx * dx + dy * dy).sqrt()
+    }
+}
+
+/// ϱ(p, q) = √(Δx² + Δy² (+ Δz²) + (w·Δyaw)²), mu. The paper gives no metric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Metric {
+    /// w, mu/rad.
+    pub yaw_weight: f64,
+    /// Whether height counts: in environments with terrain.
+    pub height: bool,
+}
+
+impl Metric {
+    /// ϱ². Symmetric, 0 for equal places; the order of squares is that of distances.
+    pub fn squared(&self, p: &Place, q: &Place) -> f64 {
+        let (dx, dy) = (p.x - q.x, p.y - q.y);
+        let dz = if self.height { p.z - q.z } else { 0.0 };
+        let turn = self.yaw_weight * wrap(p.yaw - q.yaw);
+        dx * dx + dy * dy + dz * dz + turn * turn
+    }
+}

@@ -1,0 +1,164 @@
+//! RRT-MP: a tree grown with gaits as motion primitives. Algorithm 1 of Vonásek and Faigl (2016) and the original planner
+//! that it modifies (section IV-A).
+//!
+//! The planner asks, it does not call: [`RrtMp::ask`] says which node must be expanded with all gaits next, and
+//! [`RrtMp::tell`] takes where they arrive. So many planners can be advanced side by side.
+//!
+//! How silences are read: q_rand is uniform in x, y and yaw; in line 8, q' is the nearest neighbour other than q_near
+//! (with q_near included line 9 could never hold), infinitely far if there is none, and siblings added before count. An
+//! iteration that picks a node already expanded counts and adds nothing.
+
+use super::{Metric, Nearest, Place, Tree};
+use crate::job::Algorithm;
+use crate::random::Stream;
+use std::f64::consts::PI;
+
+/// How a tree is grown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Planner {
+    /// Which of the two planners.
+    pub algorithm: Algorithm,
+    /// K_max.
+    pub iterations: u32,
+    /// ϱ.
+    pub metric: Metric,
+    /// Width and height of the map that q_rand is drawn from, mu.
+    pub map: [f64; 2],
+    /// Ends the growth once a node is as near to (x, y) as the radius (x, y, radius; mu). For planning jobs; it would cut
+    /// short the tree of a distance fitness.
+    pub stop_at: Option<(f64, f64, f64)>,
+}
+
+/// What a planner needs next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// Where all gaits lead from this node.
+    Expand(usize),
+    /// Nothing: the tree is grown.
+    Done,
+}
+
+/// A tree being grown.
+#[derive(Clone, Debug)]
+pub struct RrtMp {
+    planner: Planner,
+    tree: Tree,
+    nearest: Nearest,
+    stream: Stream,
+    iteration: u32,
+    /// Arrivals of every expanded node, by gait; `None` = rejected. Never asked for twice.
+    arrivals: Vec<Option<Vec<Option<Place>>>>,
+    /// An expansion that was asked for: q_rand and the node.
+    pending: Option<(Place, usize)>,
+    at_goal: bool,
+}
+
+impl RrtMp {
+    /// Starts at a root; q_rand is drawn from `stream`.
+    pub fn new(planner: Planner, root: Place, stream: Stream) -> Self {
+        let mut rrt = Self {
+            planner,
+            tree: Tree { nodes: Vec::new() },
+            nearest: Nearest::new(planner.metric),
+            stream,
+            iteration: 0,
+            arrivals: Vec::new(),
+            pending: None,
+            at_goal: false,
+        };
+        rrt.add(root, None);
+        rrt
+    }
+
+    /// The tree so far.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// Whether the growth ended at the goal.
+    pub fn at_goal(&self) -> bool {
+        self.at_goal
+    }
+
+    /// Runs iterations until one needs an expansion that was not told yet. `ground` gives the pivot's height at a place
+    /// of the map, for q_rand; it counts only if the metric looks at height.
+    pub fn ask(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Ask {
+        loop {
+            if let Some((_, node)) = self.pending {
+                return Ask::Expand(node);
+            }
+            if self.at_goal || self.iteration == self.planner.iterations {
+                return Ask::Done;
+            }
+            self.iteration += 1;
+            let random = self.random_place(ground);
+            let Some((near, _)) = self.nearest.nearest(&random, None) else { return Ask::Done };
+            match (&self.arrivals[near], self.planner.algorithm) {
+                (None, _) => self.pending = Some((random, near)),
+                (Some(_), Algorithm::FloodFill) => {}
+                (Some(_), Algorithm::Original) => self.extend(random, near),
+            }
+        }
+    }
+
+    /// Takes where each gait arrives from the node asked for; `None` where the motion is rejected.
+    ///
+    /// # Panics
+    /// If nothing was asked for.
+    pub fn tell(&mut self, arrivals: Vec<Option<Place>>) {
+        let (random, near) = self.pending.take().expect("only what was asked for can be told");
+        self.arrivals[near] = Some(arrivals);
+        match self.planner.algorithm {
+            Algorithm::FloodFill => self.flood(near),
+            Algorithm::Original => self.extend(random, near),
+        }
+    }
+
+    /// Lines 6 to 11 of Algorithm 1.
+    fn flood(&mut self, near: usize) {
+        let arrivals = self.arrivals[near].clone().unwrap_or_default();
+        for (gait, arrival) in arrivals.into_iter().enumerate() {
+            let Some(new) = arrival else { continue };
+            let to_parent = self.planner.metric.squared(&new, &self.tree.nodes[near].place);
+            let to_others = self.nearest.nearest(&new, Some(near)).map_or(f64::INFINITY, |(_, d)| d);
+            if to_others > to_parent {
+                self.add(new, Some((near, gait)));
+            }
+        }
+    }
+
+    /// The original planner: of the configurations reachable from q_near, the nearest to q_rand is added, unless it is in
+    /// the tree already.
+    fn extend(&mut self, random: Place, near: usize) {
+        let mut best: Option<(f64, usize, Place)> = None;
+        for (gait, arrival) in self.arrivals[near].iter().flatten().enumerate() {
+            let Some(new) = arrival else { continue };
+            let distance = self.planner.metric.squared(new, &random);
+            if best.is_none_or(|b| distance < b.0) {
+                best = Some((distance, gait, *new));
+            }
+        }
+        if let Some((_, gait, new)) = best
+            && !self.tree.nodes.iter().any(|n| n.edge == Some((near, gait)))
+        {
+            self.add(new, Some((near, gait)));
+        }
+    }
+
+    fn add(&mut self, place: Place, edge: Option<(usize, usize)>) {
+        self.tree.nodes.push(super::Node { place, edge });
+        self.nearest.add(place);
+        self.arrivals.push(None);
+        if let Some((x, y, radius)) = self.planner.stop_at {
+            let goal = Place { x, y, ..place };
+            self.at_goal |= place.planar_distance(&goal) <= radius;
+        }
+    }
+
+    fn random_place(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Place {
+        let [width, height] = self.planner.map;
+        let x = self.stream.uniform(-width / 2.0, width / 2.0);
+        let y = self.stream.uniform(-height / 2.0, height / 2.0);
+        Place { x, y, z: ground(x, y), yaw: self.stream.uniform(-PI, PI) }
+    }
+}

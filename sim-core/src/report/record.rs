@@ -1,0 +1,160 @@
+//! The winner's gaits, tree and best path, written down.
+
+use super::{GaitTrace, NodeRecord, PathMode, PathTrace, TraceSample, TreeRecord};
+use crate::control::Targets;
+use crate::environment::Block;
+use crate::evaluate::Trial;
+use crate::job::Job;
+use crate::math::heading;
+use crate::plan::{Place, laid_out};
+use crate::robot::State;
+use crate::rollout::{Outcome, Request, Rollout};
+use crate::score::{Counts, Scored};
+
+/// Seconds between two points of a recorded way.
+const WAY_STEP: f32 = 1.0;
+
+/// The trial's first tree.
+pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
+    let growth = &trial.growths[0];
+    let tree = growth.tree();
+    let nodes = tree.nodes.iter().enumerate().map(|(i, node)| {
+        let way = growth.transition_to(i).zip(node.edge).and_then(|(key, (parent, _))| {
+            let transition = trial.table.get(key)?;
+            Some(way(&transition.rollout, &growth.frame(&trial.table, parent, key)))
+        });
+        let Place { x, y, z, yaw } = node.place;
+        NodeRecord {
+            x,
+            y,
+            z,
+            yaw,
+            parent: node.edge.map(|e| e.0),
+            gait: node.edge.map(|e| e.1),
+            way: way.unwrap_or_default(),
+        }
+    });
+    let end = match &job.environment().goal {
+        Some(goal) => tree.least(|p| p.planar_distance(&Place { x: goal.x, y: goal.y, ..*p })),
+        None => tree.least(|p| -p.planar_distance(tree.root())),
+    };
+    TreeRecord { nodes: nodes.collect(), best_path: tree.path(end) }
+}
+
+/// Each gait from the start, in the map.
+pub(super) fn gaits(job: &Job, winner: &Scored, targets: &[Targets], counts: &mut Counts) -> Vec<GaitTrace> {
+    let each = winner.genome.len() / targets.len();
+    let root = job.root();
+    let (start, terrain, frame) = from_place(job, job.start(), &root);
+    let trace = |(parameters, targets): (&[f64], &Targets)| {
+        let rollout = simulate(job, &start, targets, terrain, counts);
+        let sample = |i: usize| {
+            let mut commanded = vec![0.0; targets.joints()];
+            let time = f64::from(rollout.trace.time(i));
+            targets.at(time, &mut commanded);
+            let state = laid_out_in(&frame, &rollout.trace.state(i));
+            let (p, q) = (state.pivot.translation, state.pivot.rotation);
+            TraceSample {
+                time,
+                targets: commanded,
+                angles: state.joints,
+                position: [p.x.into(), p.y.into(), p.z.into()],
+                rotation: [q.x.into(), q.y.into(), q.z.into(), q.w.into()],
+                yaw: heading(q),
+            }
+        };
+        GaitTrace {
+            parameters: parameters.to_vec(),
+            joints: job.robot().joint_names(),
+            samples: (0..rollout.trace.len()).map(sample).collect(),
+            unstable: (rollout.outcome != Outcome::Completed).then(|| rollout.outcome.to_string()),
+        }
+    };
+    winner.genome.chunks(each).zip(targets).map(trace).collect()
+}
+
+/// The path run three ways.
+pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Counts) -> Vec<PathTrace> {
+    let tree = trial.tree();
+    let gaits: Vec<usize> = path.iter().filter_map(|&n| tree.nodes[n].edge.map(|e| e.1)).collect();
+    let goal = tree.nodes[path[path.len() - 1]].place;
+    let trace = |mode, way: Vec<[f64; 2]>| {
+        let end_error = way.last().map_or(0.0, |&[x, y]| goal.planar_distance(&Place { x, y, ..goal }));
+        PathTrace { mode, way, end_error }
+    };
+
+    let root = job.root();
+    let mut recorded = vec![[root.x, root.y]];
+    for &node in path {
+        if let (Some(key), Some((parent, _))) = (trial.growths[0].transition_to(node), tree.nodes[node].edge)
+            && let Some(transition) = trial.table.get(key)
+        {
+            let frame = trial.growths[0].frame(&trial.table, parent, key);
+            recorded.extend(way(&transition.rollout, &frame));
+        }
+    }
+
+    let mut resimulated = vec![[root.x, root.y]];
+    let (mut place, mut state) = (root, job.start().clone());
+    for &gait in &gaits {
+        let (start, terrain, frame) = from_place(job, &state, &place);
+        let rollout = simulate(job, &start, &trial.targets[gait], terrain, counts);
+        resimulated.extend(way(&rollout, &frame));
+        let (p, yaw) = (rollout.end.pivot.translation, heading(rollout.end.pivot.rotation));
+        place = frame.then(&Place { x: p.x.into(), y: p.y.into(), z: p.z.into(), yaw });
+        state = rollout.end;
+    }
+
+    let mut continuous = vec![[root.x, root.y]];
+    if !gaits.is_empty() {
+        let chain = Targets::chain(&gaits.iter().map(|&g| &trial.targets[g]).collect::<Vec<_>>());
+        let (start, terrain, frame) = from_place(job, job.start(), &root);
+        continuous.extend(way(&simulate(job, &start, &chain, terrain, counts), &frame));
+    }
+    vec![
+        trace(PathMode::Tree, recorded),
+        trace(PathMode::Resimulated, resimulated),
+        trace(PathMode::Continuous, continuous),
+    ]
+}
+
+/// How to simulate from a configuration at a place: on flat ground in the canonical frame, laid out afterwards; among
+/// terrain in the map itself. Returns the start, the terrain and the frame of the rollout.
+fn from_place<'a>(job: &'a Job, state: &State, place: &Place) -> (State, &'a [Block], Place) {
+    if job.environment().is_flat() {
+        (crate::rollout::canonical(state.clone()), &[], *place)
+    } else {
+        (laid_out(state, place), &job.environment().terrain, Place::ORIGIN)
+    }
+}
+
+fn simulate(job: &Job, start: &State, targets: &Targets, terrain: &[Block], counts: &mut Counts) -> Rollout {
+    let request = Request { start, targets };
+    let rollout = job.engine().run(job.robot(), job.physics(), terrain, &[request]).swap_remove(0);
+    counts.rollouts += 1;
+    counts.unstable += u64::from(rollout.outcome != Outcome::Completed);
+    counts.simulated_ms += rollout.simulated_ms;
+    rollout
+}
+
+/// The pivot's way, laid out, about one point a second, ends included.
+fn way(rollout: &Rollout, frame: &Place) -> Vec<[f64; 2]> {
+    let last = rollout.trace.len() - 1;
+    let mut due = 0.0;
+    let mut points = Vec::new();
+    for i in 0..=last {
+        if rollout.trace.time(i) >= due || i == last {
+            let p = rollout.trace.pivot(i).translation;
+            let (x, y) = frame.point(p.x.into(), p.y.into());
+            points.push([x, y]);
+            due += WAY_STEP;
+        }
+    }
+    points
+}
+
+/// A configuration of a frame, in the map.
+fn laid_out_in(frame: &Place, state: &State) -> State {
+    let pivot = frame.frame() * state.pivot;
+    State { pivot, joints: state.joints.clone() }
+}

@@ -1,0 +1,78 @@
+//! The interface of physics engines, and what makes two of them the same.
+
+use super::{Physics, RapierEngine, Rollout};
+use crate::control::{Targets, controller};
+use crate::environment::Block;
+use crate::identity::Digest;
+use crate::job::{ControllerKind, EngineKind, Scale};
+use crate::random::{Purpose, Stream};
+use crate::robot::{Robot, State};
+use std::sync::OnceLock;
+
+/// A rollout to be done.
+#[derive(Clone, Copy, Debug)]
+pub struct Request<'a> {
+    /// Where it starts, at rest.
+    pub start: &'a State,
+    /// What the joints are told.
+    pub targets: &'a Targets,
+}
+
+/// A physics engine: a batch of rollouts of one robot in, their outcomes out, in the same order.
+///
+/// A pure function of each request: what else is in the batch changes no bit of any outcome.
+pub trait Engine: Send + Sync {
+    /// Simulates. Ground is flat at z = 0 with `terrain` standing on it.
+    fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout>;
+}
+
+/// The engine of a kind.
+pub fn engine(kind: EngineKind) -> &'static dyn Engine {
+    match kind {
+        EngineKind::Rapier => &RapierEngine,
+    }
+}
+
+/// Raised by hand when a change of ours alters results: rollouts, planner, fitness or optimisers.
+const REVISION: u32 = 1;
+
+/// The exact versions of the crates whose arithmetic enters results; `tests/versions.rs` holds them to `Cargo.lock`.
+pub(crate) const NUMERIC_CRATES: &[(&str, &str)] =
+    &[("rapier3d", "0.36.1"), ("parry3d", "0.31.1"), ("glam", "0.33.12"), ("nalgebra", "0.35.0"), ("libm", "0.2.16")];
+
+/// The digest of an engine as this build and machine have it: revision, crate versions and the bits of a short golden
+/// rollout. A worker runs a job only if it has an engine of the same digest.
+pub fn engine_digest(kind: EngineKind) -> Digest {
+    match kind {
+        EngineKind::Rapier => {
+            static DIGEST: OnceLock<Digest> = OnceLock::new();
+            *DIGEST.get_or_init(|| {
+                Digest::of("evogait engine rapier 1", &(REVISION, NUMERIC_CRATES, golden_rollout(kind)))
+            })
+        }
+    }
+}
+
+/// The engines of this build: name and digest.
+pub fn engine_digests() -> Vec<(&'static str, Digest)> {
+    vec![("rapier", engine_digest(EngineKind::Rapier))]
+}
+
+/// Bits of the end of a recorded gait of the quadropod, 2 s.
+pub(crate) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
+    let entry = crate::catalogue::robots().first().expect("the catalogue has robots");
+    let spec = toml::from_str(entry.toml).expect("a robot that ships is valid");
+    let robot = Robot::compile(&spec).expect("a robot that ships is valid");
+    let hopf = controller(ControllerKind::Hopf);
+    let mut stream = Stream::new(0, Purpose::Sample, 0, 0, 0);
+    let mut gait = Vec::new();
+    for _ in 0..robot.hinges.len() {
+        gait.extend(hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
+    }
+    let targets = hopf.compile(&gait, robot.hinges.len(), 2.0);
+    let start = robot.neutral();
+    let request = Request { start: &start, targets: &targets };
+    let rollout = engine(kind).run(&robot, &Physics::of_scale(Scale::Paper), &[], &[request]).swap_remove(0);
+    let (p, q) = (rollout.end.pivot.translation, rollout.end.pivot.rotation);
+    [p.x, p.y, p.z, q.x, q.y, q.z, q.w].iter().chain(&rollout.end.joints).map(|v| v.to_bits()).collect()
+}

@@ -1,0 +1,14 @@
+//! Rollouts: one gait simulated from one state. The engines that do it stand behind one interface that takes a batch.
+
+mod engine;
+mod rapier;
+mod settings;
+mod settle;
+mod trace;
+
+pub use engine::{Engine, Request, engine, engine_digest, engine_digests};
+pub use rapier::RapierEngine;
+pub use settings::Physics;
+pub(crate) use settle::canonical;
+pub use settle::{Unsettled, settle};
+pub use trace::{Bound, Outcome, Rollout, Span, Trace};

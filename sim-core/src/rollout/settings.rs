@@ -1,0 +1,99 @@
+//! What physics a job runs on, every number resolved.
+
+use crate::error::{Invalid, in_range};
+use crate::job::{PhysicsSpec, Scale};
+
+/// Resolved `[physics]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Physics {
+    /// mu/s², downwards.
+    pub gravity: f32,
+    /// Coulomb friction between all bodies and the ground.
+    pub friction: f32,
+    /// Proportional gain of the motors, kg·mu²/s² a rad.
+    pub stiffness: f32,
+    /// Derivative gain of the motors, kg·mu²/s a rad.
+    pub damping: f32,
+    /// Greatest torque of a motor, kg·mu²/s².
+    pub max_torque: f32,
+    /// Steps in a second. Collisions are detected once a step.
+    pub steps_per_second: u32,
+    /// Solver iterations of a step: rapier integrates in this many substeps. `1 / (steps_per_second · substeps)` decides
+    /// the fidelity.
+    pub substeps: u32,
+}
+
+impl Physics {
+    /// What a scale ships with. `paper`: modules of 1 m under 9.81 m/s². `real`: CoSMO modules of 0.105 m, so
+    /// 9.81 / 0.105 mu/s², with motors ten times as strong and finer steps, because joints carry ten times the load.
+    pub fn of_scale(scale: Scale) -> Self {
+        let paper = Self {
+            gravity: 9.81,
+            friction: 0.8,
+            stiffness: 400.0,
+            damping: 20.0,
+            max_torque: 60.0,
+            steps_per_second: 30,
+            substeps: 8,
+        };
+        match scale {
+            Scale::Paper => paper,
+            Scale::Real => Self {
+                gravity: 93.4,
+                stiffness: 4000.0,
+                damping: 200.0,
+                max_torque: 400.0,
+                steps_per_second: 60,
+                substeps: 16,
+                ..paper
+            },
+        }
+    }
+
+    /// Resolves and validates the `[physics]` table.
+    pub fn resolve(spec: &PhysicsSpec) -> Result<Self, Invalid> {
+        let scale = Self::of_scale(spec.scale);
+        let number = |field: &str, value: Option<f64>, scale: f32, range: (f64, f64), unit: &'static str| {
+            let value = value.unwrap_or(shortest(scale));
+            in_range(format!("physics.{field}"), value, range, unit).map(|()| value as f32)
+        };
+        let count = |field: &str, value: Option<u32>, scale: u32, max: u32| {
+            let value = value.unwrap_or(scale);
+            in_range(format!("physics.{field}"), f64::from(value), (1.0, f64::from(max)), "").map(|()| value)
+        };
+        Ok(Self {
+            gravity: number("gravity", spec.gravity, scale.gravity, (0.0, 1e4), "mu/s²")?,
+            friction: number("friction", spec.friction, scale.friction, (0.0, 10.0), "")?,
+            stiffness: number("stiffness", spec.stiffness, scale.stiffness, (0.0, 1e7), "kg·mu²/s²")?,
+            damping: number("damping", spec.damping, scale.damping, (0.0, 1e7), "kg·mu²/s")?,
+            max_torque: number("max_torque", spec.max_torque, scale.max_torque, (0.0, 1e7), "kg·mu²/s²")?,
+            steps_per_second: count("steps_per_second", spec.steps_per_second, scale.steps_per_second, 10_000)?,
+            substeps: count("substeps", spec.substeps, scale.substeps, 1000)?,
+        })
+    }
+
+    /// The table with every number written out.
+    pub fn written_out(&self, spec: &PhysicsSpec) -> PhysicsSpec {
+        PhysicsSpec {
+            engine: spec.engine,
+            scale: spec.scale,
+            gravity: Some(shortest(self.gravity)),
+            friction: Some(shortest(self.friction)),
+            stiffness: Some(shortest(self.stiffness)),
+            damping: Some(shortest(self.damping)),
+            max_torque: Some(shortest(self.max_torque)),
+            steps_per_second: Some(self.steps_per_second),
+            substeps: Some(self.substeps),
+        }
+    }
+
+    /// Steps of a rollout that lasts `duration` s.
+    pub fn steps(&self, duration: f64) -> u32 {
+        libm::round(duration * f64::from(self.steps_per_second)) as u32
+    }
+}
+
+/// The f64 whose text is that of the f32, so that 0.8 is written as 0.8 and read back to the same bits.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().expect("a number's text is a number")
+}
