@@ -1,7 +1,7 @@
 //! Draws every picture from made-up data, for looking at: `cargo run -p cli --example draw -- FOLDER`.
 
-#![allow(dead_code)]
-
+// The command line uses more of the module than is drawn here.
+#[allow(dead_code, unused_imports)]
 #[path = "../src/draw/mod.rs"]
 mod draw;
 

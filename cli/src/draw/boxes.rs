@@ -8,7 +8,7 @@ use super::palette::{BASE, FAINT, FRAME, INK};
 use sim_core::report::TreeRecord;
 
 const WIDTH: f64 = 900.0;
-const HEIGHT: f64 = 460.0;
+const HEIGHT: f64 = 470.0;
 
 /// Two panels of box plots over the tree's edges, a box a gait: travelled distance (planar, between the edge's ends, mu)
 /// and rotation (degrees, left is positive). Gaits stand in the order of their median distance, the longest first, labelled
@@ -114,7 +114,7 @@ fn panel(
         if from_zero { Range { low: 0.0, high: r.high + 0.06 * r.high.max(1e-9) } } else { r.padded(0.06) }
     });
     let x = Range { low: -0.5, high: gaits.len().max(1) as f64 - 0.5 };
-    let frame = Frame { left, top, width: WIDTH / 2.0 - 78.0 - 24.0, height: HEIGHT - top - 62.0, x, y };
+    let frame = Frame { left, top, width: WIDTH / 2.0 - 78.0 - 24.0, height: HEIGHT - top - 68.0, x, y };
     frame.draw(canvas, None, Some((&y.ticks(7), label)));
     if !from_zero && y.low < 0.0 && y.high > 0.0 {
         canvas.line(frame.at(x.low, 0.0), frame.at(x.high, 0.0), &stroke(FRAME, 1.2));

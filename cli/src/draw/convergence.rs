@@ -47,7 +47,10 @@ pub fn convergence(history: &[HistoryRow], title: &str, label: &str) -> Picture 
         _ => Range { low: 0.0, high: 1.0 },
     };
     let frame = Frame { left: 84.0, top, width: WIDTH - 84.0 - 84.0, height: HEIGHT - top - 60.0, x, y };
-    frame.draw(&mut canvas, Some((&x.whole_ticks(10), "generation")), Some((&y.ticks(7), label)));
+    let mut generations = x.whole_ticks(10);
+    // The room around a lone generation is no place for others.
+    generations.values.retain(|v| rows.len() != 1 || *v == generation(rows[0]));
+    frame.draw(&mut canvas, Some((&generations, "generation")), Some((&y.ticks(7), label)));
 
     band(&mut canvas, &frame, &rows, |r| (r.min, r.max), &range_paint);
     band(&mut canvas, &frame, &rows, |r| (r.lower_quartile, r.upper_quartile), &quartile_paint);

@@ -1,7 +1,7 @@
 //! A planner's tree on its map, as in Figs. 6 and 10 of the paper.
 
 use super::Picture;
-use super::axes::{Frame, Range};
+use super::axes::{Frame, Range, number};
 use super::canvas::{Canvas, fill, stroke};
 use super::legend::{Key, MARGIN, heading, legend};
 use super::palette::{ACCENT, BASE, FRAME, INK, OBSTACLE, TERRAIN, dashes, series};
@@ -20,7 +20,9 @@ const LEAST: f64 = 140.0;
 /// scale. `fitness_label` stands below the title, such as "coverage 32.3 %".
 pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_label: &str) -> Picture {
     let mut canvas = Canvas::new();
-    let top = heading(&mut canvas, title, fitness_label, WIDTH);
+    let nothing = if tree.nodes.is_empty() { "no data: the tree is empty" } else { "" };
+    let said: Vec<&str> = [fitness_label, nothing].into_iter().filter(|s| !s.is_empty()).collect();
+    let top = heading(&mut canvas, title, &said.join(" · "), WIDTH);
     let top = legend(&mut canvas, &keys(environment, tree), top, WIDTH) + 6.0;
     let frame = frame(environment, top);
     let height = (top + frame.height + 56.0).ceil();
@@ -39,7 +41,7 @@ pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_la
         frame.width, frame.height
     ));
     for block in &environment.terrain {
-        canvas.polygon(&footprint(block, &frame), &terrain_paint());
+        canvas.polygon(&footprint(block, &frame), &terrain_paint(block.top / highest(environment)));
     }
     for block in &environment.obstacles {
         canvas.polygon(&footprint(block, &frame), &fill(OBSTACLE));
@@ -56,9 +58,6 @@ pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_la
     }
     let start = &environment.start;
     start_mark(&mut canvas, frame.at(start.x, start.y), start.yaw);
-    if tree.nodes.is_empty() {
-        frame.say(&mut canvas, "no data: the tree is empty");
-    }
     Picture::new(canvas.finish(WIDTH, height), WIDTH as u32, height as u32)
 }
 
@@ -91,13 +90,21 @@ fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
         keys.push(Key::area("obstacle", fill(OBSTACLE)));
     }
     if !environment.terrain.is_empty() {
-        keys.push(Key::area("terrain, may be touched", terrain_paint()));
+        let label =
+            format!("terrain, may be touched (up to {} mu high; darker is higher)", number(highest(environment)));
+        keys.push(Key::area(label, terrain_paint(0.6)));
     }
     keys
 }
 
-fn terrain_paint() -> String {
-    format!("{} fill-opacity=\"0.6\" {}", fill(TERRAIN), stroke(FRAME, 0.75))
+/// `height`: as a share of the highest terrain's.
+fn terrain_paint(height: f64) -> String {
+    format!("{} fill-opacity=\"{:.2}\" {}", fill(TERRAIN), 0.15 + 0.85 * height, stroke(FRAME, 0.75))
+}
+
+/// Upper face of the highest terrain, mu.
+fn highest(environment: &Environment) -> f64 {
+    environment.terrain.iter().map(|b| b.top).fold(f64::MIN_POSITIVE, f64::max)
 }
 
 fn footprint(block: &Block, frame: &Frame) -> Vec<[f64; 2]> {

@@ -11,7 +11,7 @@ pub(super) const GRID: &str = "#e6e6e6";
 /// What must not be touched.
 pub(super) const OBSTACLE: &str = "#4a4a4a";
 /// What may be touched and stood on.
-pub(super) const TERRAIN: &str = "#e3d9c6";
+pub(super) const TERRAIN: &str = "#d3c19c";
 /// The one thing to look at first.
 pub(super) const ACCENT: &str = "#d55e00";
 /// What it stands out from.

@@ -45,7 +45,7 @@ pub fn robot(boxes: &[DrawnBox], title: &str) -> Picture {
     canvas.raw(&format!(
         "<defs><pattern id=\"failed\" patternUnits=\"userSpaceOnUse\" width=\"8\" height=\"8\" \
          patternTransform=\"rotate(45)\"><rect width=\"8\" height=\"8\" fill=\"#ffffff\"/>\
-         <rect width=\"4\" height=\"8\" fill=\"{FAILED}\"/></pattern></defs>"
+         <rect width=\"2.5\" height=\"8\" fill=\"{FAILED}\"/></pattern></defs>"
     ));
     let failed_key =
         Key::area("failed: its joint is stuck at zero", format!("fill=\"url(#failed)\" {}", stroke(FAILED, 1.0)));
@@ -54,8 +54,11 @@ pub fn robot(boxes: &[DrawnBox], title: &str) -> Picture {
 
     let solids: Vec<Solid> =
         boxes.iter().filter_map(|b| Solid::of(b, modules.iter().position(|m| *m == b.module)?)).collect();
-    let view = View::fitting(&solids, top);
-    ground(&mut canvas, &view, &solids);
+    let ground = Ground::below(&solids);
+    let view = View::fitting(&solids, ground.as_ref(), top);
+    if let Some(ground) = &ground {
+        draw_ground(&mut canvas, &view, ground);
+    }
     for i in back_to_front(&solids) {
         draw(&mut canvas, &view, &solids[i]);
     }
@@ -183,6 +186,30 @@ fn bounds(points: impl Iterator<Item = [f64; 2]>) -> [f64; 4] {
     points.fold(none, |b, [x, y]| [b[0].min(x), b[1].max(x), b[2].min(y), b[3].max(y)])
 }
 
+/// Where the robot stands, in whole mu around it.
+struct Ground {
+    x: (f64, f64),
+    y: (f64, f64),
+    floor: f64,
+}
+
+impl Ground {
+    /// `None` without a robot, and for one so large that a grid of 1 mu would be a grey area.
+    fn below(solids: &[Solid]) -> Option<Self> {
+        let corners = || solids.iter().flat_map(Solid::corners);
+        let [x0, x1, y0, y1] = bounds(corners().map(|c| [c[0], c[1]]));
+        let floor = corners().map(|c| c[2]).fold(f64::INFINITY, f64::min);
+        let around = |low: f64, high: f64| ((low - 0.25).floor(), (high + 0.25).ceil());
+        let sane = !solids.is_empty() && x1 - x0 <= 60.0 && y1 - y0 <= 60.0;
+        sane.then(|| Self { x: around(x0, x1), y: around(y0, y1), floor })
+    }
+
+    fn corners(&self) -> [Point; 4] {
+        let (x, y, z) = (self.x, self.y, self.floor);
+        [[x.0, y.0, z], [x.1, y.0, z], [x.1, y.1, z], [x.0, y.1, z]]
+    }
+}
+
 /// From mu to px.
 struct View {
     scale: f64,
@@ -190,11 +217,14 @@ struct View {
 }
 
 impl View {
-    fn fitting(solids: &[Solid], top: f64) -> Self {
+    fn fitting(solids: &[Solid], ground: Option<&Ground>, top: f64) -> Self {
         if solids.is_empty() {
             return Self { scale: 1.0, offset: [0.0; 2] };
         }
-        let [x0, x1, y0, y1] = bounds(solids.iter().flat_map(Solid::corners).map(project));
+        let [x0, x1, y0, y1] = {
+            let below = ground.into_iter().flat_map(Ground::corners);
+            bounds(solids.iter().flat_map(Solid::corners).chain(below).map(project))
+        };
         let scale = (ROOM[0] / (x1 - x0)).min(ROOM[1] / (y1 - y0)).min(MOST_SCALE);
         let offset = [WIDTH / 2.0 - (x0 + x1) / 2.0 * scale, top + ROOM[1] / 2.0 - (y0 + y1) / 2.0 * scale];
         Self { scale, offset }
@@ -207,21 +237,12 @@ impl View {
 }
 
 /// A grid of 1 mu below the robot.
-fn ground(canvas: &mut Canvas, view: &View, solids: &[Solid]) {
-    let corners: Vec<Point> = solids.iter().flat_map(Solid::corners).collect();
-    let [x0, x1, y0, y1] = bounds(corners.iter().map(|c| [c[0], c[1]]));
-    let floor = corners.iter().map(|c| c[2]).fold(f64::INFINITY, f64::min);
-    let [x0, x1, y0, y1] = [(x0 - 0.25).floor(), (x1 + 0.25).ceil(), (y0 - 0.25).floor(), (y1 + 0.25).ceil()];
-    if corners.is_empty() || x1 - x0 > 60.0 || y1 - y0 > 60.0 {
-        return;
-    }
-    let (columns, rows) = ((x1 - x0) as usize, (y1 - y0) as usize);
-    let lines: Vec<Vec<[f64; 2]>> = (0..=columns)
-        .map(|i| x0 + i as f64)
-        .map(|x| vec![view.at([x, y0, floor]), view.at([x, y1, floor])])
-        .chain((0..=rows).map(|i| y0 + i as f64).map(|y| vec![view.at([x0, y, floor]), view.at([x1, y, floor])]))
-        .collect();
-    canvas.polylines(&lines, &stroke(GRID, 1.0));
+fn draw_ground(canvas: &mut Canvas, view: &View, ground: &Ground) {
+    let Ground { x: (x0, x1), y: (y0, y1), floor } = *ground;
+    let steps = |from: f64, to: f64| (0..=(to - from) as usize).map(move |i| from + i as f64);
+    let along_y = steps(x0, x1).map(|x| vec![view.at([x, y0, floor]), view.at([x, y1, floor])]);
+    let along_x = steps(y0, y1).map(|y| vec![view.at([x0, y, floor]), view.at([x1, y, floor])]);
+    canvas.polylines(&along_y.chain(along_x).collect::<Vec<_>>(), &stroke(GRID, 1.0));
 }
 
 fn draw(canvas: &mut Canvas, view: &View, solid: &Solid) {
@@ -230,7 +251,8 @@ fn draw(canvas: &mut Canvas, view: &View, solid: &Solid) {
         let light = (dot(normal, TO_LIGHT) / dot(normal, normal).sqrt()).max(0.0);
         let edge = format!("{} stroke-linejoin=\"round\"", stroke(INK, 1.1));
         if solid.failed {
-            canvas.polygon(&outline, &format!("fill=\"url(#failed)\" {edge}"));
+            canvas.polygon(&outline, "fill=\"url(#failed)\"");
+            canvas.polygon(&outline, &format!("fill=\"#000000\" fill-opacity=\"{:.2}\" {edge}", 0.3 * (1.0 - light)));
         } else {
             canvas.polygon(&outline, &format!("{} {edge}", fill(&lit(series(solid.module), light))));
         }
@@ -245,7 +267,7 @@ fn lit(colour: &str, light: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", mixed(channel(1)), mixed(channel(3)), mixed(channel(5)))
 }
 
-/// Names at the modules' centres, nearest first; one that would lie on another is left out.
+/// Names on top of the modules, nearest first; one that would lie on another is left out.
 fn names(canvas: &mut Canvas, view: &View, solids: &[Solid], modules: &[&str]) {
     let style = Type { size: 12.0, ..Type::LABEL }.bold().anchored(Anchor::Middle).halo();
     let mut places: Vec<(f64, usize, [f64; 2])> = Vec::new();
@@ -255,8 +277,9 @@ fn names(canvas: &mut Canvas, view: &View, solids: &[Solid], modules: &[&str]) {
             continue;
         }
         let mean = |k: usize| own.iter().map(|s| s.center[k]).sum::<f64>() / own.len() as f64;
-        let center = [mean(0), mean(1), mean(2)];
-        places.push((dot(center, TO_VIEWER), i, view.at(center)));
+        let top = own.iter().flat_map(|s| s.corners()).map(|c| c[2]).fold(f64::NEG_INFINITY, f64::max);
+        let place = [mean(0), mean(1), top];
+        places.push((dot(place, TO_VIEWER), i, view.at(place)));
     }
     places.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut taken: Vec<[f64; 4]> = Vec::new();
@@ -290,4 +313,58 @@ fn axes_hint(canvas: &mut Canvas, scale: f64, origin: [f64; 2]) {
     }
     let beside = [tip([length, 0.0, 0.0])[0].max(origin[0] + 40.0) + 30.0, origin[1] + 4.5];
     canvas.text(beside, &format!("each arrow is {length} mu long"), Type::TICK.coloured(FAINT));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn solid(center: Point, half: Point) -> Solid {
+        let rotation = [0.0, 0.0, 0.0, 1.0];
+        Solid::of(&DrawnBox { center, rotation, half, module: String::new(), failed: false }, 0).unwrap()
+    }
+
+    /// A block of cubes in shuffled order: nobody is drawn before one that stands behind, below or to the left.
+    #[test]
+    fn cubes_are_drawn_from_back_to_front() {
+        let places: Vec<Point> =
+            (0..27).map(|i| i * 10 % 27).map(|i| [f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9)]).collect();
+        let solids: Vec<Solid> = places.iter().map(|p| solid(*p, [0.5; 3])).collect();
+        let order = back_to_front(&solids);
+        let turn = |i: usize| order.iter().position(|o| *o == i).unwrap();
+        for (i, a) in places.iter().enumerate() {
+            for (j, b) in places.iter().enumerate() {
+                if i != j && a[0] <= b[0] && a[1] >= b[1] && a[2] <= b[2] {
+                    assert!(turn(i) < turn(j), "{a:?} comes before {b:?}");
+                }
+            }
+        }
+        assert_eq!(
+            {
+                let mut sorted = order;
+                sorted.sort_unstable();
+                sorted
+            },
+            (0..27).collect::<Vec<_>>()
+        );
+    }
+
+    /// Centres alone would get this wrong: the plate's is nearer to the viewer than that of the cube that stands on it.
+    #[test]
+    fn a_cube_on_a_long_plate_is_drawn_after_it() {
+        let (plate, cube) = (solid([0.0, 0.0, 0.0], [5.0, 5.0, 0.1]), solid([-4.0, 4.0, 0.6], [0.5; 3]));
+        assert!(dot(plate.center, TO_VIEWER) > dot(cube.center, TO_VIEWER));
+        assert_eq!(back_to_front(&[plate, cube]), [0, 1]);
+        let (plate, cube) = (solid([0.0, 0.0, 0.0], [5.0, 5.0, 0.1]), solid([-4.0, 4.0, 0.6], [0.5; 3]));
+        assert_eq!(back_to_front(&[cube, plate]), [1, 0]);
+    }
+
+    /// A mu is as long along each axis, and up is up.
+    #[test]
+    fn the_view_is_isometric() {
+        let length = |p: Point| project(p)[0].hypot(project(p)[1]);
+        let lengths = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(length);
+        assert!(lengths.iter().all(|l| (l - (2.0f64 / 3.0).sqrt()).abs() < 1e-12));
+        assert!(project([0.0, 0.0, 1.0])[1] < 0.0 && project(TO_VIEWER).iter().all(|v| v.abs() < 1e-12));
+    }
 }

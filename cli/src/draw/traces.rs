@@ -61,7 +61,7 @@ pub fn gait_traces(gaits: &[GaitTrace], title: &str) -> Picture {
 }
 
 fn trace_paint(i: usize) -> String {
-    format!("{}{}", stroke(series(i), 2.2), dashes(i))
+    format!("{}{}", stroke(series(i), 1.7), dashes(i))
 }
 
 fn from_start(gait: &GaitTrace) -> Vec<[f64; 2]> {
@@ -84,26 +84,26 @@ fn summary(gait: &GaitTrace) -> String {
 
 /// Numbers beside the ends, moved apart where ends are close, with a line to what they name.
 fn label_ends(canvas: &mut Canvas, frame: &Frame, gaits: &[GaitTrace], ways: &[Vec<[f64; 2]>]) {
-    let ends: Vec<(usize, [f64; 2])> = ways
-        .iter()
-        .enumerate()
-        .filter_map(|(i, way)| frame.line(way.iter().copied()).last().and_then(|l| l.last().copied()).map(|p| (i, p)))
-        .collect();
-    for &(i, end) in &ends {
+    let lines: Vec<Vec<[f64; 2]>> = ways.iter().map(|way| frame.line(way.iter().copied()).concat()).collect();
+    let start = frame.at(0.0, 0.0);
+    let mut labels = Labels { frame, start, traces: lines.concat(), taken: vec![(start, 17.0)] };
+    for (i, line) in lines.iter().enumerate() {
+        let Some(&end) = line.last() else { continue };
         canvas.circle(end, 4.5, &format!("{} {}", fill(series(i)), stroke("#ffffff", 1.2)));
+        labels.taken.push((end, 17.0));
         let yaw = gaits[i].samples.last().map_or(f64::NAN, |s| s.yaw);
         if yaw.is_finite() {
             let (sin, cos) = yaw.sin_cos();
-            canvas.arrow(end, [end[0] + 18.0 * cos, end[1] - 18.0 * sin], 2.0, series(i));
+            let tip = [end[0] + 18.0 * cos, end[1] - 18.0 * sin];
+            canvas.arrow(end, tip, 2.0, series(i));
+            labels.taken.push((tip, 13.0));
         }
     }
-    let start = frame.at(0.0, 0.0);
-    let mut taken: Vec<[f64; 2]> = vec![start];
-    taken.extend(ends.iter().map(|e| e.1));
-    for &(i, end) in &ends {
-        let place = free_place(end, start, &taken, frame);
-        taken.push(place);
-        if (place[0] - end[0]).hypot(place[1] - end[1]) > 24.0 {
+    for (i, line) in lines.iter().enumerate() {
+        let Some(&end) = line.last() else { continue };
+        let place = labels.place(end);
+        labels.taken.push((place, 20.0));
+        if (place[0] - end[0]).hypot(place[1] - end[1]) > 38.0 {
             canvas.line(end, place, &stroke(FAINT, 0.8));
         }
         let style = Type { size: 15.0, ..Type::LABEL }.bold().coloured(series(i)).anchored(Anchor::Middle).halo();
@@ -111,22 +111,37 @@ fn label_ends(canvas: &mut Canvas, frame: &Frame, gaits: &[GaitTrace], ways: &[V
     }
 }
 
-/// A place for a label near `end`: ahead of it as seen from the start if that is free, else the nearest that is.
-fn free_place(end: [f64; 2], start: [f64; 2], taken: &[[f64; 2]], frame: &Frame) -> [f64; 2] {
-    let ahead = (end[1] - start[1]).atan2(end[0] - start[0]);
-    let turns = [0.0, 0.7, -0.7, 1.4, -1.4, 2.1, -2.1, 2.8];
-    let inside = |[x, y]: [f64; 2]| {
-        x > frame.left + 10.0
-            && x < frame.left + frame.width - 10.0
-            && y > frame.top + 10.0
-            && y < frame.top + frame.height - 10.0
-    };
-    let places = [22.0, 34.0, 46.0, 58.0, 70.0, 82.0].into_iter().flat_map(|distance| {
-        turns.map(|turn| {
-            let (sin, cos) = (ahead + turn).sin_cos();
-            [end[0] + distance * cos, end[1] + distance * sin]
-        })
-    });
-    let free = |p: &[f64; 2]| inside(*p) && taken.iter().all(|t| (t[0] - p[0]).hypot(t[1] - p[1]) >= 17.0);
-    places.clone().find(free).or_else(|| places.clone().find(|p| inside(*p))).unwrap_or(end)
+/// What is on the sheet already when a label looks for its place; all in px.
+struct Labels<'a> {
+    frame: &'a Frame,
+    start: [f64; 2],
+    /// Points of all traces: better not written on.
+    traces: Vec<[f64; 2]>,
+    /// Never written on: a point and how far to keep from it.
+    taken: Vec<([f64; 2], f64)>,
+}
+
+impl Labels<'_> {
+    /// A place near `end`, the nearest that is free, and of those at one distance the one farthest ahead as seen from the
+    /// start. Places on traces are the second choice, those on other things the last.
+    fn place(&self, end: [f64; 2]) -> [f64; 2] {
+        let ahead = (end[1] - self.start[1]).atan2(end[0] - self.start[0]);
+        let turns = [0.0, 0.7, -0.7, 1.4, -1.4, 2.1, -2.1, 2.8];
+        let places = [20.0, 27.0, 34.0, 46.0, 58.0, 70.0, 82.0].into_iter().flat_map(|distance| {
+            turns.map(|turn| {
+                let (sin, cos) = (ahead + turn).sin_cos();
+                [end[0] + distance * cos, end[1] + distance * sin]
+            })
+        });
+        let far = |a: &[f64; 2], b: &[f64; 2], room: f64| (a[0] - b[0]).hypot(a[1] - b[1]) >= room;
+        let free = |p: &[f64; 2]| self.inside(p) && self.taken.iter().all(|(t, room)| far(t, p, *room));
+        let clear = |p: &[f64; 2]| free(p) && self.traces.iter().all(|t| far(t, p, 10.0));
+        let first = |fits: &dyn Fn(&[f64; 2]) -> bool| places.clone().find(fits);
+        first(&clear).or_else(|| first(&free)).or_else(|| first(&|p| self.inside(p))).unwrap_or(end)
+    }
+
+    fn inside(&self, [x, y]: &[f64; 2]) -> bool {
+        let (right, bottom) = (self.frame.left + self.frame.width, self.frame.top + self.frame.height);
+        *x > self.frame.left + 10.0 && *x < right - 10.0 && *y > self.frame.top + 10.0 && *y < bottom - 10.0
+    }
 }
