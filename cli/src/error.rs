@@ -56,6 +56,12 @@ pub enum Error {
         /// What is wrong.
         reason: String,
     },
+    /// A folder whose run has not come to its end.
+    #[error("{folder} has no result yet: the same `evogait run` goes on and finishes it", folder = .folder.display())]
+    NotFinished {
+        /// The output folder.
+        folder: PathBuf,
+    },
     /// A name that is neither a path nor ships.
     #[error("there is no file and no {what} named \"{name}\": {what}s that ship are {known}")]
     NotFound {
@@ -93,7 +99,7 @@ pub enum Error {
     },
     /// Nobody answers at the coordinator's address.
     #[error(
-        "can't reach a coordinator at {url}: {reason}; is it running? (`coordinator --listen …`, --coordinator URL)"
+        "can't reach a coordinator at {url}: {reason}; start one with `coordinator`, or tell where it is with --coordinator URL"
     )]
     Unreachable {
         /// Its address.

@@ -154,12 +154,11 @@ fn robots_that_can_not_be() {
 
 #[test]
 fn modules_that_overlap() {
-    // A square of four modules is closed by a fifth, which runs into the first.
-    let mut robot = ROBOT.to_owned();
-    for (name, to) in [("c", "b"), ("d", "c"), ("e", "d")] {
-        robot += &format!(
-            "\n[[module]]\nname = \"{name}\"\nkind = \"block\"\nattach = {{ to = \"{to}\", port = \"left\" }}\n"
-        );
+    // Around a square to the left, the fifth block comes back to the first.
+    let mut robot = "name = \"square\"\npivot = \"m0\"\n\n[[module]]\nname = \"m0\"\nkind = \"block\"\n".to_owned();
+    for i in 1..=4 {
+        let attach = format!("{{ to = \"m{}\", port = \"left\" }}", i - 1);
+        robot += &format!("\n[[module]]\nname = \"m{i}\"\nkind = \"block\"\nattach = {attach}\n");
     }
     let folder = folder(&[("square.toml", &robot)]);
     insta::assert_snapshot!(failure(folder.path(), 1, &["robot", "square.toml"]));

@@ -16,8 +16,8 @@ pub const COORDINATOR_VARIABLE: &str = "EVOGAIT_COORDINATOR";
     after_help = "\
 Begin with:
   evogait scenarios                      what ships: robots, environments, jobs
-  evogait run quadropod-empty            evolve a gait set on this machine (a job that ships, or a JOB.toml)
-  evogait verify runs/quadropod-empty-*  recompute the result and compare it bit by bit
+  evogait run quadropod-empty            evolve a gait set on this machine
+  evogait verify runs/quadropod-empty-*  recompute the result, compare its bits
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.",
     propagate_version = true,
@@ -26,7 +26,7 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.",
 )]
 pub struct Cli {
     /// No progress, no summary: only errors, and what --json prints
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, display_order = 100)]
     pub quiet: bool,
 
     #[command(subcommand)]
@@ -42,31 +42,37 @@ Examples:
   evogait run my-job.toml --seed 7 --out runs/seven
   evogait run my-job.toml --coordinator http://cluster:7077
 
-Without --coordinator a coordinator and workers run inside this process, over a loopback connection. Stop it with
-Ctrl-C whenever you like: the same command goes on where it stopped, and says so if the job is done.
+Without --coordinator, coordinator and workers run inside this process. Stop it
+with Ctrl-C whenever you like: the same command goes on where it stopped, and
+says so if the job is done.
 
 Files in the output folder:
-  result.json           best score, genome with names, digests, counts, seed, versions
-  job.toml              the job with every setting written out; `evogait run` takes it
-  history.csv           scores of each generation: min, quartiles, max, mean, best so far
-  gaits.json            the winner's gaits: parameters, where each leads
-  trajectories/gait-N.csv  time, joint targets and angles (rad), pivot pose (mu): for hardware or pandas
-  tree.json report.json    the planner's tree; everything the report has
-  convergence map gaits primitives   pictures, each as .svg and .png")]
+  result.json              best score, genome with names, digests, counts, seed
+  job.toml                 the job with every setting; `evogait run` takes it
+  history.csv              scores by generation: min, quartiles, max, mean, best
+  gaits.json               the winner's gaits: parameters, where each leads
+  trajectories/gait-N.csv  time (s), joint targets and angles (rad), pivot pose
+                           (mu): for hardware or pandas
+  tree.json, report.json   the planner's tree; all that the report has
+  map, gaits, convergence, primitives
+                           pictures, each as .svg and .png
+  store.sqlite             what a stopped run goes on from")]
     Run(Run),
 
     /// Hand a job to a coordinator and return at once
     #[command(after_help = "\
 Example:
   evogait submit quadropod-empty --coordinator http://cluster:7077
-Prints the job's id, for `evogait watch ID` and `evogait fetch ID`. Submitting the same job twice gives the same id.")]
+Prints the job's id, for `evogait watch ID` and `evogait fetch ID`. Submitting
+the same job twice gives the same id.")]
     Submit(Submit),
 
     /// Follow a job on a coordinator until it ends
     #[command(after_help = "\
 Example:
   evogait watch ID
-Stopping it with Ctrl-C does not stop the job. Exit code 0 if the job succeeded, 1 if it failed or was cancelled.")]
+Stopping it with Ctrl-C does not stop the job. Exit code 0 if the job succeeded,
+1 if it failed or was cancelled.")]
     Watch(OneJob),
 
     /// List the jobs of a coordinator, newest first
@@ -107,8 +113,9 @@ Examples:
   evogait replay runs/quadropod-empty-3f2a9c01d4e5 --gait 1 --out gait-1.csv
   evogait replay runs/quadropod-empty-3f2a9c01d4e5 --plan
 
-The CSV of a gait has time (s), joint targets and angles (rad), pivot position (mu) and rotation (unit quaternion);
-that of a plan the way of the pivot (mu), run in three ways: as the tree has it, simulated again, without stops.")]
+The CSV of a gait has time (s), joint targets and angles (rad), pivot position
+(mu) and rotation (unit quaternion); that of a plan the way of the pivot (mu),
+run in three ways: as the tree has it, simulated again, without stops.")]
     Replay(Replay),
 
     /// Recompute a stored result and compare it bit by bit
@@ -117,8 +124,8 @@ Examples:
   evogait verify runs/quadropod-empty-3f2a9c01d4e5
   evogait verify runs/quadropod-empty-3f2a9c01d4e5 --full
 
-Exit code 0 if every compared number has the same bits, 1 if not. --full also recomputes the report: the fresh seeds,
-the score without reuse, gaits, tree and paths.")]
+Exit code 0 if every compared number has the same bits, 1 if not. --full also
+recomputes the report: fresh seeds, score without reuse, gaits, tree, paths.")]
     Verify(Verify),
 
     /// Check a job file, and estimate what it costs
@@ -127,7 +134,8 @@ Examples:
   evogait validate my-job.toml
   evogait validate my-job.toml --json | jq .estimate
 
-Prints what is wrong, or the resolved job's facts. The estimate times one evaluation on this machine.")]
+Prints what is wrong, or the resolved job's facts. The estimate times a few
+evaluations on this machine.")]
     Validate(Validate),
 
     /// Show a robot: facts and picture
@@ -153,7 +161,7 @@ pub struct JobFile {
     pub job: String,
 
     /// Replace the job's seed, 0 to 2⁶³ − 1
-    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
     pub seed: Option<u64>,
 }
 
@@ -164,7 +172,7 @@ pub struct OnCoordinator {
     pub coordinator: Option<String>,
 
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, display_order = 99)]
     pub json: bool,
 }
 
@@ -195,7 +203,7 @@ pub struct Run {
     pub coordinator: Option<String>,
 
     /// Print the result as JSON at the end
-    #[arg(long)]
+    #[arg(long, display_order = 99)]
     pub json: bool,
 }
 
@@ -302,7 +310,7 @@ pub struct Verify {
     pub full: bool,
 
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, display_order = 99)]
     pub json: bool,
 }
 
@@ -316,7 +324,7 @@ pub struct Validate {
     pub no_estimate: bool,
 
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, display_order = 99)]
     pub json: bool,
 }
 
@@ -335,7 +343,7 @@ pub struct Robot {
     pub out: Option<PathBuf>,
 
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, display_order = 99)]
     pub json: bool,
 }
 
@@ -345,7 +353,7 @@ pub struct Scenarios {
     pub action: Option<ScenariosAction>,
 
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, display_order = 99)]
     pub json: bool,
 }
 

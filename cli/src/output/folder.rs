@@ -6,6 +6,7 @@ use crate::load;
 use sim_core::identity::Digest;
 use sim_core::job::Job;
 use std::fs::{self, File, TryLockError};
+use std::io;
 use std::path::{Path, PathBuf};
 
 const LOCK: &str = ".lock";
@@ -26,9 +27,10 @@ impl Folder {
 
     /// Takes a folder for a job, making it if there is none.
     pub fn open(path: &Path, digest: &Digest) -> Result<Self, Error> {
-        let existed = path.exists();
-        if existed {
+        if path.is_dir() {
             check_owner(path)?;
+        } else if path.exists() {
+            return Err(Error::write(path, io::ErrorKind::NotADirectory.into()));
         }
         fs::create_dir_all(path).map_err(|e| Error::write(path, e))?;
         let lock_path = path.join(LOCK);

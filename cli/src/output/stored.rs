@@ -23,6 +23,9 @@ impl Stored {
     /// Reads job.toml and result.json and checks that they fit each other.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         let result_path = folder.join(RESULT);
+        if folder.join(JOB).is_file() && !result_path.exists() {
+            return Err(Error::NotFinished { folder: folder.to_owned() });
+        }
         let result: ResultFile = read_json(&result_path)?;
         let (job, _) = load::resolved_job(&folder.join(JOB))?;
         let expected = job.bounds().0.len();
