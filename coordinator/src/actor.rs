@@ -28,16 +28,49 @@ pub(crate) enum SubmitError {
 
 /// What the actor is asked to do. Where there is a `reply`, it is given once everything that led to it is committed.
 pub(crate) enum Command {
-    Submit { new: Box<NewJob>, reply: oneshot::Sender<Result<(JobRecord, bool), SubmitError>> },
-    Cancel { id: JobId, reply: oneshot::Sender<Option<JobRecord>> },
-    Workers { reply: oneshot::Sender<Vec<v1::WorkerInfo>> },
-    WaitsFor { ids: Vec<JobId>, reply: oneshot::Sender<Vec<Option<String>>> },
-    Connect { greeting: Greeting, outbox: mpsc::UnboundedSender<v1::CoordinatorMessage>, reply: oneshot::Sender<SessionId> },
-    Heartbeat { worker: WorkerId, session: SessionId, running: Vec<AssignmentId> },
-    Reject { worker: WorkerId, session: SessionId, assignment: AssignmentId, reason: String },
-    Drain { worker: WorkerId, session: SessionId },
-    Disconnect { worker: WorkerId, session: SessionId },
-    Complete { completed: Completed, reply: oneshot::Sender<Verdict> },
+    Submit {
+        new: Box<NewJob>,
+        reply: oneshot::Sender<Result<(JobRecord, bool), SubmitError>>,
+    },
+    Cancel {
+        id: JobId,
+        reply: oneshot::Sender<Option<JobRecord>>,
+    },
+    Workers {
+        reply: oneshot::Sender<Vec<v1::WorkerInfo>>,
+    },
+    WaitsFor {
+        ids: Vec<JobId>,
+        reply: oneshot::Sender<Vec<Option<String>>>,
+    },
+    Connect {
+        greeting: Greeting,
+        outbox: mpsc::UnboundedSender<v1::CoordinatorMessage>,
+        reply: oneshot::Sender<SessionId>,
+    },
+    Heartbeat {
+        worker: WorkerId,
+        session: SessionId,
+        running: Vec<AssignmentId>,
+    },
+    Reject {
+        worker: WorkerId,
+        session: SessionId,
+        assignment: AssignmentId,
+        reason: String,
+    },
+    Drain {
+        worker: WorkerId,
+        session: SessionId,
+    },
+    Disconnect {
+        worker: WorkerId,
+        session: SessionId,
+    },
+    Complete {
+        completed: Completed,
+        reply: oneshot::Sender<Verdict>,
+    },
     Stop,
 }
 
@@ -170,7 +203,9 @@ impl Actor {
                 let (worker, job) = (completed.worker.clone(), completed.job.clone());
                 let verdict = self.scheduler.complete(now, completed);
                 match verdict {
-                    Verdict::Conflict => tracing::error!(%worker, %job, "a result differs from the one that was committed"),
+                    Verdict::Conflict => {
+                        tracing::error!(%worker, %job, "a result differs from the one that was committed")
+                    }
                     verdict => tracing::debug!(%worker, %job, ?verdict, "result"),
                 }
                 later(replies, reply, verdict);
@@ -244,10 +279,7 @@ fn to_wire(content: Message) -> v1::CoordinatorMessage {
                 Task::Evaluate { range, genomes } => assign::Task::Evaluate(v1::EvaluateTask {
                     generation: range.generation,
                     first: range.first,
-                    genomes: range
-                        .candidates()
-                        .map(|i| v1::Genome { values: genomes[i as usize].clone() })
-                        .collect(),
+                    genomes: range.candidates().map(|i| v1::Genome { values: genomes[i as usize].clone() }).collect(),
                 }),
                 Task::Report { winner, first } => assign::Task::Report(v1::ReportTask {
                     winner: Some((&winner).into()),

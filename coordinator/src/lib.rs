@@ -4,7 +4,6 @@
 
 mod actor;
 mod api;
-mod engines;
 pub mod limits;
 pub mod record;
 pub mod scheduler;

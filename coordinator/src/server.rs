@@ -137,7 +137,7 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
     })?;
     let local_addr = listener.local_addr().map_err(|source| Error::Bind { addr, source })?;
     let store = store::open(&config.store).await?;
-    let engines = tokio::task::spawn_blocking(crate::engines::engines).await;
+    let engines = tokio::task::spawn_blocking(sim_core::engine_digests).await;
     let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
     let actor = take_up(store.clone(), config.lease).await?;
     let events = actor.events.clone();

@@ -153,10 +153,7 @@ mod tests {
         let result = v1::EvaluateResult {
             generation: 1,
             first: 10,
-            evaluations: scores
-                .iter()
-                .map(|&score| (&Evaluation { candidate: 0, score, counts }).into())
-                .collect(),
+            evaluations: scores.iter().map(|&score| (&Evaluation { candidate: 0, score, counts }).into()).collect(),
         };
         let back = evaluations(&over_the_wire(&result)).unwrap();
         let bits = |s: Option<f64>| s.map(f64::to_bits);

@@ -1,1 +1,3 @@
-//! stub
+//! Tests across processes: real coordinators and workers, talking over loopback, killed at will.
+
+pub mod sandbox;

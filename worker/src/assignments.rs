@@ -42,14 +42,7 @@ impl Assignment {
             Task::Report { .. } => (0, 0, 0),
         };
         let report = matches!(self.task, Task::Report { .. });
-        RunningAssignment {
-            assignment_id: self.id,
-            job_id: self.job_id.clone(),
-            generation,
-            first,
-            count,
-            report,
-        }
+        RunningAssignment { assignment_id: self.id, job_id: self.job_id.clone(), generation, first, count, report }
     }
 }
 

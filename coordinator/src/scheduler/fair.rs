@@ -1,8 +1,8 @@
 //! Which job gets the next free slot: start-time fair queueing (Goyal, Vin and Cheng 1996) by measured cost.
 //!
 //! A job's tag grows by the slot time of what it is given, divided by its priority; the job with the smallest tag is
-//! next. A job that had nothing to hand out for a while starts at the present virtual time: it gets its share from now
-//! on, not the past's.
+//! next. A job that had nothing to hand out for a while may catch up on a bounded part of it: what it misses while the last
+//! candidates of a generation are out, but not hours of waiting.
 
 use super::job::{ActiveJob, Report};
 use super::lease::{AssignmentId, Lease, Leased, Task};
@@ -10,10 +10,13 @@ use super::sizing::{may_prefetch, range_size};
 use super::worker::{Worker, WorkerId};
 use super::{Action, Message, Now, Scheduler};
 use crate::record::JobId;
-use proto::limits::MAX_ASSIGNMENT_GENOMES;
+use proto::limits::{DEFAULT_PRIORITY, MAX_ASSIGNMENT_GENOMES};
 
 /// Slot time of an evaluation nobody has measured yet, s.
 const UNKNOWN_COST: f64 = 1.0;
+
+/// How much of its missed share a job may catch up on, s of slot time at the priority of most jobs.
+const CREDIT: f64 = 60.0 / DEFAULT_PRIORITY as f64;
 
 /// Whether a free slot is filled, or a busy one gets its next work in advance.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -58,7 +61,7 @@ impl Scheduler {
         let mut next: Option<(f64, u64, &JobId, u32)> = None;
         for (id, job) in &self.jobs {
             let Some(size) = self.offer(worker, id, job, fill) else { continue };
-            let tag = job.finish_tag.max(self.virtual_time);
+            let tag = job.finish_tag.max(self.virtual_time - CREDIT);
             if next.is_none_or(|(best, number, ..)| (tag, job.record.number) < (best, number)) {
                 next = Some((tag, job.record.number, id, size));
             }
@@ -104,8 +107,8 @@ impl Scheduler {
         self.next_assignment += 1;
 
         let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(count) / f64::from(job.record.priority);
-        let tag = job.finish_tag.max(self.virtual_time);
-        self.virtual_time = tag;
+        let tag = job.finish_tag.max(self.virtual_time - CREDIT);
+        self.virtual_time = self.virtual_time.max(tag);
         job.finish_tag = tag + charged;
 
         let since = now.since_start;

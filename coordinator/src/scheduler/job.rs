@@ -244,8 +244,7 @@ impl ActiveJob {
         }
         let sealed = SealedGeneration { scores: scores.clone(), statistics };
         self.last_scores = Some(scores);
-        let write =
-            Write::Seal { record: self.record.clone(), sealed, optimiser: self.optimiser.save(), events };
+        let write = Write::Seal { record: self.record.clone(), sealed, optimiser: self.optimiser.save(), events };
         Some((write, dead_end))
     }
 
@@ -264,11 +263,8 @@ impl ActiveJob {
             return None;
         }
         self.last_progress = Some(now.since_start);
-        let progress = v1::Progress {
-            generation: generation.number,
-            done: generation.done(),
-            total: generation.population(),
-        };
+        let progress =
+            v1::Progress { generation: generation.number, done: generation.done(), total: generation.population() };
         Some(v1::JobEvent {
             sequence: self.record.last_event,
             at_ms: now.unix_ms,
@@ -290,10 +286,5 @@ pub(super) fn end(mut record: JobRecord, now: Now, state: JobState, reason: Stri
 /// The next event, with the job as it stands now.
 fn event(record: &mut JobRecord, now: Now, event: Event) -> v1::JobEvent {
     record.last_event += 1;
-    v1::JobEvent {
-        sequence: record.last_event,
-        at_ms: now.unix_ms,
-        event: Some(event),
-        job: Some(record.to_wire()),
-    }
+    v1::JobEvent { sequence: record.last_event, at_ms: now.unix_ms, event: Some(event), job: Some(record.to_wire()) }
 }

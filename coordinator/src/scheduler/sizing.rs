@@ -2,8 +2,8 @@
 
 /// A range should take at least this long, s: below, the round trip costs more than the work.
 const LEAST: f64 = 0.02;
-/// A range should take at most this long, s: beyond, losing a worker costs too much.
-const MOST: f64 = 30.0;
+/// A range should take at most this long, s: beyond, losing a worker costs too much and other jobs wait too long for a slot.
+const MOST: f64 = 5.0;
 /// A slot gets a second range in advance only while ranges are shorter than this, s: what waits behind a long range
 /// might have gone to a slot that falls idle.
 const PREFETCH_BELOW: f64 = 1.0;

@@ -1,1 +1,259 @@
-//! t
+//! The scheduler under random events, held against its promises after each of them; and its promises one by one.
+//!
+//! Evaluations are replaced by a pure function of the genome: what is tested here needs no physics.
+
+mod laws;
+mod model;
+
+use super::*;
+use crate::store::{MemoryStore, Store};
+use sim_core::optimise::Optimiser;
+use sim_core::score::{Counts, Direction, Genome};
+
+/// Each generation's candidates follow from the scores of the one before: any change of one bit changes all that follows.
+#[derive(Clone, Debug)]
+pub struct Fake {
+    pub population: u32,
+    generation: u32,
+    memory: u64,
+}
+
+impl Fake {
+    pub fn new(population: u32) -> Self {
+        Self { population, generation: 0, memory: 17 }
+    }
+}
+
+fn mix(a: u64, b: u64) -> u64 {
+    let z = (a ^ b.rotate_left(32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (z ^ (z >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9)
+}
+
+impl Optimiser for Fake {
+    fn ask(&self) -> Vec<Genome> {
+        (0..self.population).map(|i| vec![mix(self.memory, u64::from(i)) as f64, f64::from(i)]).collect()
+    }
+    fn tell(&mut self, scores: &[Option<f64>]) {
+        assert_eq!(scores.len(), self.population as usize);
+        for score in scores {
+            self.memory = mix(self.memory, score.map_or(1, f64::to_bits));
+        }
+        self.generation += 1;
+    }
+    fn generation(&self) -> u32 {
+        self.generation
+    }
+    fn save(&self) -> Vec<u8> {
+        [u64::from(self.generation), self.memory].iter().flat_map(|v| v.to_le_bytes()).collect()
+    }
+    fn restore(&mut self, state: &[u8]) -> Result<(), BadState> {
+        let word = |at: usize| state.get(at..at + 8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes);
+        let (Some(generation), Some(memory)) = (word(0), word(8)) else {
+            return Err(BadState("too short".to_owned()));
+        };
+        (self.generation, self.memory) = (generation as u32, memory);
+        Ok(())
+    }
+    fn direction(&self) -> Direction {
+        Direction::Maximise
+    }
+}
+
+/// The fake physics: one candidate in seven fails.
+pub fn score(genome: &Genome) -> Outcome {
+    let bits = mix(genome[0].to_bits(), genome[1].to_bits());
+    let score = (!bits.is_multiple_of(7)).then_some((bits % 1000) as f64 / 8.0);
+    Outcome { score, counts: Counts { rollouts: 1, nodes: bits % 5, ..Counts::default() } }
+}
+
+pub const ENGINE: Digest = Digest([3; 32]);
+
+pub fn new_job(name: &str, population: u32, generations: u32) -> NewJob {
+    NewJob {
+        name: name.to_owned(),
+        request_id: format!("request of {name}"),
+        request_digest: Digest::of("test", &name),
+        priority: 10,
+        job_digest: Digest::of("test job", &name),
+        engine_digest: ENGINE,
+        toml: format!("name = \"{name}\"").into(),
+        optimiser: Box::new(Fake::new(population)),
+        generations,
+    }
+}
+
+/// The scores' digest of a whole job, computed straight away.
+pub fn expected_digest(name: &str, population: u32, generations: u32) -> Digest {
+    let mut fake = Fake::new(population);
+    let mut digest = sim_core::identity::ResultDigest::start(&Digest::of("test job", &name));
+    let mut best: Option<(f64, Genome)> = None;
+    for generation in 0..generations {
+        let genomes = fake.ask();
+        let scores: Vec<Option<f64>> = genomes.iter().map(|g| score(g).score).collect();
+        for (genome, s) in genomes.iter().zip(&scores) {
+            if let Some(s) = s
+                && best.as_ref().is_none_or(|(b, _)| s > b)
+            {
+                best = Some((*s, genome.clone()));
+            }
+        }
+        digest.generation(generation, &scores);
+        fake.tell(&scores);
+    }
+    let (score, genome) = best.expect("some candidate succeeds");
+    digest.seal(&genome, score)
+}
+
+/// A worker as the test plays it.
+pub fn greeting(id: &str, slots: u32) -> Greeting {
+    Greeting {
+        worker: WorkerId(id.into()),
+        name: id.to_owned(),
+        address: String::new(),
+        slots,
+        engines: vec![ENGINE],
+        running: Vec::new(),
+    }
+}
+
+/// Work as it reached a worker.
+#[derive(Clone, Debug)]
+pub struct Given {
+    pub worker: WorkerId,
+    pub assignment: AssignmentId,
+    pub job: JobId,
+    pub task: Task,
+}
+
+impl Given {
+    pub fn delivery(&self) -> Delivery {
+        match &self.task {
+            Task::Evaluate { range, genomes } => Delivery::Evaluations {
+                generation: range.generation,
+                first: range.first,
+                outcomes: range.candidates().map(|i| score(&genomes[i as usize])).collect(),
+            },
+            Task::Report { .. } => Delivery::Report(b"{}".to_vec()),
+        }
+    }
+
+    pub fn completed(&self, delivery: Delivery) -> Completed {
+        Completed {
+            worker: self.worker.clone(),
+            assignment: self.assignment,
+            job: self.job.clone(),
+            engine: ENGINE,
+            compute: Duration::from_millis(5),
+            delivery,
+        }
+    }
+
+    pub fn range(&self) -> Option<Range> {
+        if let Task::Evaluate { range, .. } = &self.task { Some(*range) } else { None }
+    }
+}
+
+/// Scheduler and store together, as the actor holds them; a store in memory answers at once.
+pub struct Rig {
+    pub scheduler: Scheduler,
+    pub store: MemoryStore,
+    pub epoch: u64,
+    pub now: Now,
+    /// Everything that was ever sent to a worker and not cancelled.
+    pub given: Vec<Given>,
+    pub cancelled: Vec<AssignmentId>,
+}
+
+pub const LEASE: Duration = Duration::from_secs(10);
+
+/// The memory store never waits.
+pub fn at_once<T>(answer: crate::store::Answer<'_, T>) -> T {
+    let mut answer = answer;
+    let mut context = std::task::Context::from_waker(std::task::Waker::noop());
+    match answer.as_mut().poll(&mut context) {
+        std::task::Poll::Ready(result) => result.expect("the memory store does not fail"),
+        std::task::Poll::Pending => panic!("the memory store does not wait"),
+    }
+}
+
+impl Rig {
+    pub fn new() -> Self {
+        let store = MemoryStore::default();
+        let epoch = at_once(store.start()).epoch;
+        let scheduler = Scheduler::new(Settings { epoch, lease: LEASE }, 1, BTreeSet::new());
+        Self { scheduler, store, epoch, now: Now::default(), given: Vec::new(), cancelled: Vec::new() }
+    }
+
+    /// Commits and collects what the scheduler wants done.
+    pub fn settle(&mut self) {
+        let actions = self.scheduler.take_actions();
+        let writes = actions.iter().filter_map(|a| if let Action::Write(w) = a { Some((**w).clone()) } else { None });
+        at_once(self.store.commit(self.epoch, writes.collect()));
+        for action in actions {
+            match action {
+                Action::Send(worker, _, Message::Assign { assignment, job, task, .. }) => {
+                    self.given.push(Given { worker, assignment, job, task });
+                }
+                Action::Send(_, _, Message::Cancel(ids)) => self.cancelled.extend(ids),
+                Action::Write(_) | Action::Publish(..) => {}
+            }
+        }
+    }
+
+    pub fn submit(&mut self, name: &str, population: u32, generations: u32) -> JobId {
+        let record = self.scheduler.submit(self.now, new_job(name, population, generations));
+        self.settle();
+        record.id
+    }
+
+    pub fn connect(&mut self, id: &str, slots: u32) -> SessionId {
+        let welcome = self.scheduler.connect(self.now, greeting(id, slots));
+        self.settle();
+        welcome.session
+    }
+
+    pub fn complete(&mut self, completed: Completed) -> Verdict {
+        let verdict = self.scheduler.complete(self.now, completed);
+        self.settle();
+        verdict
+    }
+
+    pub fn advance(&mut self, by: Duration) {
+        self.now.since_start += by;
+        self.scheduler.tick(self.now);
+        self.settle();
+    }
+
+    /// Takes the next unanswered work.
+    pub fn take(&mut self) -> Option<Given> {
+        self.given.retain(|g| !self.cancelled.contains(&g.assignment));
+        (!self.given.is_empty()).then(|| self.given.remove(0))
+    }
+
+    /// Answers all there is until nothing is left.
+    pub fn work_off(&mut self) {
+        while let Some(given) = self.take() {
+            let delivery = given.delivery();
+            self.complete(given.completed(delivery));
+        }
+    }
+
+    pub fn stored(&self, id: &JobId) -> JobRecord {
+        at_once(self.store.job(id)).expect("the job is stored").0
+    }
+
+    /// The coordinator dies and starts again on its store.
+    pub fn restart(&mut self, population: impl Fn(&JobId) -> u32) {
+        let loaded = at_once(self.store.start());
+        self.epoch = loaded.epoch;
+        let settings = Settings { epoch: loaded.epoch, lease: LEASE };
+        self.scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect());
+        for stored in loaded.active {
+            let optimiser = Box::new(Fake::new(population(&stored.record.id)));
+            let crate::store::StoredJob { record, toml, optimiser: state, results, last_scores } = stored;
+            let resumed = Resumed { record, toml, optimiser, state, results, last_scores };
+            self.scheduler.resume(self.now, resumed).expect("a stored job resumes");
+        }
+        self.settle();
+    }
+}

@@ -58,10 +58,8 @@ pub(super) fn encode_outcomes(outcomes: &[Outcome]) -> Vec<u8> {
 
 pub(super) fn decode_outcomes(bytes: &[u8]) -> Result<Vec<Outcome>, StoreError> {
     let stored: Outcomes = decode("results", bytes)?;
-    let outcome = |e: v1::EvaluationResult| Outcome {
-        score: e.score,
-        counts: e.counts.map(Counts::from).unwrap_or_default(),
-    };
+    let outcome =
+        |e: v1::EvaluationResult| Outcome { score: e.score, counts: e.counts.map(Counts::from).unwrap_or_default() };
     Ok(stored.outcomes.into_iter().map(outcome).collect())
 }
 

@@ -100,11 +100,8 @@ impl Store for MemoryStore {
     fn start(&self) -> Answer<'_, Loaded> {
         let mut inner = self.lock();
         inner.epoch += 1;
-        let mut loaded = Loaded {
-            epoch: inner.epoch,
-            next_job: inner.jobs.keys().last().map_or(1, |n| n + 1),
-            ..Loaded::default()
-        };
+        let mut loaded =
+            Loaded { epoch: inner.epoch, next_job: inner.jobs.keys().last().map_or(1, |n| n + 1), ..Loaded::default() };
         for entry in inner.jobs.values() {
             if ended(entry.record.state) {
                 loaded.ended.push(entry.record.id.clone());

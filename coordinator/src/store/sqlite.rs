@@ -51,10 +51,16 @@ impl SqliteStore {
         // Takes the lock, or finds out that somebody else has it.
         let mut tx = connection.begin_with("BEGIN IMMEDIATE").await.map_err(|e| self.failure(e))?;
         let pragma = |row: SqliteRow| row.try_get::<i64, _>(0);
-        let version =
-            sqlx::query("PRAGMA user_version").fetch_one(&mut *tx).await.and_then(pragma).map_err(|e| self.failure(e))?;
-        let application =
-            sqlx::query("PRAGMA application_id").fetch_one(&mut *tx).await.and_then(pragma).map_err(|e| self.failure(e))?;
+        let version = sqlx::query("PRAGMA user_version")
+            .fetch_one(&mut *tx)
+            .await
+            .and_then(pragma)
+            .map_err(|e| self.failure(e))?;
+        let application = sqlx::query("PRAGMA application_id")
+            .fetch_one(&mut *tx)
+            .await
+            .and_then(pragma)
+            .map_err(|e| self.failure(e))?;
         let tables: i64 = sqlx::query_scalar("SELECT count(*) FROM sqlite_schema")
             .fetch_one(&mut *tx)
             .await
@@ -191,10 +197,8 @@ impl Store for SqliteStore {
         Box::pin(async move {
             let mut connection = self.connection.lock().await;
             let mut tx = connection.begin_with("BEGIN IMMEDIATE").await.map_err(|e| self.failure(e))?;
-            let current: i64 = sqlx::query_scalar("SELECT epoch FROM meta")
-                .fetch_one(&mut *tx)
-                .await
-                .map_err(|e| self.failure(e))?;
+            let current: i64 =
+                sqlx::query_scalar("SELECT epoch FROM meta").fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
             if current as u64 != epoch {
                 return Err(StoreError::Superseded { own: epoch, by: current as u64 });
             }
@@ -254,15 +258,14 @@ impl Store for SqliteStore {
     fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>> {
         Box::pin(async move {
             let mut connection = self.connection.lock().await;
-            let events: Vec<Vec<u8>> = sqlx::query_scalar(
-                "SELECT event FROM events WHERE job = ? AND sequence > ? ORDER BY sequence LIMIT ?",
-            )
-            .bind(id.as_str())
-            .bind(i64::try_from(after).unwrap_or(i64::MAX))
-            .bind(limit)
-            .fetch_all(&mut *connection)
-            .await
-            .map_err(|e| self.failure(e))?;
+            let events: Vec<Vec<u8>> =
+                sqlx::query_scalar("SELECT event FROM events WHERE job = ? AND sequence > ? ORDER BY sequence LIMIT ?")
+                    .bind(id.as_str())
+                    .bind(i64::try_from(after).unwrap_or(i64::MAX))
+                    .bind(limit)
+                    .fetch_all(&mut *connection)
+                    .await
+                    .map_err(|e| self.failure(e))?;
             events.iter().map(|bytes| blob::decode("event", bytes)).collect()
         })
     }

@@ -1,1 +1,297 @@
-//! t
+//! One suite, run on every store.
+
+use super::*;
+use proto::v1::job_event::Event;
+use sim_core::identity::{Digest, ResultDigest};
+use sim_core::score::{Counts, Scored};
+use std::path::Path;
+
+/// Bits that do not survive careless storage: -0, NaN with a payload, infinity, the smallest number.
+const ODD: [u64; 5] = [0x8000_0000_0000_0000, 0x7ff8_0000_dead_beef, 0xfff0_0000_0000_0000, 1, 0];
+
+fn record(number: u64) -> JobRecord {
+    let digest = Digest::of("test", &number);
+    JobRecord {
+        id: JobId::new(number, &digest),
+        number,
+        name: format!("job {number}"),
+        request_id: format!("request {number}"),
+        request_digest: Digest([1; 32]),
+        state: JobState::Queued,
+        job_digest: digest,
+        engine_digest: Digest([2; 32]),
+        population: 4,
+        generations_done: 0,
+        generations_total: 2,
+        priority: 10,
+        best: None,
+        first: None,
+        counts: Counts::default(),
+        evaluations: 0,
+        failed_evaluations: 0,
+        reason: String::new(),
+        submitted_at_ms: 1_000,
+        started_at_ms: 0,
+        ended_at_ms: 0,
+        last_event: 1,
+        scores_digest: ResultDigest::start(&digest),
+        result_digest: None,
+    }
+}
+
+fn event(sequence: u64, state: JobState) -> v1::JobEvent {
+    v1::JobEvent { sequence, at_ms: 5, event: Some(Event::StateChanged(state.into())), job: None }
+}
+
+fn submit(record: &JobRecord) -> Write {
+    Write::Submit {
+        record: record.clone(),
+        toml: "name = \"x\"".into(),
+        optimiser: vec![1, 2, 3],
+        event: event(1, JobState::Queued),
+    }
+}
+
+fn outcome(bits: u64) -> Outcome {
+    Outcome { score: Some(f64::from_bits(bits)), counts: Counts { rollouts: bits, ..Counts::default() } }
+}
+
+fn failed() -> Outcome {
+    Outcome { score: None, counts: Counts { unstable: 1, ..Counts::default() } }
+}
+
+fn seal(record: &JobRecord, sequence: u64) -> Write {
+    let scores = ODD.iter().map(|b| Some(f64::from_bits(*b))).chain([None]).collect();
+    let statistics = v1::GenerationSealed { generation: record.generations_done - 1, ..Default::default() };
+    Write::Seal {
+        record: record.clone(),
+        sealed: SealedGeneration { scores, statistics },
+        optimiser: vec![4, 5],
+        events: vec![event(sequence, JobState::Running), event(sequence + 1, JobState::Reporting)],
+    }
+}
+
+fn end(record: &JobRecord, state: JobState) -> Write {
+    let record = JobRecord { state, last_event: record.last_event + 1, ..record.clone() };
+    Write::Change { event: event(record.last_event, state), record }
+}
+
+/// Opens again what was stored, as after a crash.
+trait Reopen {
+    async fn reopen(self) -> Self;
+}
+
+impl Reopen for MemoryStore {
+    async fn reopen(self) -> Self {
+        self
+    }
+}
+
+struct Temporary {
+    store: SqliteStore,
+    folder: tempfile::TempDir,
+}
+
+async fn open_file(path: &Path) -> SqliteStore {
+    // The lock of a store that was just dropped is gone within a moment.
+    for _ in 0..100 {
+        match SqliteStore::open(path).await {
+            Err(StoreError::InUse { .. }) => tokio::time::sleep(std::time::Duration::from_millis(20)).await,
+            opened => return opened.expect("the store opens"),
+        }
+    }
+    panic!("the store stays locked");
+}
+
+impl Temporary {
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        Self { store: open_file(&folder.path().join("s.db")).await, folder }
+    }
+}
+
+impl Reopen for Temporary {
+    async fn reopen(self) -> Self {
+        let Self { store, folder } = self;
+        drop(store);
+        Self { store: open_file(&folder.path().join("s.db")).await, folder }
+    }
+}
+
+impl std::ops::Deref for Temporary {
+    type Target = SqliteStore;
+    fn deref(&self) -> &SqliteStore {
+        &self.store
+    }
+}
+
+/// Writes the same tests for each store.
+macro_rules! on_every_store {
+    ($($(#[$doc:meta])* async fn $name:ident($store:ident) $body:block)*) => {
+        mod memory {
+            use super::*;
+            $($(#[$doc])* #[tokio::test] async fn $name() { let $store = MemoryStore::default(); $body })*
+        }
+        mod sqlite {
+            use super::*;
+            $($(#[$doc])* #[tokio::test] async fn $name() { let $store = Temporary::new().await; $body })*
+        }
+    };
+}
+
+on_every_store! {
+    async fn what_was_committed_is_there_after_a_restart_bit_by_bit(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let job = record(1);
+        let ranges = vec![(0, ODD.map(outcome).to_vec()), (9, vec![failed()])];
+        let results = Write::Results { job: job.id.clone(), generation: 0, ranges: ranges.clone() };
+        store.commit(epoch, vec![submit(&job), results]).await.unwrap();
+
+        let store = store.reopen().await;
+        let loaded = store.start().await.unwrap();
+        assert_eq!((loaded.epoch, loaded.next_job, loaded.ended.len()), (epoch + 1, 2, 0));
+        let [stored] = loaded.active.as_slice() else { panic!("one job") };
+        assert_eq!(stored.record, job);
+        assert_eq!((stored.toml.as_ref(), stored.optimiser.as_slice()), ("name = \"x\"", [1, 2, 3].as_slice()));
+        assert_eq!(stored.results, ranges);
+        assert!(stored.last_scores.is_none());
+    }
+
+    async fn sealing_replaces_results_by_scores_and_moves_everything_on_at_once(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let best = |bits| Scored { generation: 0, candidate: 1, score: f64::from_bits(bits), genome: vec![-0.0, 1.5] };
+        let job = record(1);
+        let results = Write::Results { job: job.id.clone(), generation: 0, ranges: vec![(0, vec![failed()])] };
+        let after = JobRecord {
+            generations_done: 1,
+            last_event: 3,
+            state: JobState::Running,
+            best: Some(best(ODD[0])),
+            first: Some(best(1)),
+            result_digest: Some(Digest([7; 32])),
+            ..job.clone()
+        };
+        store.commit(epoch, vec![submit(&job), results]).await.unwrap();
+        store.commit(epoch, vec![seal(&after, 2)]).await.unwrap();
+
+        let store = store.reopen().await;
+        let loaded = store.start().await.unwrap();
+        let stored = &loaded.active[0];
+        assert_eq!(stored.record, after);
+        assert!(stored.record.best.as_ref().is_some_and(|b| b.score.is_sign_negative() && b.genome[0].is_sign_negative()));
+        assert_eq!((stored.optimiser.as_slice(), stored.results.len()), ([4, 5].as_slice(), 0));
+        let bits = |s: &[Option<f64>]| s.iter().map(|v| v.map(f64::to_bits)).collect::<Vec<_>>();
+        let expected: Vec<_> = ODD.iter().map(|b| Some(*b)).chain([None]).collect();
+        assert_eq!(bits(stored.last_scores.as_ref().unwrap()), expected);
+        assert_eq!(bits(&store.scores(&job.id, 0).await.unwrap().unwrap()), expected);
+        assert!(store.scores(&job.id, 1).await.unwrap().is_none());
+        let sequence = |events: Vec<v1::JobEvent>| events.iter().map(|e| e.sequence).collect::<Vec<_>>();
+        assert_eq!(sequence(store.events(&job.id, 0, 10).await.unwrap()), [1, 2, 3]);
+        assert_eq!(sequence(store.events(&job.id, 1, 1).await.unwrap()), [2]);
+        assert_eq!(store.result(&job.id).await.unwrap().history.len(), 1);
+    }
+
+    async fn writes_of_an_earlier_epoch_change_nothing(store) {
+        let old = store.start().await.unwrap().epoch;
+        let new = store.start().await.unwrap().epoch;
+        let refused = store.commit(old, vec![submit(&record(1))]).await;
+        assert!(matches!(refused, Err(StoreError::Superseded { own, by }) if (own, by) == (old, new)));
+        assert!(store.jobs(u64::MAX, 10, &[]).await.unwrap().is_empty());
+        store.commit(new, vec![submit(&record(1))]).await.unwrap();
+    }
+
+    async fn jobs_are_found_by_id_by_request_and_in_pages(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let jobs: Vec<_> = (1..=5).map(record).collect();
+        store.commit(epoch, jobs.iter().map(submit).collect()).await.unwrap();
+        store.commit(epoch, vec![end(&jobs[1], JobState::Cancelled), end(&jobs[3], JobState::Failed)]).await.unwrap();
+
+        let numbers = |records: Vec<JobRecord>| records.iter().map(|r| r.number).collect::<Vec<_>>();
+        assert_eq!(numbers(store.jobs(u64::MAX, 2, &[]).await.unwrap()), [5, 4]);
+        assert_eq!(numbers(store.jobs(4, 2, &[]).await.unwrap()), [3, 2]);
+        let ended = [JobState::Cancelled, JobState::Failed];
+        assert_eq!(numbers(store.jobs(u64::MAX, 10, &ended).await.unwrap()), [4, 2]);
+        assert_eq!(store.job(&jobs[0].id).await.unwrap().unwrap().0, jobs[0]);
+        assert!(store.job(&"j1-none".into()).await.unwrap().is_none());
+        assert_eq!(store.job_of_request("request 3").await.unwrap().unwrap().number, 3);
+        assert!(store.job_of_request("request 9").await.unwrap().is_none());
+
+        let loaded = store.start().await.unwrap();
+        assert_eq!(loaded.next_job, 6);
+        assert_eq!(loaded.active.iter().map(|j| j.record.number).collect::<Vec<_>>(), [1, 3, 5]);
+        assert_eq!(loaded.ended, [jobs[1].id.clone(), jobs[3].id.clone()]);
+    }
+
+    async fn an_ended_job_keeps_its_report_and_drops_what_nobody_needs(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let job = record(1);
+        let results = Write::Results { job: job.id.clone(), generation: 0, ranges: vec![(0, vec![failed()])] };
+        let done = JobRecord { state: JobState::Succeeded, last_event: 2, ..job.clone() };
+        let report = Write::Report {
+            record: done.clone(),
+            report: b"{\"winner\":1}".to_vec(),
+            event: event(2, JobState::Succeeded),
+        };
+        store.commit(epoch, vec![submit(&job), results, report]).await.unwrap();
+        let store = store.reopen().await;
+        assert_eq!(store.result(&job.id).await.unwrap().report, b"{\"winner\":1}");
+        assert_eq!(store.job(&job.id).await.unwrap().unwrap().0, done);
+        assert!(store.start().await.unwrap().active.is_empty());
+    }
+}
+
+#[tokio::test]
+async fn a_commit_that_fails_leaves_nothing_behind() {
+    let store = Temporary::new().await;
+    let epoch = store.start().await.unwrap().epoch;
+    // The second breaks the uniqueness of request ids.
+    let twin = JobRecord { number: 2, id: JobId::new(2, &Digest([5; 32])), ..record(1) };
+    assert!(store.commit(epoch, vec![submit(&record(1)), submit(&twin)]).await.is_err());
+    assert!(store.jobs(u64::MAX, 10, &[]).await.unwrap().is_empty());
+    store.commit(epoch, vec![submit(&record(1))]).await.unwrap();
+}
+
+#[tokio::test]
+async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = async |path: &Path| match SqliteStore::open(path).await {
+        Ok(_) => panic!("{} opened", path.display()),
+        Err(error) => (error.to_string(), error),
+    };
+    let (text, error) = refused(&folder.path().join("none/s.db")).await;
+    assert!(matches!(error, StoreError::Open { .. }) && text.contains("there is no folder"), "{text}");
+    let (text, error) = refused(folder.path()).await;
+    assert!(matches!(error, StoreError::Open { .. }) && text.contains("it is a folder"), "{text}");
+
+    let text_file = folder.path().join("letter.txt");
+    std::fs::write(&text_file, "Dear reader, this is no database. ".repeat(100)).unwrap();
+    let (text, error) = refused(&text_file).await;
+    assert!(matches!(error, StoreError::Foreign { .. }), "{text}");
+
+    let used = folder.path().join("used.db");
+    let _store = open_file(&used).await;
+    let (text, error) = refused(&used).await;
+    assert!(matches!(error, StoreError::InUse { .. }) && text.contains("in use by another coordinator"), "{text}");
+}
+
+#[tokio::test]
+async fn a_database_of_another_program_or_a_newer_version_is_left_alone() {
+    use sqlx::ConnectOptions as _;
+    let folder = tempfile::tempdir().unwrap();
+    for (name, sql, reason) in [
+        ("other.db", "CREATE TABLE letters (a)", "another program"),
+        (
+            "newer.db",
+            "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 99",
+            "newer version",
+        ),
+    ] {
+        let path = folder.path().join(name);
+        let options = sqlx::sqlite::SqliteConnectOptions::new().filename(&path).create_if_missing(true);
+        let mut connection = options.connect().await.unwrap();
+        sqlx::raw_sql(sql).execute(&mut connection).await.unwrap();
+        sqlx::Connection::close(connection).await.unwrap();
+        let error = SqliteStore::open(&path).await.err().expect("refused").to_string();
+        assert!(error.contains(reason), "{error}");
+    }
+}

@@ -1,0 +1,186 @@
+//! Real coordinator and worker processes in a folder of their own, on ports of their own.
+
+use proto::v1::job_service_client::JobServiceClient;
+use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobState, SubmitJobRequest};
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use tonic::transport::{Channel, Endpoint};
+
+/// No test waits longer than this for anything.
+pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// The folder of the binaries, built once a test process with the profile that the tests have.
+fn binaries() -> &'static Path {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    BUILT.get_or_init(|| {
+        // The test runs from TARGET/PROFILE/deps.
+        let own = std::env::current_exe().expect("a process knows its program");
+        let folder = own.ancestors().nth(2).expect("tests live in TARGET/PROFILE/deps").to_owned();
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "-p", "coordinator", "-p", "worker"]).current_dir(env!("CARGO_MANIFEST_DIR"));
+        build.arg("--target-dir").arg(folder.parent().expect("the profile's folder is in the target folder"));
+        if folder.ends_with("release") {
+            build.arg("--release");
+        }
+        assert!(build.status().expect("cargo runs").success(), "coordinator and worker build");
+        folder
+    })
+}
+
+/// A process that is killed when it is dropped.
+#[derive(Debug)]
+pub struct Process(Child);
+
+impl Process {
+    /// SIGKILL: it has no time for anything.
+    pub fn kill_9(mut self) {
+        self.0.kill().expect("a process of ours can be killed");
+        self.0.wait().expect("a killed process ends");
+    }
+
+    /// SIGTERM, and its exit code.
+    pub fn terminate(mut self) -> Option<i32> {
+        let status = Command::new("kill").arg(self.0.id().to_string()).status().expect("kill runs");
+        assert!(status.success());
+        self.wait()
+    }
+
+    /// Its exit code, once it has ended by itself.
+    pub fn wait(&mut self) -> Option<i32> {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            if let Some(status) = self.0.try_wait().expect("a child can be waited for") {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        panic!("the process does not end");
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A folder with a store, and the address its coordinator has or will have.
+pub struct Sandbox {
+    folder: TempDir,
+    /// `127.0.0.1:PORT` once a coordinator was started.
+    address: Option<String>,
+}
+
+impl Default for Sandbox {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Sandbox {
+    /// An empty folder.
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("a temporary folder"), address: None }
+    }
+
+    /// Chooses the coordinator's port before there is a coordinator.
+    pub fn reserve_port(&mut self) {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+        self.address = Some(listener.local_addr().expect("it has an address").to_string());
+    }
+
+    /// Starts a coordinator on the sandbox's store and waits until it listens; where it was if there was one before.
+    pub fn coordinator(&mut self) -> Process {
+        let mut child = self.coordinator_command().stdout(Stdio::piped()).spawn().expect("coordinator starts");
+        let mut line = String::new();
+        let stdout = child.stdout.take().expect("stdout is piped");
+        BufReader::new(stdout).read_line(&mut line).expect("stdout is text");
+        let address = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("it said {line:?}"));
+        self.address = Some(address.to_owned());
+        Process(child)
+    }
+
+    /// What `coordinator` starts, for tests of its refusals.
+    pub fn coordinator_command(&self) -> Command {
+        let mut command = Command::new(binaries().join("coordinator"));
+        let store = format!("sqlite:{}", self.folder.path().join("store.db").display());
+        command.args(["--store", &store, "--lease-seconds", "2"]);
+        command.args(["--listen", self.address.as_deref().unwrap_or("127.0.0.1:0")]);
+        command.env("RUST_LOG", std::env::var("RUST_LOG").unwrap_or_else(|_| "error".to_owned()));
+        command
+    }
+
+    /// Starts a worker for the sandbox's coordinator.
+    pub fn worker(&self, slots: u32) -> Process {
+        let mut command = Command::new(binaries().join("worker"));
+        command.args(["--coordinator", &self.url(), "--slots", &slots.to_string()]);
+        command.env("RUST_LOG", std::env::var("RUST_LOG").unwrap_or_else(|_| "error".to_owned()));
+        Process(command.spawn().expect("worker starts"))
+    }
+
+    /// Where clients connect to.
+    pub fn url(&self) -> String {
+        format!("http://{}", self.address.as_deref().expect("a coordinator was started"))
+    }
+
+    /// A client; connects when it is used.
+    pub fn client(&self) -> JobServiceClient<Channel> {
+        let endpoint = Endpoint::from_shared(self.url()).expect("an address is a URL");
+        JobServiceClient::new(endpoint.connect_lazy()).max_decoding_message_size(proto::limits::MAX_MESSAGE)
+    }
+
+    /// Submits a job and returns it.
+    pub async fn submit(&self, request_id: &str, job_toml: &str) -> Job {
+        let request =
+            SubmitJobRequest { request_id: request_id.to_owned(), job_toml: job_toml.to_owned(), priority: 0 };
+        let answer = self.client().submit_job(request).await.expect("the job is taken").into_inner();
+        answer.job.expect("the answer has the job")
+    }
+
+    /// The job as it stands; waits while the coordinator is away.
+    pub async fn job(&self, id: &str) -> Job {
+        let start = Instant::now();
+        loop {
+            match self.client().get_job(GetJobRequest { id: id.to_owned() }).await {
+                Ok(answer) => return answer.into_inner().job.expect("the answer has the job"),
+                Err(status) => assert!(start.elapsed() < PATIENCE, "{status}"),
+            }
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+
+    /// Waits until a job is as wanted.
+    pub async fn until(&self, id: &str, wanted: impl Fn(&Job) -> bool) -> Job {
+        let start = Instant::now();
+        loop {
+            let job = self.job(id).await;
+            if wanted(&job) {
+                return job;
+            }
+            assert_ne!(job.state(), JobState::Failed, "{}", job.reason);
+            assert!(start.elapsed() < PATIENCE, "waited too long: {job:?}");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+
+    /// Waits until a job succeeded, and returns its result.
+    pub async fn result(&self, id: &str) -> GetResultResponse {
+        self.until(id, |job| job.state() == JobState::Succeeded).await;
+        self.client().get_result(GetResultRequest { id: id.to_owned() }).await.expect("a result").into_inner()
+    }
+}
+
+/// A small job that takes a second or two of one core. Other seeds are other jobs.
+pub fn tiny_job(seed: u32, generations: u32) -> String {
+    format!(
+        "name = \"tiny-{seed}\"\nseed = {seed}\nrobot = \"quadropod\"\nenvironment = \"empty\"\n\
+         [gaits]\ncount = 2\nduration = 2.0\n[planner]\niterations = 10\n[fitness]\nkind = \"coverage\"\n\
+         [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = {generations}\n"
+    )
+}

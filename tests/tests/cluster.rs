@@ -1,0 +1,198 @@
+//! Coordinator and workers as processes of their own.
+
+use cluster_tests::sandbox::{Process, Sandbox, tiny_job};
+use proto::v1::job_event::Event;
+use proto::v1::{CancelJobRequest, JobEvent, JobState, ListWorkersRequest, SubmitJobRequest, WatchJobRequest};
+use std::process::Command;
+use std::time::Duration;
+use tonic::Code;
+
+const GENERATIONS: u32 = 4;
+
+/// The result digest of the same tiny job, undisturbed, on one worker.
+async fn undisturbed(seed: u32, generations: u32) -> Vec<u8> {
+    digest_with_workers(seed, generations, 1).await
+}
+
+async fn digest_with_workers(seed: u32, generations: u32, workers: usize) -> Vec<u8> {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let _workers: Vec<Process> = (0..workers).map(|_| sandbox.worker(1)).collect();
+    let job = sandbox.submit("r", &tiny_job(seed, generations)).await;
+    let result = sandbox.result(&job.id).await;
+    assert_eq!(result.result_digest.len(), 32);
+    assert_eq!(result.history.len(), generations as usize);
+    let report: serde_json::Value = serde_json::from_slice(&result.report_json).expect("the report is JSON");
+    assert_eq!(report["winner"]["score"].as_f64(), result.winner.and_then(|w| w.score));
+    result.result_digest
+}
+
+#[tokio::test]
+async fn the_same_job_gives_the_same_bits_with_one_two_and_five_workers() {
+    let one = digest_with_workers(1, GENERATIONS, 1).await;
+    assert_eq!(one, digest_with_workers(1, GENERATIONS, 2).await);
+    assert_eq!(one, digest_with_workers(1, GENERATIONS, 5).await);
+    assert_ne!(one, digest_with_workers(2, GENERATIONS, 2).await, "another seed is another job");
+}
+
+#[tokio::test]
+async fn a_killed_worker_changes_no_bit() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let victim = sandbox.worker(2);
+    let job = sandbox.submit("r", &tiny_job(3, GENERATIONS)).await;
+    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    victim.kill_9();
+    assert_eq!(sandbox.job(&job.id).await.state(), JobState::Running, "it was killed in mid-run");
+    let _other = sandbox.worker(1);
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(3, GENERATIONS).await);
+}
+
+#[tokio::test]
+async fn a_killed_coordinator_goes_on_where_it_was_and_changes_no_bit() {
+    let mut sandbox = Sandbox::new();
+    let mut coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(2);
+    let job = sandbox.submit("r", &tiny_job(4, 6)).await;
+    for generations in [1, 3] {
+        let before = sandbox.until(&job.id, |job| job.generations_done >= generations).await;
+        coordinator.kill_9();
+        coordinator = sandbox.coordinator();
+        let after = sandbox.job(&job.id).await;
+        assert!(after.generations_done >= before.generations_done, "what was told was stored");
+    }
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(4, 6).await);
+    drop(coordinator);
+}
+
+#[tokio::test]
+async fn submitting_twice_gives_one_job() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let first = sandbox.submit("same", &tiny_job(5, 2)).await;
+    assert_eq!(sandbox.submit("same", &tiny_job(5, 2)).await.id, first.id);
+    coordinator.kill_9();
+    let _coordinator = sandbox.coordinator();
+    assert_eq!(sandbox.submit("same", &tiny_job(5, 2)).await.id, first.id, "after a restart, too");
+    assert_ne!(sandbox.submit("other", &tiny_job(5, 2)).await.id, first.id);
+
+    let mut client = sandbox.client();
+    let request = |job_toml: String| SubmitJobRequest { request_id: "same".to_owned(), job_toml, priority: 0 };
+    let refused = client.submit_job(request(tiny_job(6, 2))).await.unwrap_err();
+    assert_eq!(refused.code(), Code::AlreadyExists, "{refused}");
+    let refused = client.submit_job(SubmitJobRequest { request_id: "new".to_owned(), ..request("robot =".to_owned()) });
+    let refused = refused.await.unwrap_err();
+    assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+}
+
+#[tokio::test]
+async fn a_cancelled_job_stays_cancelled() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let worker = sandbox.worker(2);
+    let job = sandbox.submit("r", &tiny_job(7, 1000)).await;
+    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    let cancel = || CancelJobRequest { id: job.id.clone() };
+    let cancelled = sandbox.client().cancel_job(cancel()).await.unwrap().into_inner().job.unwrap();
+    assert_eq!(cancelled.state(), JobState::Cancelled);
+    // The workers are free for others at once, and no late result wakes it up.
+    let next = sandbox.submit("next", &tiny_job(8, 2)).await;
+    sandbox.result(&next.id).await;
+    assert_eq!(sandbox.job(&job.id).await, cancelled);
+    coordinator.kill_9();
+    let _coordinator = sandbox.coordinator();
+    assert_eq!(sandbox.job(&job.id).await, cancelled);
+    assert_eq!(sandbox.client().cancel_job(cancel()).await.unwrap().into_inner().job, Some(cancelled));
+    assert_eq!(worker.terminate(), Some(0));
+}
+
+/// Stored events from one on, until there are `most` of them or the job ends.
+async fn watch(sandbox: &Sandbox, id: &str, after: u64, most: usize) -> Vec<JobEvent> {
+    let request = WatchJobRequest { id: id.to_owned(), after };
+    let mut stream = sandbox.client().watch_job(request).await.expect("watching").into_inner();
+    let mut events = Vec::new();
+    while events.len() < most
+        && let Some(event) = stream.message().await.expect("the stream ends in an orderly way")
+    {
+        if !matches!(event.event, Some(Event::Progress(_))) {
+            events.push(event);
+        }
+    }
+    events
+}
+
+#[tokio::test]
+async fn watching_resumes_without_a_gap() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(2);
+    let job = sandbox.submit("r", &tiny_job(9, 5)).await;
+    let mut events = watch(&sandbox, &job.id, 0, 3).await;
+    coordinator.kill_9();
+    let _coordinator = sandbox.coordinator();
+    events.extend(watch(&sandbox, &job.id, events[2].sequence, 1).await);
+    events.extend(watch(&sandbox, &job.id, events[3].sequence, usize::MAX).await);
+    let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
+    assert_eq!(sequence, (1..=events.len() as u64).collect::<Vec<_>>());
+    assert_eq!(events.last().unwrap().job.as_ref().unwrap().state(), JobState::Succeeded);
+    let generation =
+        |e: &JobEvent| if let Some(Event::GenerationSealed(g)) = &e.event { Some(g.generation) } else { None };
+    assert_eq!(events.iter().filter_map(generation).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    assert_eq!(watch(&sandbox, &job.id, 0, usize::MAX).await, events, "an ended job tells the same again");
+
+    let beyond = WatchJobRequest { id: job.id, after: 1000 };
+    assert_eq!(sandbox.client().watch_job(beyond).await.unwrap_err().code(), Code::OutOfRange);
+}
+
+#[tokio::test]
+async fn two_jobs_share_the_workers() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(2);
+    let long = sandbox.submit("long", &tiny_job(10, 1000)).await;
+    sandbox.until(&long.id, |job| job.generations_done >= 1).await;
+    let short = sandbox.submit("short", &tiny_job(11, GENERATIONS)).await;
+    let before = sandbox.job(&long.id).await.evaluations;
+    let digest = sandbox.result(&short.id).await.result_digest;
+    let long_got = sandbox.job(&long.id).await.evaluations - before;
+    assert!(long_got >= 5, "the long job went on beside the short one: {long_got}");
+    assert_eq!(digest, undisturbed(11, GENERATIONS).await);
+}
+
+#[tokio::test]
+async fn a_worker_waits_for_its_coordinator() {
+    let mut sandbox = Sandbox::new();
+    sandbox.reserve_port();
+    let worker = sandbox.worker(3);
+    std::thread::sleep(Duration::from_millis(500));
+    let _coordinator = sandbox.coordinator();
+    let job = sandbox.submit("r", &tiny_job(12, 1)).await;
+    sandbox.result(&job.id).await;
+    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.unwrap().into_inner().workers;
+    assert_eq!(workers.iter().map(|w| w.slots).collect::<Vec<_>>(), [3]);
+    assert_eq!(worker.terminate(), Some(0));
+}
+
+#[test]
+fn a_coordinator_that_can_not_start_says_why_in_one_sentence() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let output = sandbox.coordinator_command().output().expect("coordinator runs");
+    let text = String::from_utf8(output.stderr).expect("messages are text");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text.starts_with("coordinator: 127.0.0.1:") && text.contains("is taken by another program"), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+    assert_eq!(coordinator.terminate(), Some(0));
+
+    let again = |arguments: &[&str]| {
+        let output = Command::new(sandbox.coordinator_command().get_program()).args(arguments).output();
+        let output = output.expect("coordinator runs");
+        (output.status.code(), String::from_utf8(output.stderr).expect("messages are text"))
+    };
+    let (code, text) = again(&["--listen", "0.0.0.0:0", "--store", "memory:"]);
+    assert!(code == Some(1) && text.contains("--insecure-bind"), "{text}");
+    let (code, text) = again(&["--listen", "127.0.0.1:0", "--store", "sqlite:/nowhere/at/all.db"]);
+    assert!(code == Some(1) && text.contains("there is no folder /nowhere/at"), "{text}");
+    let (code, text) = again(&["--listen", "127.0.0.1:0", "--store", "memory:", "--lease-seconds", "NaN"]);
+    assert!(code == Some(1) && text.contains("out of range"), "{text}");
+}
