@@ -83,21 +83,27 @@ impl Growth {
             setting.height + over.map(|t| t.top).fold(0.0, f64::max)
         };
         loop {
-            let Ask::Expand(node) = self.rrt.ask(&ground) else { return Vec::new() };
+            let asked = self.rrt.ask(&ground);
+            self.register(table);
+            let Ask::Expand(node) = asked else { return Vec::new() };
             let keys: Vec<TransitionKey> = (0..setting.gaits).map(|g| self.key(setting, table, node, g)).collect();
             let missing: Vec<TransitionKey> = keys.iter().copied().filter(|k| table.get(*k).is_none()).collect();
             if !missing.is_empty() {
                 return missing;
             }
-            let before = self.tree().nodes.len();
             let arrivals = keys.iter().map(|key| self.arrival(setting, table, node, *key)).collect();
-            self.rrt.tell(arrivals);
             self.edges[node] = keys;
-            for new in before..self.tree().nodes.len() {
-                self.edges.push(Vec::new());
-                let start = self.start_of(table, new);
-                self.nodes.push(start);
-            }
+            self.rrt.tell(arrivals);
+            self.register(table);
+        }
+    }
+
+    /// Takes in the nodes that were added since.
+    fn register(&mut self, table: &Transitions) {
+        for new in self.nodes.len()..self.tree().nodes.len() {
+            self.edges.push(Vec::new());
+            let start = self.start_of(table, new);
+            self.nodes.push(start);
         }
     }
 

@@ -41,13 +41,9 @@ impl Robot {
 
     /// The axis-aligned box around the whole robot: (lower, upper) corner, mu.
     pub fn bounds(&self, state: &State) -> (Vector, Vector) {
-        self.bounds_of(&self.body_poses(state))
-    }
-
-    /// The same, from body poses.
-    pub fn bounds_of(&self, poses: &[Pose]) -> (Vector, Vector) {
+        let poses = self.body_poses(state);
         let (mut low, mut high) = (Vector::splat(f32::INFINITY), Vector::splat(f32::NEG_INFINITY));
-        for (body, pose) in self.bodies.iter().zip(poses) {
+        for (body, pose) in self.bodies.iter().zip(&poses) {
             for part in &body.boxes {
                 let placed = *pose * part.pose;
                 let mut reach = Vector::ZERO;

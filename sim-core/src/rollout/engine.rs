@@ -37,7 +37,7 @@ pub fn engine(kind: EngineKind) -> &'static dyn Engine {
 const REVISION: u32 = 1;
 
 /// The exact versions of the crates whose arithmetic enters results; `tests/versions.rs` holds them to `Cargo.lock`.
-pub(crate) const NUMERIC_CRATES: &[(&str, &str)] =
+pub const NUMERIC_CRATES: &[(&str, &str)] =
     &[("rapier3d", "0.36.1"), ("parry3d", "0.31.1"), ("glam", "0.33.12"), ("nalgebra", "0.35.0"), ("libm", "0.2.16")];
 
 /// The digest of an engine as this build and machine have it: revision, crate versions and the bits of a short golden

@@ -1,0 +1,94 @@
+//! Laws of job files: identity, round trips, and that everything that ships is sound.
+
+use sim_core::catalogue;
+use sim_core::job::{Job, JobSpec};
+use sim_core::robot::{Robot, RobotSpec};
+
+fn text(more: &str) -> String {
+    format!(
+        r#"
+        name = "a"
+        robot = "lizard"
+        environment = "empty"
+        gaits = {{ count = 2 }}
+        fitness = {{ kind = "coverage" }}
+        optimiser = {{ kind = "pso" }}
+        {more}
+        "#
+    )
+}
+
+#[test]
+fn everything_that_ships_is_valid_and_survives_being_written() {
+    for entry in catalogue::jobs() {
+        let job = Job::from_toml(entry.toml).unwrap_or_else(|e| panic!("{}: {e}", entry.name));
+        let again = Job::from_toml(&job.to_toml()).unwrap();
+        assert_eq!(again.digest(), job.digest(), "{}", entry.name);
+        assert_eq!(again.to_toml(), job.to_toml(), "{}", entry.name);
+        assert_eq!(job.parameter_names().len(), job.bounds().0.len());
+        assert_eq!(job.spec().name, entry.name);
+    }
+    for entry in catalogue::environments() {
+        let environment = sim_core::environment::Environment::from_toml(entry.toml).unwrap();
+        assert_eq!(environment.name, entry.name);
+    }
+}
+
+#[test]
+fn every_robot_ships_with_one_and_two_failed_modules() {
+    for entry in catalogue::robots() {
+        let spec: RobotSpec = toml::from_str(entry.toml).unwrap();
+        assert_eq!(spec.name, entry.name);
+        let healthy = Robot::compile(&spec).unwrap();
+        for (variant, failed) in [("E1", 1), ("E2", 2)] {
+            let damaged = Robot::compile(&spec.variant(variant).unwrap()).unwrap();
+            assert_eq!(damaged.hinges.len(), healthy.hinges.len() - failed, "{} {variant}", entry.name);
+            assert_eq!(damaged.bodies.len(), healthy.bodies.len() - failed);
+            assert!((damaged.mass() - healthy.mass()).abs() < 1e-9);
+        }
+        let body_mass: f32 = healthy.bodies.iter().map(|b| b.mass).sum();
+        assert!((f64::from(body_mass) - healthy.mass()).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn every_variant_of_every_robot_settles() {
+    for entry in catalogue::robots() {
+        for variant in ["E1", "E2"] {
+            let more = format!("variant = \"{variant}\"");
+            let text = text(&more).replace("\"lizard\"", &format!("\"{}\"", entry.name));
+            Job::from_toml(&text).unwrap_or_else(|e| panic!("{} {variant}: {e}", entry.name));
+        }
+    }
+}
+
+#[test]
+fn names_and_descriptions_are_no_part_of_a_jobs_identity_but_settings_are() {
+    let digest = |text: String| Job::from_toml(&text).unwrap().digest();
+    let base = digest(text(""));
+    assert_eq!(base, digest(text("").replace("name = \"a\"", "name = \"b\"\ndescription = \"other\"")));
+    assert_eq!(
+        base,
+        digest(text("").replace("{ count = 2 }", "{ count = 2, duration = 30.0, controller = \"hopf\" }"))
+    );
+    for change in [
+        "seed = 2",
+        "variant = \"E1\"",
+        "planner = { iterations = 151 }",
+        "planner = { reuse_tolerance = 0.0 }",
+        "physics = { friction = 0.81 }",
+        "physics = { scale = \"real\" }",
+    ] {
+        assert_ne!(base, digest(text(change)), "{change}");
+    }
+    assert_ne!(base, digest(text("").replace("\"empty\"", "\"column\"")));
+}
+
+#[test]
+fn settings_that_are_not_given_are_written_out() {
+    let job = Job::from_toml(&text("")).unwrap();
+    let written: JobSpec = toml::from_str(&job.to_toml()).unwrap();
+    assert_eq!(written.physics.steps_per_second, Some(job.physics().steps_per_second));
+    assert!(job.to_toml().contains("reuse_tolerance = 0.05"));
+    assert!(job.to_toml().contains("friction = 0.8\n"));
+}

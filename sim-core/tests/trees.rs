@@ -1,0 +1,215 @@
+//! Laws of RRT-MP's trees and of evaluations.
+
+use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
+use sim_core::job::Job;
+use sim_core::plan::Place;
+use sim_core::rollout::Request;
+
+/// A small job on short gaits; `more` replaces or adds settings of the planner.
+fn job(environment: &str, planner: &str) -> Job {
+    Job::from_toml(&format!(
+        r#"
+        name = "small"
+        seed = 5
+        robot = "quadropod"
+        environment = "{environment}"
+        gaits = {{ count = 3, duration = 4.0 }}
+        fitness = {{ kind = "coverage", cell = 0.5 }}
+        optimiser = {{ kind = "pso", particles = 4, generations = 2 }}
+        [planner]
+        {planner}
+        "#
+    ))
+    .unwrap()
+}
+
+fn trial(job: &Job, candidate: u32) -> Trial {
+    let genome = &job.optimiser().ask()[candidate as usize];
+    let tolerance = job.spec().planner.reuse_tolerance;
+    let mut trials = [Trial::new(job, genome, tolerance, search_streams(job, 0, candidate))];
+    grow(job, &mut trials, &|| false).unwrap();
+    let [trial] = trials;
+    trial
+}
+
+/// Runs every edge of the tree again, from its parent's representative, and lays it out from the parent.
+fn assert_edges_are_reproduced(job: &Job, trial: &Trial) {
+    let growth = &trial.growths[0];
+    let nodes = &growth.tree().nodes;
+    assert!(nodes.len() > 3, "a tree of {} nodes shows nothing", nodes.len());
+    for (i, node) in nodes.iter().enumerate().skip(1) {
+        let (parent, gait) = node.edge.unwrap();
+        let key = growth.transition_to(i).unwrap();
+        assert_eq!(key.gait, gait);
+        let start = trial.table.start(key.start);
+        let terrain = if trial.table.is_in_place(key.start) { job.environment().terrain.as_slice() } else { &[] };
+        let request = Request { start, targets: &trial.targets[gait] };
+        let again = job.engine().run(job.robot(), job.physics(), terrain, &[request]).swap_remove(0);
+        let transition = trial.table.get(key).unwrap();
+        assert_eq!(again, transition.rollout, "edge to node {i}");
+        let frame = growth.frame(&trial.table, parent, key);
+        assert_eq!(frame.then(&transition.end), node.place, "edge to node {i}");
+    }
+}
+
+#[test]
+fn every_edge_is_its_gait_from_its_parents_representative() {
+    let job = job("empty", "iterations = 40");
+    let trial = trial(&job, 0);
+    assert_edges_are_reproduced(&job, &trial);
+    assert!(trial.counts().rollouts < trial.counts().edges, "nothing was reused");
+}
+
+#[test]
+fn at_tolerance_zero_every_edge_starts_exactly_at_its_parent() {
+    let job = job("empty", "iterations = 15\nreuse_tolerance = 0.0");
+    let trial = trial(&job, 0);
+    assert_edges_are_reproduced(&job, &trial);
+    assert_eq!(trial.counts().rollouts, trial.counts().edges, "every expansion is simulated");
+    let growth = &trial.growths[0];
+    for i in 1..growth.tree().nodes.len() {
+        let (parent, _) = growth.tree().nodes[i].edge.unwrap();
+        if let Some(before) = growth.transition_to(parent) {
+            let reached = trial.table.get(before).unwrap();
+            let key = growth.transition_to(i).unwrap();
+            assert_eq!(Some(key.start), reached.end_start);
+            assert_eq!(trial.table.start(key.start).joints, reached.rollout.end.joints);
+        }
+    }
+}
+
+#[test]
+fn edges_on_stairs_are_reproduced_in_place() {
+    let job = Job::from_toml(
+        r#"
+        name = "small-stairs"
+        robot = "quadropod"
+        environment = { name = "near-stairs", size = [20, 10], start = { x = -5, y = 0 }, goal = { x = 4, y = 0 }, terrain = [
+            { center = [0, 0], size = [4, 10], top = 0.3 } ] }
+        gaits = { count = 3, duration = 6.0 }
+        planner = { iterations = 25 }
+        fitness = { kind = "distance" }
+        optimiser = { kind = "pso", particles = 6, generations = 2 }
+        "#,
+    )
+    .unwrap();
+    let mut placed = 0;
+    for candidate in 0..4 {
+        let trial = trial(&job, candidate);
+        if trial.growths[0].tree().nodes.len() > 3 {
+            assert_edges_are_reproduced(&job, &trial);
+        }
+        placed += (0..trial.table.starts()).filter(|&s| trial.table.is_in_place(sim_core::plan::StartId(s))).count();
+    }
+    assert!(placed > 0, "no rollout came near the stairs");
+}
+
+#[test]
+fn no_node_was_nearer_to_another_than_to_its_parent_when_added() {
+    for algorithm in ["flood-fill", "original"] {
+        let job = job("empty", &format!("iterations = 60\nalgorithm = \"{algorithm}\""));
+        let metric = job.planner().metric;
+        let trial = trial(&job, 1);
+        let nodes = &trial.tree().nodes;
+        assert!(nodes.len() <= 1 + 3 * 60);
+        if algorithm == "original" {
+            assert!(nodes.len() <= 1 + 60, "the original planner adds one node an iteration");
+            continue;
+        }
+        for (i, node) in nodes.iter().enumerate().skip(1) {
+            let (parent, _) = node.edge.unwrap();
+            let to_parent = metric.squared(&node.place, &nodes[parent].place);
+            let before = nodes[..i].iter().enumerate().filter(|(j, _)| *j != parent);
+            for (j, other) in before {
+                assert!(metric.squared(&node.place, &other.place) > to_parent, "node {i} lies nearer to {j}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_of_the_tree_leaves_the_map_or_enters_the_column() {
+    let job = Job::from_toml(
+        r#"
+        name = "tight"
+        seed = 2
+        robot = "lizard"
+        environment = { name = "tight", size = [9, 7], start = { x = -2, y = 0 }, obstacle = [
+            { center = [1.5, 0], size = [1, 1], top = 2, yaw = 0.6 } ] }
+        gaits = { count = 3, duration = 6.0 }
+        planner = { iterations = 40 }
+        fitness = { kind = "coverage", cell = 0.5 }
+        optimiser = { kind = "pso", particles = 12, generations = 2 }
+        "#,
+    )
+    .unwrap();
+    let mut rejected = 0;
+    for candidate in 0..12 {
+        let trial = trial(&job, candidate);
+        rejected += trial.counts().rejected;
+        let growth = &trial.growths[0];
+        for i in 1..growth.tree().nodes.len() {
+            let (parent, _) = growth.tree().nodes[i].edge.unwrap();
+            let key = growth.transition_to(i).unwrap();
+            let frame = growth.frame(&trial.table, parent, key);
+            let rollout = &trial.table.get(key).unwrap().rollout;
+            for sample in 0..rollout.trace.len() {
+                let state = rollout.trace.state(sample);
+                let p = state.pivot.translation;
+                let (x, y) = frame.point(p.x.into(), p.y.into());
+                assert!(x.abs() <= 4.5 && y.abs() <= 3.5, "({x}, {y}) is off the map");
+                assert_clear(&job, &frame, &state);
+            }
+        }
+    }
+    assert!(rejected > 0, "no motion was rejected: the map is too wide for this test");
+}
+
+/// No corner of any of the robot's boxes lies inside the obstacle: an oracle that knows nothing of swept boxes.
+fn assert_clear(job: &Job, frame: &Place, state: &sim_core::robot::State) {
+    let block = &job.environment().obstacles[0];
+    for (pose, body) in job.robot().body_poses(state).iter().zip(&job.robot().bodies) {
+        for part in &body.boxes {
+            for corner in 0..8 {
+                let sign = |bit: i32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                let local = part.half * sim_core::math::Vector::new(sign(0), sign(1), sign(2));
+                let p = pose.transform_point(part.pose.transform_point(local));
+                let (x, y) = frame.point(p.x.into(), p.y.into());
+                assert!(!block.covers(x, y, 0.0) || f64::from(p.z) > block.top, "({x}, {y}, {}) is inside", p.z);
+            }
+        }
+    }
+}
+
+#[test]
+fn same_seed_same_tree_and_another_seed_another_tree() {
+    let job = job("empty", "iterations = 30");
+    assert_eq!(trial(&job, 2).tree(), trial(&job, 2).tree());
+    let other = Job::from_toml(&job.to_toml().replace("seed = 5", "seed = 6")).unwrap();
+    let genome = &job.optimiser().ask()[2];
+    let mut trials = [Trial::new(&other, genome, 0.05, search_streams(&other, 0, 2))];
+    grow(&other, &mut trials, &|| false).unwrap();
+    assert_ne!(trials[0].tree(), trial(&job, 2).tree());
+}
+
+#[test]
+fn a_candidates_score_does_not_depend_on_who_shares_its_batch() {
+    let job = job("column", "iterations = 20\nrepeats = 2");
+    let candidates: Vec<(u32, Vec<f64>)> = job.optimiser().ask().into_iter().zip(0..).map(|(g, i)| (i, g)).collect();
+    let together = evaluate(&job, 0, &candidates, &|| false).unwrap();
+    for (candidate, expected) in candidates.iter().zip(&together) {
+        let alone = evaluate(&job, 0, std::slice::from_ref(candidate), &|| false).unwrap();
+        assert_eq!(&alone[0], expected);
+    }
+    let reversed: Vec<_> = candidates.iter().rev().cloned().collect();
+    let mut back = evaluate(&job, 0, &reversed, &|| false).unwrap();
+    back.reverse();
+    assert_eq!(back, together);
+}
+
+#[test]
+fn evaluation_stops_when_asked() {
+    let job = job("empty", "iterations = 40");
+    let candidates = [(0, job.optimiser().ask()[0].clone())];
+    assert!(evaluate(&job, 0, &candidates, &|| true).is_err());
+}
