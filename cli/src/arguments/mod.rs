@@ -1,0 +1,274 @@
+//! From what was typed to what is meant: the one place where defaults, the environment and the machine are consulted.
+
+mod raw;
+
+pub use raw::State;
+
+use crate::client::Url;
+use crate::error::Error;
+use clap::Parser as _;
+use std::path::{Path, PathBuf};
+
+/// A command with all that it needs to know.
+#[derive(Debug)]
+pub struct Resolved {
+    /// Only errors and JSON.
+    pub quiet: bool,
+    /// What to do.
+    pub command: Command,
+}
+
+#[derive(Debug)]
+pub enum Command {
+    Run(Run),
+    Submit(Submit),
+    Watch(OneJob),
+    List(List),
+    Show(Show),
+    Cancel(OneJob),
+    Fetch(Fetch),
+    Workers { on: Url, json: bool },
+    Replay(Replay),
+    Verify(Verify),
+    Validate(Validate),
+    Robot(Robot),
+    Scenarios { show: Option<String>, json: bool },
+}
+
+/// A job as the user points at it.
+#[derive(Debug)]
+pub struct JobFile {
+    /// A path, or the name of a job that ships.
+    pub job: String,
+    pub seed: Option<u64>,
+}
+
+#[derive(Debug)]
+pub struct Run {
+    pub file: JobFile,
+    pub out: Option<PathBuf>,
+    pub place: Place,
+    pub json: bool,
+}
+
+/// Where a run's evaluations happen.
+#[derive(Debug)]
+pub enum Place {
+    /// In this process, so many at once.
+    Here { slots: u32 },
+    /// On the workers of a coordinator.
+    There(Url),
+}
+
+#[derive(Debug)]
+pub struct Submit {
+    pub file: JobFile,
+    /// 0: the coordinator's default.
+    pub priority: u32,
+    pub again: bool,
+    pub on: Url,
+    pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct OneJob {
+    pub id: String,
+    pub on: Url,
+    pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct List {
+    pub states: Vec<State>,
+    pub limit: usize,
+    pub on: Url,
+    pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct Show {
+    pub job: OneJob,
+    pub toml: bool,
+}
+
+#[derive(Debug)]
+pub struct Fetch {
+    pub id: String,
+    pub out: Option<PathBuf>,
+    pub on: Url,
+    pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct Replay {
+    pub folder: PathBuf,
+    pub what: ReplayWhat,
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub enum ReplayWhat {
+    /// Counted from 0.
+    Gait(usize),
+    Plan,
+}
+
+#[derive(Debug)]
+pub struct Verify {
+    pub folder: PathBuf,
+    pub full: bool,
+    pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct Validate {
+    pub file: JobFile,
+    pub estimate: bool,
+    pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct Robot {
+    /// A path, or the name of a robot that ships.
+    pub robot: String,
+    pub variant: Option<String>,
+    pub out: Option<(PathBuf, PictureFormat)>,
+    pub json: bool,
+}
+
+/// The pictures' formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureFormat {
+    Svg,
+    Png,
+}
+
+impl PictureFormat {
+    fn of(path: &Path) -> Result<Self, Error> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            _ => Err(Error::Usage {
+                message: format!("--out = \"{}\" is no picture's name: it must end in .svg or .png", path.display()),
+            }),
+        }
+    }
+}
+
+/// Reads the command line; on `--help` or wrong usage clap has the last word (exit codes 0 and 2).
+pub fn parse() -> Result<Resolved, Error> {
+    resolve(raw::Cli::parse())
+}
+
+fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
+    let command = match raw.command {
+        raw::Command::Run(run) => Command::Run(Run {
+            file: job_file(run.file),
+            out: run.out,
+            place: match run.coordinator {
+                Some(url) => Place::There(Url::parse(&url, "--coordinator")?),
+                None => Place::Here { slots: run.workers.unwrap_or_else(cores) },
+            },
+            json: run.json,
+        }),
+        raw::Command::Submit(submit) => Command::Submit(Submit {
+            file: job_file(submit.file),
+            priority: submit.priority.unwrap_or(0),
+            again: submit.again,
+            json: submit.on.json,
+            on: coordinator(submit.on)?,
+        }),
+        raw::Command::Watch(job) => Command::Watch(one_job(job)?),
+        raw::Command::List(list) => Command::List(List {
+            states: list.state,
+            limit: list.limit.map_or(usize::MAX, |n| n as usize),
+            json: list.on.json,
+            on: coordinator(list.on)?,
+        }),
+        raw::Command::Show(show) => Command::Show(Show { toml: show.toml, job: one_job(show.job)? }),
+        raw::Command::Cancel(job) => Command::Cancel(one_job(job)?),
+        raw::Command::Fetch(fetch) => {
+            Command::Fetch(Fetch { id: fetch.id, out: fetch.out, json: fetch.on.json, on: coordinator(fetch.on)? })
+        }
+        raw::Command::Workers(on) => Command::Workers { json: on.json, on: coordinator(on)? },
+        raw::Command::Replay(replay) => Command::Replay(Replay {
+            folder: folder_of(replay.folder),
+            what: match replay.what.gait {
+                Some(n) => ReplayWhat::Gait(n as usize - 1),
+                None => ReplayWhat::Plan,
+            },
+            out: replay.out,
+        }),
+        raw::Command::Verify(verify) => {
+            Command::Verify(Verify { folder: folder_of(verify.folder), full: verify.full, json: verify.json })
+        }
+        raw::Command::Validate(validate) => Command::Validate(Validate {
+            file: job_file(validate.file),
+            estimate: !validate.no_estimate,
+            json: validate.json,
+        }),
+        raw::Command::Robot(robot) => Command::Robot(Robot {
+            robot: robot.robot,
+            variant: robot.variant,
+            out: robot.out.map(|path| PictureFormat::of(&path).map(|format| (path, format))).transpose()?,
+            json: robot.json,
+        }),
+        raw::Command::Scenarios(scenarios) => Command::Scenarios {
+            show: scenarios.action.map(|raw::ScenariosAction::Show { name }| name),
+            json: scenarios.json,
+        },
+    };
+    Ok(Resolved { quiet: raw.quiet, command })
+}
+
+fn job_file(raw: raw::JobFile) -> JobFile {
+    JobFile { job: raw.job, seed: raw.seed }
+}
+
+fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {
+    Ok(OneJob { id: raw.id, json: raw.on.json, on: coordinator(raw.on)? })
+}
+
+fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
+    if let Some(url) = raw.coordinator {
+        return Url::parse(&url, "--coordinator");
+    }
+    match std::env::var(raw::COORDINATOR_VARIABLE) {
+        Ok(url) if !url.is_empty() => Url::parse(&url, raw::COORDINATOR_VARIABLE),
+        _ => Url::parse(raw::DEFAULT_COORDINATOR, "the default"),
+    }
+}
+
+/// The number of cores this process may use; 1 where the machine doesn't tell.
+fn cores() -> u32 {
+    std::thread::available_parallelism().map_or(1, |n| n.get() as u32)
+}
+
+/// A run is named by its folder or by the result in it.
+fn folder_of(path: PathBuf) -> PathBuf {
+    if path.file_name().is_some_and(|name| name == crate::output::RESULT) && !path.is_dir() {
+        return match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+            _ => Path::new(".").to_owned(),
+        };
+    }
+    path
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_declaration_of_the_arguments_is_sound() {
+        raw::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_result_file_stands_for_its_folder() {
+        assert_eq!(folder_of("runs/a/result.json".into()), Path::new("runs/a"));
+        assert_eq!(folder_of("result.json".into()), Path::new("."));
+        assert_eq!(folder_of("runs/a".into()), Path::new("runs/a"));
+    }
+}

@@ -1,0 +1,367 @@
+//! The command line as it is typed: names, help and examples. What defaults mean is settled in the parent module.
+
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Where a coordinator listens unless told otherwise.
+pub const DEFAULT_COORDINATOR: &str = "http://127.0.0.1:7077";
+/// Environment variable that names the coordinator.
+pub const COORDINATOR_VARIABLE: &str = "EVOGAIT_COORDINATOR";
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "evogait",
+    version,
+    about = "Evolve sets of gaits for modular robots, scored by what a motion planner can do with them.",
+    after_help = "\
+Begin with:
+  evogait scenarios                      what ships: robots, environments, jobs
+  evogait run quadropod-empty            evolve a gait set on this machine
+  evogait verify runs/quadropod-empty-*  recompute the result, compare its bits
+
+Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.",
+    propagate_version = true,
+    disable_help_subcommand = true,
+    max_term_width = 120
+)]
+pub struct Cli {
+    /// No progress, no summary: only errors, and what --json prints
+    #[arg(short, long, global = true, display_order = 100)]
+    pub quiet: bool,
+
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Evolve a gait set: the whole job on this machine, or on a coordinator's workers
+    #[command(after_help = "\
+Examples:
+  evogait run quadropod-empty
+  evogait run my-job.toml --seed 7 --out runs/seven
+  evogait run my-job.toml --coordinator http://cluster:7077
+
+Without --coordinator, coordinator and workers run inside this process. Stop it
+with Ctrl-C whenever you like: the same command goes on where it stopped, and
+says so if the job is done.
+
+Files in the output folder:
+  result.json              best score, genome with names, digests, counts, seed
+  job.toml                 the job with every setting; `evogait run` takes it
+  history.csv              scores by generation: min, quartiles, max, mean, best
+  gaits.json               the winner's gaits: parameters, where each leads
+  trajectories/gait-N.csv  time (s), joint targets and angles (rad), pivot pose
+                           (mu): for hardware or pandas
+  tree.json, report.json   the planner's tree; all that the report has
+  map, gaits, convergence, primitives
+                           pictures, each as .svg and .png
+  store.sqlite             what a stopped run goes on from")]
+    Run(Run),
+
+    /// Hand a job to a coordinator and return at once
+    #[command(after_help = "\
+Example:
+  evogait submit quadropod-empty --coordinator http://cluster:7077
+Prints the job's id, for `evogait watch ID` and `evogait fetch ID`. Submitting
+the same job twice gives the same id.")]
+    Submit(Submit),
+
+    /// Follow a job on a coordinator until it ends
+    #[command(after_help = "\
+Example:
+  evogait watch ID
+Stopping it with Ctrl-C does not stop the job. Exit code 0 if the job succeeded,
+1 if it failed or was cancelled.")]
+    Watch(OneJob),
+
+    /// List the jobs of a coordinator, newest first
+    #[command(after_help = "\
+Examples:
+  evogait list --limit 20
+  evogait list --state running --json | jq -r '.[].id'")]
+    List(List),
+
+    /// Show a job of a coordinator
+    #[command(after_help = "\
+Examples:
+  evogait show ID
+  evogait show ID --toml > job.toml")]
+    Show(Show),
+
+    /// Cancel a job of a coordinator, for good
+    #[command(after_help = "\
+Example:
+  evogait cancel ID
+`evogait submit JOB.toml --again` starts a cancelled job anew.")]
+    Cancel(OneJob),
+
+    /// Write the result of a job on a coordinator to a folder
+    #[command(after_help = "\
+Example:
+  evogait fetch ID --out runs/from-cluster
+The folder gets the same files as that of `evogait run`.")]
+    Fetch(Fetch),
+
+    /// List the workers that are connected to a coordinator
+    #[command(after_help = "Example:\n  evogait workers --json")]
+    Workers(OnCoordinator),
+
+    /// Simulate a stored gait, or the best path of the stored tree, again
+    #[command(after_help = "\
+Examples:
+  evogait replay runs/quadropod-empty-3f2a9c01d4e5 --gait 1 --out gait-1.csv
+  evogait replay runs/quadropod-empty-3f2a9c01d4e5 --plan
+
+The CSV of a gait has time (s), joint targets and angles (rad), pivot position
+(mu) and rotation (unit quaternion); that of a plan the way of the pivot (mu),
+run in three ways: as the tree has it, simulated again, without stops.")]
+    Replay(Replay),
+
+    /// Recompute a stored result and compare it bit by bit
+    #[command(after_help = "\
+Examples:
+  evogait verify runs/quadropod-empty-3f2a9c01d4e5
+  evogait verify runs/quadropod-empty-3f2a9c01d4e5 --full
+
+Exit code 0 if every compared number has the same bits, 1 if not. --full also
+recomputes the report: fresh seeds, score without reuse, gaits, tree, paths.")]
+    Verify(Verify),
+
+    /// Check a job file, and estimate what it costs
+    #[command(after_help = "\
+Examples:
+  evogait validate my-job.toml
+  evogait validate my-job.toml --json | jq .estimate
+
+Prints what is wrong, or the resolved job's facts. The estimate times a few
+evaluations on this machine.")]
+    Validate(Validate),
+
+    /// Show a robot: facts and picture
+    #[command(after_help = "\
+Examples:
+  evogait robot lizard
+  evogait robot lizard --variant E1 --out lizard-e1.svg
+  evogait robot my-robot.toml --json")]
+    Robot(Robot),
+
+    /// List the robots, environments and jobs that ship, or print one
+    #[command(after_help = "\
+Examples:
+  evogait scenarios
+  evogait scenarios show quadropod-empty > my-job.toml")]
+    Scenarios(Scenarios),
+}
+
+#[derive(Debug, Args)]
+pub struct JobFile {
+    /// Job file, or the name of a job that ships
+    #[arg(value_name = "JOB.toml")]
+    pub job: String,
+
+    /// Replace the job's seed, 0 to 2⁶³ − 1
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    pub seed: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+pub struct OnCoordinator {
+    /// Address of the coordinator [default: $EVOGAIT_COORDINATOR, else http://127.0.0.1:7077]
+    #[arg(long, value_name = "URL")]
+    pub coordinator: Option<String>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct OneJob {
+    /// The job's id, as `evogait submit` and `evogait list` print it
+    pub id: String,
+
+    #[command(flatten)]
+    pub on: OnCoordinator,
+}
+
+#[derive(Debug, Args)]
+pub struct Run {
+    #[command(flatten)]
+    pub file: JobFile,
+
+    /// Output folder [default: runs/NAME-DIGEST, with the first 12 digits of the job digest]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Evaluations at once [default: number of cores]; the result does not depend on it
+    #[arg(long, value_name = "N", conflicts_with = "coordinator", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub workers: Option<u32>,
+
+    /// Run on this coordinator's workers instead of this machine
+    #[arg(long, value_name = "URL")]
+    pub coordinator: Option<String>,
+
+    /// Print the result as JSON at the end
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Submit {
+    #[command(flatten)]
+    pub file: JobFile,
+
+    /// Share of the workers relative to other jobs, 1 to 100 [default: 10]
+    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub priority: Option<u32>,
+
+    /// Start anew even if the coordinator knows this job, as after a cancel
+    #[arg(long)]
+    pub again: bool,
+
+    #[command(flatten)]
+    pub on: OnCoordinator,
+}
+
+/// Where a job stands, as `--state` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum State {
+    Queued,
+    Running,
+    Reporting,
+    Succeeded,
+    Failed,
+    Cancelled,
+}
+
+#[derive(Debug, Args)]
+pub struct List {
+    /// Only jobs in this state; may be given several times
+    #[arg(long, value_name = "STATE")]
+    pub state: Vec<State>,
+
+    /// At most so many [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub limit: Option<u32>,
+
+    #[command(flatten)]
+    pub on: OnCoordinator,
+}
+
+#[derive(Debug, Args)]
+pub struct Show {
+    /// Print the resolved job file instead
+    #[arg(long, conflicts_with = "json")]
+    pub toml: bool,
+
+    #[command(flatten)]
+    pub job: OneJob,
+}
+
+#[derive(Debug, Args)]
+pub struct Fetch {
+    /// The job's id, as `evogait submit` and `evogait list` print it
+    pub id: String,
+
+    /// Output folder [default: runs/NAME-DIGEST, with the first 12 digits of the job digest]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub on: OnCoordinator,
+}
+
+#[derive(Debug, Args)]
+#[group(id = "what", required = true, multiple = false)]
+pub struct ReplayWhat {
+    /// This gait, counted from 1, from the settled start
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub gait: Option<u32>,
+
+    /// The best path of the tree
+    #[arg(long)]
+    pub plan: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// Output folder of a run, or its result.json
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+
+    #[command(flatten)]
+    pub what: ReplayWhat,
+
+    /// Write the samples as CSV to this file
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Verify {
+    /// Output folder of a run, or its result.json
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+
+    /// Recompute the whole report too: fresh seeds, no reuse, gaits, tree, paths
+    #[arg(long)]
+    pub full: bool,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Validate {
+    #[command(flatten)]
+    pub file: JobFile,
+
+    /// Skip the cost estimate, which takes the time of one evaluation
+    #[arg(long)]
+    pub no_estimate: bool,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Robot {
+    /// Name of a robot that ships, or a robot file
+    #[arg(value_name = "NAME|FILE")]
+    pub robot: String,
+
+    /// Show it with the failed modules of this variant
+    #[arg(long, value_name = "VARIANT")]
+    pub variant: Option<String>,
+
+    /// Draw it to this file, .svg or .png
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Scenarios {
+    #[command(subcommand)]
+    pub action: Option<ScenariosAction>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ScenariosAction {
+    /// Print the TOML of one
+    Show {
+        /// Its name; `robots/NAME`, `environments/NAME` or `jobs/NAME` where a name alone is not clear
+        name: String,
+    },
+}

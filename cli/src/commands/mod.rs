@@ -1,0 +1,53 @@
+//! The commands, a file each.
+
+mod cancel;
+mod fetch;
+mod list;
+mod replay;
+mod robot;
+mod run;
+mod scenarios;
+mod show;
+mod submit;
+mod validate;
+mod verify;
+mod watch;
+mod workers;
+
+use crate::arguments::{Command, Resolved};
+use crate::error::Error;
+use std::time::Duration;
+use tokio::runtime;
+
+/// How long tasks may take to end after the command has.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+/// Does what was asked for.
+pub fn execute(resolved: Resolved) -> Result<(), Error> {
+    let quiet = resolved.quiet;
+    match resolved.command {
+        Command::Run(args) => run::run(args, quiet),
+        Command::Submit(args) => submit::run(args, quiet),
+        Command::Watch(args) => with_runtime(watch::run(args, quiet)),
+        Command::List(args) => with_runtime(list::run(args)),
+        Command::Show(args) => with_runtime(show::run(args)),
+        Command::Cancel(args) => with_runtime(cancel::run(args, quiet)),
+        Command::Fetch(args) => with_runtime(fetch::run(args, quiet)),
+        Command::Workers { on, json } => with_runtime(workers::run(on, json)),
+        Command::Replay(args) => replay::run(args),
+        Command::Verify(args) => verify::run(args, quiet),
+        Command::Validate(args) => validate::run(args),
+        Command::Robot(args) => robot::run(args, quiet),
+        Command::Scenarios { show, json } => scenarios::run(show, json),
+    }
+}
+
+fn with_runtime<T>(work: impl Future<Output = Result<T, Error>>) -> Result<T, Error> {
+    let runtime = runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()
+        .map_err(|e| Error::read("the system's event queue".as_ref(), e))?;
+    let result = runtime.block_on(work);
+    runtime.shutdown_timeout(FAREWELL);
+    result
+}

@@ -1,0 +1,100 @@
+//! `evogait replay`: simulates a stored gait or plan again.
+
+use crate::arguments::{Replay, ReplayWhat};
+use crate::console;
+use crate::error::Error;
+use crate::output::{self, Stored, atomic, mode_word};
+use sim_core::job::Job;
+use sim_core::report::{GaitTrace, PathTrace, Report, report};
+
+/// Simulates, tells facts, writes samples.
+pub fn run(args: Replay) -> Result<(), Error> {
+    let stored = Stored::read(&args.folder)?;
+    let (text, csv) = match args.what {
+        ReplayWhat::Gait(gait) => replay_gait(&stored, gait)?,
+        ReplayWhat::Plan => replay_plan(&stored)?,
+    };
+    match &args.out {
+        Some(path) => {
+            atomic::write_file(path, csv.as_bytes())?;
+            console::say(&format!("{text}\n  samples in {}", path.display()))
+        }
+        None => console::say(&text),
+    }
+}
+
+fn replay_gait(stored: &Stored, gait: usize) -> Result<(String, String), Error> {
+    let count = stored.job.spec().gaits.count as usize;
+    if gait >= count {
+        let message =
+            format!("--gait {} is out of range: {} has gaits 1 to {count}", gait + 1, stored.folder.display());
+        return Err(Error::Usage { message });
+    }
+    // Gaits don't depend on the planner: a report of the smallest trees has the same ones.
+    let mut spec = stored.job.spec().clone();
+    spec.planner.iterations = 1;
+    let smallest = Job::new(spec)
+        .map_err(|source| Error::Invalid { file: stored.folder.join(output::JOB).display().to_string(), source })?;
+    let again = simulate(stored, &smallest)?;
+    let trace = &again.gaits[gait];
+    let same = stored.report()?.gaits.get(gait).is_some_and(|kept| kept == trace);
+    Ok((gait_text(stored, gait, trace, same), output::gait_csv(trace)))
+}
+
+fn simulate(stored: &Stored, job: &Job) -> Result<Report, Error> {
+    let no_winner = || Error::NoWinner { folder: stored.folder.clone() };
+    let winner = stored.result.winner.as_ref().ok_or_else(no_winner)?.scored();
+    let first = stored.result.first.as_ref().ok_or_else(no_winner)?.scored();
+    report(job, &winner, &first, &|| false).map_err(|_| Error::Interrupted { hint: String::new() })
+}
+
+fn compared(same: bool) -> &'static str {
+    if same { "the same bits as stored" } else { "NOT the bits that are stored: see `evogait verify --full`" }
+}
+
+fn gait_text(stored: &Stored, gait: usize, trace: &GaitTrace, same: bool) -> String {
+    let mut lines = vec![format!("gait {} of {}, simulated from the settled start", gait + 1, stored.result.name)];
+    if let Some(d) = output::displacement(trace) {
+        lines.push(format!(
+            "  leads {} mu ahead and {} mu to the left (distance {} mu), turns by {} rad",
+            console::score(d.x),
+            console::score(d.y),
+            console::score(d.distance),
+            console::score(d.yaw)
+        ));
+    }
+    lines.push(format!("  {} samples of {} joints, {}", trace.samples.len(), trace.joints.len(), compared(same)));
+    if let Some(why) = &trace.unstable {
+        lines.push(format!("  unstable: {why}"));
+    }
+    lines.join("\n")
+}
+
+fn replay_plan(stored: &Stored) -> Result<(String, String), Error> {
+    let kept = stored.report()?;
+    let report = simulate(stored, &stored.job)?;
+    let path = &report.tree.best_path;
+    let gaits: Vec<String> =
+        path.iter().filter_map(|&node| report.tree.nodes.get(node)?.gait).map(|gait| (gait + 1).to_string()).collect();
+    let mut lines = vec![format!(
+        "the best path of {}: {} gaits, {} s",
+        stored.result.name,
+        gaits.len(),
+        console::score(gaits.len() as f64 * stored.job.spec().gaits.duration)
+    )];
+    lines.push(format!("  gaits        {}", gaits.join(" ")));
+    lines.extend(report.paths.iter().map(path_text));
+    lines.push(format!("  {}", compared(kept.paths == report.paths)));
+    Ok((lines.join("\n"), output::paths_csv(&report.paths)))
+}
+
+fn path_text(path: &PathTrace) -> String {
+    let [x, y] = path.way.last().copied().unwrap_or_default();
+    format!(
+        "  {:12} ends at ({}, {}) mu, {} mu from where the tree says",
+        mode_word(path.mode),
+        console::score(x),
+        console::score(y),
+        console::score(path.end_error)
+    )
+}

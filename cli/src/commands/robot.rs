@@ -1,0 +1,128 @@
+//! `evogait robot`: what a robot consists of, and what it looks like.
+
+use crate::arguments::{self, PictureFormat};
+use crate::console;
+use crate::draw::{self, DrawnBox};
+use crate::error::Error;
+use crate::load;
+use crate::output::{atomic, png};
+use serde::Serialize;
+use sim_core::robot::{Robot, RobotSpec};
+use std::collections::BTreeMap;
+
+#[derive(Serialize)]
+struct View {
+    name: String,
+    description: String,
+    modules: usize,
+    failed_modules: Vec<String>,
+    bodies: usize,
+    /// Moving joints, in the order of genomes.
+    joints: Vec<String>,
+    /// kg.
+    mass: f64,
+    /// Length, width and height in the neutral configuration, mu.
+    size: [f64; 3],
+    pivot: String,
+    variants: BTreeMap<String, Vec<String>>,
+}
+
+/// Prints the facts; draws if asked to.
+pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
+    let (mut spec, file) = load::robot(&args.robot)?;
+    let invalid = |source| Error::Invalid { file: file.clone(), source };
+    let variants = spec.variants.clone();
+    if let Some(variant) = &args.variant {
+        spec = spec.variant(variant).map_err(invalid)?;
+    }
+    let robot = Robot::compile(&spec).map_err(invalid)?;
+    if let Some((path, format)) = &args.out {
+        let picture = draw::robot(&boxes(&robot), &spec.name);
+        let content = match format {
+            PictureFormat::Svg => picture.svg().into_bytes(),
+            PictureFormat::Png => png("the robot", &picture)?,
+        };
+        atomic::write_file(path, &content)?;
+    }
+    let view = view(&spec, &robot, variants);
+    if args.json {
+        return console::say_json(&view);
+    }
+    if quiet {
+        return Ok(());
+    }
+    let mut text = text(&view);
+    match &args.out {
+        Some((path, _)) => text += &format!("\n  picture   {}", path.display()),
+        None => text += &format!("\n  next      evogait robot {} --out {}.svg", args.robot, view.name),
+    }
+    console::say(&text)
+}
+
+fn boxes(robot: &Robot) -> Vec<DrawnBox> {
+    let drawn = robot.parts.iter().map(|part| DrawnBox {
+        center: part.center,
+        rotation: part.rotation,
+        half: part.half,
+        module: part.module.clone(),
+        failed: part.failed,
+    });
+    drawn.collect()
+}
+
+fn view(spec: &RobotSpec, robot: &Robot, variants: BTreeMap<String, Vec<String>>) -> View {
+    View {
+        name: spec.name.clone(),
+        description: spec.description.trim().to_owned(),
+        modules: spec.modules.len(),
+        failed_modules: spec.failed.clone(),
+        bodies: robot.bodies.len(),
+        joints: robot.joint_names(),
+        mass: robot.mass(),
+        size: size(robot),
+        pivot: spec.pivot.clone(),
+        variants,
+    }
+}
+
+/// Extent of all parts along the axes of the neutral configuration.
+fn size(robot: &Robot) -> [f64; 3] {
+    let mut low = [f64::INFINITY; 3];
+    let mut high = [f64::NEG_INFINITY; 3];
+    for part in &robot.parts {
+        let [x, y, z, w] = part.rotation;
+        // Rows of the rotation matrix: a turned box reaches |row| · half along an axis.
+        let rows = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ];
+        for (axis, row) in rows.iter().enumerate() {
+            let reach: f64 = row.iter().zip(&part.half).map(|(r, half)| r.abs() * half).sum();
+            low[axis] = low[axis].min(part.center[axis] - reach);
+            high[axis] = high[axis].max(part.center[axis] + reach);
+        }
+    }
+    [0, 1, 2].map(|axis| high[axis] - low[axis])
+}
+
+fn text(view: &View) -> String {
+    let list = |items: &[String]| if items.is_empty() { "none".to_owned() } else { items.join(", ") };
+    let mut lines = vec![view.name.clone()];
+    if !view.description.is_empty() {
+        lines.extend(view.description.lines().map(|line| format!("  {}", line.trim())));
+    }
+    let [x, y, z] = view.size;
+    lines.extend([
+        format!("  modules   {} (failed: {})", view.modules, list(&view.failed_modules)),
+        format!("  bodies    {}", view.bodies),
+        format!("  joints    {}: {}", view.joints.len(), list(&view.joints)),
+        format!("  mass      {:.2} kg", view.mass),
+        format!("  size      {x:.2} × {y:.2} × {z:.2} mu (x, y, z; neutral configuration)"),
+        format!("  pivot     {}", view.pivot),
+    ]);
+    for (name, failed) in &view.variants {
+        lines.push(format!("  variant   {name}: {} fail", failed.join(", ")));
+    }
+    lines.join("\n")
+}

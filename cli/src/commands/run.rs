@@ -1,0 +1,111 @@
+//! `evogait run`: a whole job, here or on a coordinator's workers.
+
+use crate::arguments::{Place, Run};
+use crate::client::{Client, Url};
+use crate::console;
+use crate::error::Error;
+use crate::local::Local;
+use crate::output::{self, Folder, ResultFile, STORE, Stored};
+use crate::progress::{Label, Progress};
+use crate::signals::Interrupt;
+use crate::watch::{self, Watched};
+use crate::{load, summary};
+use proto::v1;
+use sim_core::job::Job;
+
+/// Evolves, or says that it is done already.
+pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
+    let job = load::job(&args.file)?;
+    let digest = job.digest();
+    let path = args.out.unwrap_or_else(|| Folder::default_path(&job.spec().name, &digest));
+    let mut folder = Folder::open(&path, &digest)?;
+    let result = if folder.is_done() {
+        if !quiet {
+            console::note(&format!("already done, in {}", path.display()));
+        }
+        Stored::read(&path)?.result
+    } else {
+        let job_toml = folder.keep_job(job.to_toml())?.to_owned();
+        super::with_runtime(evolve(&job, job_toml, &folder, &args.place, quiet))?
+    };
+    if args.json {
+        console::say_json(&result)
+    } else if quiet {
+        Ok(())
+    } else {
+        console::say(&summary::text(&result, &path))
+    }
+}
+
+async fn evolve(job: &Job, job_toml: String, folder: &Folder, place: &Place, quiet: bool) -> Result<ResultFile, Error> {
+    let interrupt = Interrupt::listen();
+    match place {
+        Place::There(url) => finish(job, job_toml, folder, url, quiet, &interrupt).await.map_err(|error| match error {
+            Error::Interrupted { hint } => Error::Interrupted {
+                hint: format!("{hint}; the job goes on at {url}, the same command comes back to it"),
+            },
+            other => other,
+        }),
+        Place::Here { slots } => {
+            let mut local = Local::start(&folder.path().join(STORE), *slots).await?;
+            let url = local.url().clone();
+            let finished = tokio::select! {
+                finished = finish(job, job_toml, folder, &url, quiet, &interrupt) => finished,
+                error = local.broken() => Err(error),
+            };
+            let stopped = local.stop().await;
+            let finished = finished.and_then(|result| stopped.map(|()| result));
+            finished.map_err(|error| match error {
+                Error::Interrupted { hint } => {
+                    Error::Interrupted { hint: format!("{hint}; the same command goes on from there") }
+                }
+                other => other,
+            })
+        }
+    }
+}
+
+/// Submits, watches, fetches. Repeating it takes up the same job, which is known by its digest.
+async fn finish(
+    job: &Job,
+    job_toml: String,
+    folder: &Folder,
+    url: &Url,
+    quiet: bool,
+    interrupt: &Interrupt,
+) -> Result<ResultFile, Error> {
+    let mut client = Client::connect(url).await?;
+    let request = v1::SubmitJobRequest { request_id: job.digest().to_string(), job_toml, priority: 0 };
+    let (status, created) = client.submit(request).await?;
+    if !quiet {
+        let how = if created { "evolving" } else { "going on with" };
+        console::note(&format!(
+            "{how} \"{}\" in {}: {} generations of {} candidates",
+            status.name,
+            folder.path().display(),
+            status.generations_total,
+            status.population
+        ));
+    }
+    let mut progress = Progress::new(&status, &Label::of_job(job), quiet);
+    let mut generations_done = status.generations_done;
+    let watched = watch::watch(&mut client, &status.id, interrupt, |event| {
+        progress.observe(event);
+        if let Some(v1::job_event::Event::GenerationSealed(sealed)) = &event.event {
+            generations_done = sealed.generation + 1;
+        }
+        Ok(())
+    })
+    .await;
+    progress.finish();
+    match watched? {
+        Watched::Interrupted => Err(Error::Interrupted {
+            hint: format!(" after {generations_done} of {} generations", status.generations_total),
+        }),
+        Watched::Ended(ended) => {
+            watch::succeeded(&ended)?;
+            let answer = client.result(&ended.id).await?;
+            output::write(folder, job, &answer, url)
+        }
+    }
+}

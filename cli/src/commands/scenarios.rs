@@ -1,0 +1,101 @@
+//! `evogait scenarios`: what ships.
+
+use crate::console::{self, table};
+use crate::error::Error;
+use serde::Serialize;
+use sim_core::catalogue::{self, Entry};
+use sim_core::robot::{Robot, RobotSpec};
+
+#[derive(Serialize)]
+struct View {
+    kind: &'static str,
+    name: &'static str,
+    description: String,
+    #[serde(skip)]
+    toml: &'static str,
+}
+
+fn all() -> Vec<(&'static str, &'static Entry)> {
+    let of = |kind, entries: &'static [Entry]| entries.iter().map(move |entry| (kind, entry));
+    of("robots", catalogue::robots())
+        .chain(of("environments", catalogue::environments()))
+        .chain(of("jobs", catalogue::jobs()))
+        .collect()
+}
+
+/// Lists, or prints one.
+pub fn run(show: Option<String>, json: bool) -> Result<(), Error> {
+    if let Some(name) = show {
+        return one(&name);
+    }
+    let view = |(kind, e): (_, &Entry)| View { kind, name: e.name, description: description(e.toml), toml: e.toml };
+    let views: Vec<View> = all().into_iter().map(view).collect();
+    if json {
+        return console::say_json(&views);
+    }
+    let mut text = String::new();
+    for kind in ["robots", "environments", "jobs"] {
+        let rows: Vec<Vec<String>> = views
+            .iter()
+            .filter(|view| view.kind == kind)
+            .map(|view| {
+                let facts = if kind == "robots" { robot_facts(view.toml).unwrap_or_default() } else { String::new() };
+                vec![view.name.to_owned(), facts + &first_sentence(&view.description)]
+            })
+            .collect();
+        text += &format!("{}\n\n", table(&[kind, ""], &rows));
+    }
+    text += "evogait scenarios show NAME prints one; evogait run JOB and evogait robot ROBOT take the names";
+    console::say(&text)
+}
+
+fn one(name: &str) -> Result<(), Error> {
+    let found: Vec<_> =
+        all().into_iter().filter(|(kind, e)| e.name == name || format!("{kind}/{}", e.name) == name).collect();
+    match found.as_slice() {
+        [(_, entry)] => console::say(entry.toml),
+        [] => Err(Error::NotFound {
+            what: "scenario",
+            name: name.to_owned(),
+            known: all().iter().map(|(_, e)| e.name).collect::<Vec<_>>().join(", "),
+        }),
+        several => {
+            let names: Vec<String> = several.iter().map(|(kind, e)| format!("{kind}/{}", e.name)).collect();
+            let message = format!("\"{name}\" is the name of several: say {}", names.join(" or "));
+            Err(Error::Usage { message })
+        }
+    }
+}
+
+/// The description in a scenario's file; what ships is TOML with one, so nothing is a fine answer otherwise.
+fn description(text: &str) -> String {
+    let table: toml::Table = text.parse().unwrap_or_default();
+    table.get("description").and_then(|d| d.as_str()).unwrap_or_default().trim().to_owned()
+}
+
+/// Up to a full stop that a new sentence follows: "Fig. 3" has none.
+fn first_sentence(text: &str) -> String {
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let begins_with_capital = |rest: &str| rest.chars().next().is_some_and(char::is_uppercase);
+    let end = line.match_indices(". ").map(|(at, _)| at).find(|at| begins_with_capital(&line[at + 2..]));
+    end.map_or(line.as_str(), |at| &line[..at]).trim_end_matches('.').to_owned()
+}
+
+/// How many modules and joints a robot has, before its description.
+fn robot_facts(toml: &str) -> Option<String> {
+    let spec: RobotSpec = toml::from_str(toml).ok()?;
+    let robot = Robot::compile(&spec).ok()?;
+    Some(format!("{} modules, {} joints. ", spec.modules.len(), robot.hinges.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sentence_ends_before_the_next_one() {
+        assert_eq!(first_sentence("Robot of\nA (2016), Fig. 3. The figure is lost."), "Robot of A (2016), Fig. 3");
+        assert_eq!(first_sentence("Only one."), "Only one");
+        assert_eq!(first_sentence(""), "");
+    }
+}

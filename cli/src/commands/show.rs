@@ -1,0 +1,60 @@
+//! `evogait show`: one job of a coordinator.
+
+use crate::arguments::Show;
+use crate::client::Client;
+use crate::console::{self, count};
+use crate::error::Error;
+use crate::progress::Label;
+use crate::view::{JobView, hex, running_time};
+use crate::watch::word;
+use proto::v1::JobState;
+
+/// Prints a job's facts, or its file.
+pub async fn run(args: Show) -> Result<(), Error> {
+    let mut client = Client::connect(&args.job.on).await?;
+    let (job, job_toml) = client.get(&args.job.id).await?;
+    if args.toml {
+        return console::say(&job_toml);
+    }
+    if args.job.json {
+        return console::say_json(&JobView::new(&job));
+    }
+    let label = Label::of_toml(&job_toml);
+    let counts = job.counts.unwrap_or_default();
+    let because = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
+    let best = job.best.as_ref().map_or_else(
+        || "none yet".to_owned(),
+        |best| {
+            let score = console::score_with(best.score, &label.unit);
+            format!("{} {score} (generation {}, candidate {})", label.name, best.generation, best.candidate)
+        },
+    );
+    let mut lines = vec![
+        format!("{} ({})", job.name, job.id),
+        format!("  state          {}{because}", word(job.state())),
+        format!(
+            "  generations    {} of {}, {} candidates each",
+            job.generations_done, job.generations_total, job.population
+        ),
+        format!("  best           {best}"),
+        format!(
+            "  evaluations    {} ({} failed), {} rollouts, {} of simulated time",
+            count(job.evaluations),
+            count(job.failed_evaluations),
+            count(counts.rollouts),
+            console::seconds(counts.simulated_ms as f64 / 1000.0)
+        ),
+        format!("  submitted      {} UTC, ran {}", console::moment(job.submitted_at_ms), running_time(&job)),
+        format!("  priority       {}", job.priority),
+        format!("  job digest     {}", hex(&job.job_digest)),
+        format!("  engine digest  {}", hex(&job.engine_digest)),
+    ];
+    match job.state() {
+        JobState::Succeeded => lines.push(format!("  next           evogait fetch {}", job.id)),
+        JobState::Queued | JobState::Running | JobState::Reporting => {
+            lines.push(format!("  next           evogait watch {}", job.id));
+        }
+        _ => {}
+    }
+    console::say(&lines.join("\n"))
+}

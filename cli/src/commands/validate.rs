@@ -1,0 +1,156 @@
+//! `evogait validate`: is the job fine, and what will it cost?
+
+use crate::arguments::Validate;
+use crate::console::{self, count, duration};
+use crate::error::Error;
+use crate::load;
+use serde::Serialize;
+use sim_core::evaluate::evaluate;
+use sim_core::identity::Digest;
+use sim_core::job::Job;
+use std::time::{Duration, Instant};
+
+/// Candidates of the first generation are timed for so long …
+const MEASURE: Duration = Duration::from_secs(3);
+/// … and an evaluation that takes longer than this is given up.
+const GIVE_UP: Duration = Duration::from_secs(20);
+
+#[derive(Serialize)]
+struct View<'a> {
+    valid: bool,
+    name: &'a str,
+    robot: &'a str,
+    environment: &'a str,
+    job_digest: Digest,
+    engine_digest: Digest,
+    seed: u64,
+    gaits: u32,
+    genome_length: usize,
+    population: u32,
+    generations: u32,
+    evaluations: u64,
+    most_rollouts_per_evaluation: u64,
+    estimate: Option<Estimate>,
+    /// The resolved job as a file.
+    job_toml: String,
+}
+
+/// What the job would take on this machine.
+#[derive(Serialize)]
+struct Estimate {
+    /// Evaluations timed, one after the other on one core.
+    measured: usize,
+    /// Mean of these, s; the least it can be if `given_up`.
+    seconds_per_evaluation: f64,
+    /// The only evaluation did not end in time.
+    given_up: bool,
+    /// s of one core for the whole search.
+    core_seconds: f64,
+    /// Cores of this machine.
+    cores: usize,
+    /// s on this machine with all its cores.
+    wall_seconds: f64,
+    assumptions: &'static str,
+}
+
+const ASSUMPTIONS: &str = "later generations cost as much as candidates of the first; all cores are free; a generation \
+                           is shared evenly; the final report is not counted";
+
+/// Checks and tells.
+pub fn run(args: Validate) -> Result<(), Error> {
+    let job = load::job(&args.file)?;
+    let optimiser = &job.spec().optimiser;
+    let evaluations = u64::from(optimiser.population()) * u64::from(optimiser.generations());
+    let estimate = args.estimate.then(|| estimate(&job, evaluations));
+    let view = View {
+        valid: true,
+        name: &job.spec().name,
+        robot: &job.robot_spec().name,
+        environment: &job.environment().name,
+        job_digest: job.digest(),
+        engine_digest: job.engine_digest(),
+        seed: job.spec().seed,
+        gaits: job.spec().gaits.count,
+        genome_length: job.bounds().0.len(),
+        population: optimiser.population(),
+        generations: optimiser.generations(),
+        evaluations,
+        most_rollouts_per_evaluation: job.most_rollouts(),
+        estimate,
+        job_toml: job.to_toml(),
+    };
+    if args.json { console::say_json(&view) } else { console::say(&text(&view)) }
+}
+
+fn estimate(job: &Job, evaluations: u64) -> Estimate {
+    let started = Instant::now();
+    let mut measured = 0;
+    let mut given_up = false;
+    for (index, genome) in (0..).zip(job.optimiser().ask()) {
+        // The first one may take its time, the others only what is left.
+        let limit = if measured == 0 { GIVE_UP } else { MEASURE };
+        let before = started.elapsed();
+        if evaluate(job, 0, &[(index, genome)], &|| started.elapsed() > limit).is_err() {
+            if measured == 0 {
+                given_up = true;
+                measured = 1;
+                break;
+            }
+            // What was broken off does not count.
+            return told(measured, before, given_up, evaluations);
+        }
+        measured += 1;
+        if started.elapsed() > MEASURE {
+            break;
+        }
+    }
+    told(measured, started.elapsed(), given_up, evaluations)
+}
+
+fn told(measured: usize, time: Duration, given_up: bool, evaluations: u64) -> Estimate {
+    let seconds_per_evaluation = time.as_secs_f64() / measured.max(1) as f64;
+    let core_seconds = seconds_per_evaluation * evaluations as f64;
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    Estimate {
+        measured,
+        seconds_per_evaluation,
+        given_up,
+        core_seconds,
+        cores,
+        wall_seconds: core_seconds / cores as f64,
+        assumptions: ASSUMPTIONS,
+    }
+}
+
+fn text(view: &View) -> String {
+    let mut lines = vec![
+        format!("{} is valid", view.name),
+        format!("  robot          {}", view.robot),
+        format!("  environment    {}", view.environment),
+        format!("  candidate      {} gaits, {} parameters", view.gaits, view.genome_length),
+        format!(
+            "  search         {} generations of {} candidates: {} evaluations, seed {}",
+            count(view.generations.into()),
+            view.population,
+            count(view.evaluations),
+            view.seed
+        ),
+        format!("  evaluation     at most {} rollouts, with reuse far fewer", count(view.most_rollouts_per_evaluation)),
+        format!("  job digest     {}", view.job_digest),
+        format!("  engine digest  {}", view.engine_digest),
+    ];
+    if let Some(e) = &view.estimate {
+        let least = if e.given_up { "more than " } else { "" };
+        let each = duration(Duration::from_secs_f64(e.seconds_per_evaluation));
+        let how = if e.given_up { "given up".to_owned() } else { format!("mean of {} timed here", e.measured) };
+        lines.push(format!("  cost           {least}{each} an evaluation ({how})"));
+        lines.push(format!(
+            "                 {least}{} of one core, {least}{} on this machine's {} cores",
+            console::seconds(e.core_seconds),
+            console::seconds(e.wall_seconds),
+            e.cores
+        ));
+        lines.push(format!("                 assumed: {}", e.assumptions));
+    }
+    lines.join("\n")
+}

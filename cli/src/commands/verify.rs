@@ -1,0 +1,147 @@
+//! `evogait verify`: computes a stored result again and compares bits.
+
+use crate::arguments::Verify;
+use crate::console;
+use crate::error::Error;
+use crate::output::{ResultFile, Stored};
+use serde::Serialize;
+use sim_core::evaluate::evaluate;
+use sim_core::identity::Digest;
+use sim_core::report::{Report, report};
+use std::path::Path;
+
+#[derive(Serialize)]
+struct View {
+    verified: bool,
+    folder: String,
+    job_digest: Digest,
+    engine_digest: Digest,
+    /// The engine of this build; numbers of another may have other bits.
+    engine_digest_here: Digest,
+    checks: Vec<Check>,
+}
+
+/// A comparison.
+#[derive(Serialize)]
+struct Check {
+    what: &'static str,
+    same: bool,
+    /// Both values, where they are short enough to read and differ.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    difference: Option<String>,
+}
+
+/// Recomputes, compares, tells.
+pub fn run(args: Verify, quiet: bool) -> Result<(), Error> {
+    let stored = Stored::read(&args.folder)?;
+    let checks = checks(&stored, args.full)?;
+    let here = stored.job.engine_digest();
+    let view = View {
+        verified: checks.iter().all(|check| check.same),
+        folder: args.folder.display().to_string(),
+        job_digest: stored.result.job_digest,
+        engine_digest: stored.result.engine_digest,
+        engine_digest_here: here,
+        checks,
+    };
+    if args.json {
+        console::say_json(&view)?;
+    } else if !quiet {
+        console::say(&text(&view, args.full))?;
+    }
+    match view.checks.iter().find(|check| !check.same) {
+        None => Ok(()),
+        Some(check) => Err(Error::Different { folder: args.folder, difference: explain(check, &stored.result, &here) }),
+    }
+}
+
+fn checks(stored: &Stored, full: bool) -> Result<Vec<Check>, Error> {
+    let result = &stored.result;
+    let no_winner = || Error::NoWinner { folder: stored.folder.clone() };
+    let winner = result.winner.as_ref().ok_or_else(no_winner)?.scored();
+    let mut checks = Vec::new();
+    // The job digest has the engine's in it: with another engine it differs, and says nothing about the job.
+    if result.engine_digest == stored.job.engine_digest() {
+        checks.push(compare("job digest", &result.job_digest, &stored.job.digest()));
+    }
+    let again = evaluate(&stored.job, winner.generation, &[(winner.candidate, winner.genome.clone())], &|| false)
+        .map_err(|_| Error::Interrupted { hint: String::new() })?;
+    let score = again.first().and_then(|evaluation| evaluation.score);
+    checks.push(compare_score("the winner's score", Some(winner.score), score));
+    if full {
+        let first = result.first.as_ref().ok_or_else(no_winner)?.scored();
+        let kept = stored.report()?;
+        let made =
+            report(&stored.job, &winner, &first, &|| false).map_err(|_| Error::Interrupted { hint: String::new() })?;
+        checks.extend(compare_reports(&kept, &made));
+        let fresh = &result.winner.as_ref().ok_or_else(no_winner)?.fresh;
+        checks.push(same("fresh scores in result.json", fresh, &kept.winner_fresh));
+    }
+    Ok(checks)
+}
+
+fn compare_reports(kept: &Report, made: &Report) -> Vec<Check> {
+    vec![
+        same("the winner's scores on fresh seeds", &kept.winner_fresh, &made.winner_fresh),
+        same("the first generation's scores on fresh seeds", &kept.first_fresh, &made.first_fresh),
+        compare_score("the winner's score without reuse", kept.winner_without_reuse, made.winner_without_reuse),
+        same("the gaits' trajectories", &kept.gaits, &made.gaits),
+        same("the tree", &kept.tree, &made.tree),
+        same("the paths", &kept.paths, &made.paths),
+    ]
+}
+
+/// Compares by bits.
+fn compare_score(what: &'static str, kept: Option<f64>, made: Option<f64>) -> Check {
+    let same = kept.map(f64::to_bits) == made.map(f64::to_bits);
+    let told = |value: Option<f64>| value.map_or_else(|| "a failed evaluation".to_owned(), |v| v.to_string());
+    Check { what, same, difference: (!same).then(|| format!("stored is {}, recomputed {}", told(kept), told(made))) }
+}
+
+fn compare(what: &'static str, kept: &Digest, made: &Digest) -> Check {
+    let same = kept == made;
+    Check {
+        what,
+        same,
+        difference: (!same).then(|| format!("stored is {}, recomputed {}", kept.short(), made.short())),
+    }
+}
+
+/// Compares by what would be stored: text that tells numbers of different bits apart, 0 and −0 too.
+fn same<T: Serialize>(what: &'static str, kept: &T, made: &T) -> Check {
+    let text = |value: &T| serde_json::to_string(value).unwrap_or_default();
+    Check { what, same: text(kept) == text(made), difference: None }
+}
+
+fn explain(check: &Check, result: &ResultFile, here: &Digest) -> String {
+    let mut text = format!("{} differs", check.what);
+    if let Some(difference) = &check.difference {
+        text += &format!(" ({difference})");
+    }
+    if result.engine_digest != *here {
+        text += &format!(
+            "; engine {} of evogait {} made it, this is engine {} of evogait {}: verify with that version",
+            result.engine_digest.short(),
+            result.versions.evogait,
+            here.short(),
+            env!("CARGO_PKG_VERSION")
+        );
+    }
+    text
+}
+
+fn text(view: &View, full: bool) -> String {
+    let mut lines: Vec<String> = view
+        .checks
+        .iter()
+        .map(|check| format!("  {}  {}", if check.same { "same     " } else { "DIFFERENT" }, check.what))
+        .collect();
+    if view.engine_digest != view.engine_digest_here {
+        lines.push("  note: another engine made this result, so the job digest could not be compared".to_owned());
+    }
+    lines.insert(0, format!("{}: recomputed, compared bit by bit", Path::new(&view.folder).display()));
+    if view.verified && !full {
+        lines.push(format!("  next: evogait verify {} --full recomputes the whole report", view.folder));
+    }
+    lines.join("\n")
+}

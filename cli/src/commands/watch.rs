@@ -1,0 +1,87 @@
+//! `evogait watch`: follows a job on a coordinator.
+
+use crate::arguments::OneJob;
+use crate::client::Client;
+use crate::console;
+use crate::error::Error;
+use crate::progress::{Label, Progress};
+use crate::signals::Interrupt;
+use crate::view::JobView;
+use crate::watch::{self, Watched, word};
+use proto::v1::JobEvent;
+use proto::v1::job_event::Event;
+use serde::Serialize;
+
+/// An event as a line of JSON.
+#[derive(Serialize)]
+struct EventView {
+    sequence: u64,
+    at_ms: i64,
+    #[serde(flatten)]
+    what: What,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+enum What {
+    State { state: &'static str },
+    Generation { generation: u32, min: f64, median: f64, max: f64, mean: f64, best_so_far: Option<f64>, failed: u32 },
+    Progress { generation: u32, done: u32, total: u32 },
+}
+
+/// Follows the job to its end.
+pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
+    let interrupt = Interrupt::listen();
+    let mut client = Client::connect(&args.on).await?;
+    let (status, job_toml) = client.get(&args.id).await?;
+    let label = Label::of_toml(&job_toml);
+    let mut progress = Progress::new(&status, &label, quiet || args.json);
+    let watched = watch::watch(&mut client, &args.id, &interrupt, |event| {
+        progress.observe(event);
+        match view(event) {
+            Some(view) if args.json => console::say_json_line(&view),
+            _ => Ok(()),
+        }
+    })
+    .await;
+    progress.finish();
+    match watched? {
+        Watched::Interrupted => {
+            Err(Error::Interrupted { hint: format!("; the job goes on, `evogait watch {}` comes back to it", args.id) })
+        }
+        Watched::Ended(job) => {
+            if args.json {
+                console::say_json_line(&JobView::new(&job))?;
+            }
+            watch::succeeded(&job)?;
+            if args.json || quiet {
+                return Ok(());
+            }
+            let best = console::score_with(watch::best(&job), &label.unit);
+            console::say(&format!(
+                "{}: {} {best} after {} generations\n  next  evogait fetch {}",
+                job.name, label.name, job.generations_done, job.id
+            ))
+        }
+    }
+}
+
+fn view(event: &JobEvent) -> Option<EventView> {
+    let what = match event.event.as_ref()? {
+        Event::StateChanged(_) => {
+            let Some(Event::StateChanged(state)) = event.event else { return None };
+            What::State { state: word(state.try_into().unwrap_or_default()) }
+        }
+        Event::GenerationSealed(g) => What::Generation {
+            generation: g.generation,
+            min: g.min,
+            median: g.median,
+            max: g.max,
+            mean: g.mean,
+            best_so_far: g.best_so_far,
+            failed: g.failed,
+        },
+        Event::Progress(p) => What::Progress { generation: p.generation, done: p.done, total: p.total },
+    };
+    Some(EventView { sequence: event.sequence, at_ms: event.at_ms, what })
+}

@@ -1,0 +1,32 @@
+//! `evogait workers`: who is connected to a coordinator.
+
+use crate::client::{Client, Url};
+use crate::console::{self, table};
+use crate::error::Error;
+use crate::view::{WorkerView, hex};
+
+/// Prints the connected workers.
+pub async fn run(on: Url, json: bool) -> Result<(), Error> {
+    let mut client = Client::connect(&on).await?;
+    let workers = client.workers().await?;
+    if json {
+        return console::say_json(&workers.iter().map(WorkerView::new).collect::<Vec<_>>());
+    }
+    if workers.is_empty() {
+        return console::say(&format!("no workers at {on}: start some with `worker --coordinator {on} --slots N`"));
+    }
+    let rows: Vec<Vec<String>> = workers
+        .iter()
+        .map(|w| {
+            vec![
+                w.name.clone(),
+                w.address.clone(),
+                format!("{}/{}", w.busy, w.slots),
+                console::count(w.evaluations),
+                console::moment(w.connected_at_ms),
+                hex(&w.engine_digest).chars().take(12).collect(),
+            ]
+        })
+        .collect();
+    console::say(&table(&["name", "address", "busy", "evaluations", "connected (UTC)", "engine"], &rows))
+}

@@ -1,0 +1,156 @@
+//! Words for people: what is printed, and how numbers and times are written.
+
+use crate::error::Error;
+use serde::Serialize;
+use std::io::{self, Write as _};
+use std::path::Path;
+use std::time::Duration;
+
+/// Prints a line (or several) to standard output.
+pub fn say(text: &str) -> Result<(), Error> {
+    let mut out = io::stdout().lock();
+    let end = if text.ends_with('\n') { "" } else { "\n" };
+    write!(out, "{text}{end}").and_then(|()| out.flush()).map_err(|error| match error.kind() {
+        io::ErrorKind::BrokenPipe => Error::OutputClosed,
+        _ => Error::write(Path::new("standard output"), error),
+    })
+}
+
+/// Prints a value as JSON for scripts.
+pub fn say_json(value: &impl Serialize) -> Result<(), Error> {
+    say(&json(value)?)
+}
+
+/// A value as a line of JSON, for streams of values.
+pub fn say_json_line(value: &impl Serialize) -> Result<(), Error> {
+    say(&serde_json::to_string(value).map_err(|e| Error::write(Path::new("standard output"), e.into()))?)
+}
+
+/// A value as readable JSON.
+pub fn json(value: &impl Serialize) -> Result<String, Error> {
+    serde_json::to_string_pretty(value).map_err(|e| Error::write(Path::new("standard output"), e.into()))
+}
+
+/// Tells something on standard error. Where that is closed, nobody wants to know.
+pub fn note(text: &str) {
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}
+
+/// Columns under a head, aligned; numbers are to be given as they shall stand.
+pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count());
+        cells.chain([head[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let line = |cells: Vec<&str>| {
+        let padded = cells.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}"));
+        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    let lines = std::iter::once(line(head.to_vec()))
+        .chain(rows.iter().map(|row| line(row.iter().map(String::as_str).collect())));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// 1234567 as "1,234,567".
+pub fn count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// A duration as a person says it: "0.42 s", "12 s", "2 min 41 s", "3 h 5 min", "2 d 4 h".
+pub fn duration(d: Duration) -> String {
+    let s = d.as_secs_f64();
+    let whole = s.round() as u64;
+    match whole {
+        0..=9 => format!("{s:.2} s"),
+        10..=59 => format!("{whole} s"),
+        60..=3599 => format!("{} min {} s", whole / 60, whole % 60),
+        3600..=86_399 => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+        _ => format!("{} d {} h", whole / 86_400, whole % 86_400 / 3600),
+    }
+}
+
+/// A duration in seconds that may be huge or not finite.
+pub fn seconds(s: f64) -> String {
+    if s.is_finite() && (0.0..1e12).contains(&s) { duration(Duration::from_secs_f64(s)) } else { "?".to_owned() }
+}
+
+/// A score with four significant digits: "34.29", "0.01235".
+pub fn score(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    let decimals = (3 - magnitude).clamp(0, 12) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// A score with its unit; "–" where there is none.
+pub fn score_with(value: Option<f64>, unit: &str) -> String {
+    match value {
+        Some(v) if unit.is_empty() => score(v),
+        Some(v) => format!("{} {unit}", score(v)),
+        None => "–".to_owned(),
+    }
+}
+
+/// Unix time in ms as "2026-11-22 00:47:15" (UTC); "–" for 0.
+pub fn moment(unix_ms: i64) -> String {
+    if unix_ms <= 0 {
+        return "–".to_owned();
+    }
+    let seconds = unix_ms / 1000;
+    let (days, second) = (seconds / 86_400, seconds % 86_400);
+    // Days to a civil date, by eras of 400 years that begin in March.
+    let shifted = days + 719_468;
+    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = era * 400 + year_of_era + i64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02} {:02}:{:02}:{:02}", second / 3600, second % 3600 / 60, second % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_those_of_the_calendar() {
+        assert_eq!(moment(951_782_400_000), "2000-02-29 00:00:00");
+        assert_eq!(moment(1_795_308_435_999), "2026-11-22 00:47:15");
+        assert_eq!(moment(1_000), "1970-01-01 00:00:01");
+        assert_eq!(moment(0), "–");
+    }
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(count(0), "0");
+        assert_eq!(count(999), "999");
+        assert_eq!(count(1_234_567), "1,234,567");
+        assert_eq!(score(34.285_71), "34.29");
+        assert_eq!(score(-0.012_345_6), "-0.01235");
+        assert_eq!(score(12_345.6), "12346");
+        assert_eq!(score(0.0), "0");
+        assert_eq!(duration(Duration::from_millis(420)), "0.42 s");
+        assert_eq!(duration(Duration::from_secs(161)), "2 min 41 s");
+        assert_eq!(duration(Duration::from_secs(11_100)), "3 h 5 min");
+        assert_eq!(seconds(f64::INFINITY), "?");
+    }
+
+    #[test]
+    fn columns_stand_under_their_heads() {
+        let rows = vec![vec!["a".into(), "long".into(), "x".into()], vec!["bcd".into(), "s".into(), String::new()]];
+        assert_eq!(table(&["id", "n", "note"], &rows), "id   n     note\na    long  x\nbcd  s");
+    }
+}

@@ -1,0 +1,123 @@
+//! How a search went: the scores of each generation, and the best so far.
+
+use super::axes::{Frame, Range, number};
+use super::canvas::{Canvas, Type, fill, stroke};
+use super::legend::{Key, heading, legend};
+use super::palette::{ACCENT, BASE};
+use super::{HistoryRow, Picture};
+
+const WIDTH: f64 = 880.0;
+const HEIGHT: f64 = 500.0;
+/// More generations than this are thinned out before drawing: a sheet has no more columns.
+const MOST_ROWS: usize = 1500;
+
+/// Best so far, median, quartile band and range of the scores over generations. `label` names the score with its unit,
+/// such as "coverage, %". Values that are not finite are left out, and interrupt lines and bands.
+pub fn convergence(history: &[HistoryRow], title: &str, label: &str) -> Picture {
+    let rows = thinned(history);
+    let mut canvas = Canvas::new();
+    let range_paint = format!("{} fill-opacity=\"0.10\"", fill(BASE));
+    let quartile_paint = format!("{} fill-opacity=\"0.25\"", fill(BASE));
+    let (median_paint, best_paint) = (stroke(BASE, 1.75), stroke(ACCENT, 2.75));
+
+    let top = heading(&mut canvas, title, "", WIDTH);
+    let keys = [
+        Key::line("best so far", best_paint.clone()),
+        Key::line("median of the generation", median_paint.clone()),
+        Key::area("its middle half (quartiles)", quartile_paint.clone()),
+        Key::area("all of it (min to max)", range_paint.clone()),
+    ];
+    let top = legend(&mut canvas, &keys, top, WIDTH) + 6.0;
+
+    let values = rows
+        .iter()
+        .flat_map(|r| [r.min, r.lower_quartile, r.median, r.upper_quartile, r.max, r.best_so_far.unwrap_or(f64::NAN)]);
+    let found = Range::of(values);
+    let y = found.map_or(Range { low: 0.0, high: 1.0 }, |r| {
+        let padded = r.with_near_zero().padded(0.05);
+        // Scores that can't be negative need no room below 0.
+        if r.low >= 0.0 { Range { low: padded.low.max(0.0), ..padded } } else { padded }
+    });
+    let generation = |r: &HistoryRow| f64::from(r.generation);
+    let x = match (rows.first(), rows.last()) {
+        (Some(first), Some(last)) if generation(last) > generation(first) => {
+            Range { low: generation(first), high: generation(last) }
+        }
+        (Some(only), _) => Range { low: generation(only) - 1.0, high: generation(only) + 1.0 },
+        _ => Range { low: 0.0, high: 1.0 },
+    };
+    let frame = Frame { left: 84.0, top, width: WIDTH - 84.0 - 84.0, height: HEIGHT - top - 60.0, x, y };
+    let mut generations = x.whole_ticks(10);
+    // The room around a lone generation is no place for others.
+    generations.values.retain(|v| rows.len() != 1 || *v == generation(rows[0]));
+    frame.draw(&mut canvas, Some((&generations, "generation")), Some((&y.ticks(7), label)));
+
+    band(&mut canvas, &frame, &rows, |r| (r.min, r.max), &range_paint);
+    band(&mut canvas, &frame, &rows, |r| (r.lower_quartile, r.upper_quartile), &quartile_paint);
+    series(&mut canvas, &frame, rows.iter().map(|r| [generation(r), r.median]), BASE, &median_paint);
+    let best = |r: &HistoryRow| r.best_so_far.unwrap_or(f64::NAN);
+    series(&mut canvas, &frame, steps(rows.iter().map(|r| [generation(r), best(r)])), ACCENT, &best_paint);
+
+    if let Some(last) = rows.last().filter(|r| best(r).is_finite()) {
+        let [px, py] = frame.at(generation(last), best(last));
+        canvas.text([px + 8.0, py + 4.5], &number(best(last)), Type::LABEL.bold().coloured(ACCENT).halo());
+    }
+    if found.is_none() {
+        frame.say(
+            &mut canvas,
+            if rows.is_empty() { "no data: no generation is done" } else { "no data: nothing could be scored" },
+        );
+    }
+    Picture::new(canvas.finish(WIDTH, HEIGHT), WIDTH as u32, HEIGHT as u32)
+}
+
+/// Every n-th row, and the last.
+fn thinned(history: &[HistoryRow]) -> Vec<&HistoryRow> {
+    let every = history.len().div_ceil(MOST_ROWS).max(1);
+    history.iter().enumerate().filter(|(i, _)| i % every == 0 || i + 1 == history.len()).map(|(_, r)| r).collect()
+}
+
+/// A value holds until the next one: a staircase.
+fn steps(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+    let mut stairs: Vec<[f64; 2]> = Vec::new();
+    for [x, y] in points {
+        if let Some(&[_, before]) = stairs.last() {
+            stairs.push([x, before]);
+        }
+        stairs.push([x, y]);
+    }
+    stairs
+}
+
+/// A line; what stands alone becomes a dot.
+fn series(canvas: &mut Canvas, frame: &Frame, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, paint: &str) {
+    let lines = frame.line(points);
+    canvas.polylines(&lines, paint);
+    for alone in lines.iter().filter(|l| l.len() == 1) {
+        canvas.circle(alone[0], 4.0, &fill(colour));
+    }
+}
+
+/// The area between two values, piece by piece where both are finite; a piece of one generation becomes a bar.
+fn band(
+    canvas: &mut Canvas,
+    frame: &Frame,
+    rows: &[&HistoryRow],
+    values: impl Fn(&HistoryRow) -> (f64, f64),
+    paint: &str,
+) {
+    let usable = |r: &&HistoryRow| {
+        let (low, high) = values(r);
+        low.is_finite() && high.is_finite()
+    };
+    for piece in rows.chunk_by(|a, b| usable(a) == usable(b)).filter(|p| usable(&p[0])) {
+        let edge = |r: &&HistoryRow, v: f64| frame.at(f64::from(r.generation), v);
+        let lower = piece.iter().map(|r| edge(r, values(r).0));
+        let upper = piece.iter().rev().map(|r| edge(r, values(r).1));
+        let mut outline: Vec<[f64; 2]> = lower.chain(upper).collect();
+        if let [[x, low], [_, high]] = outline[..] {
+            outline = vec![[x - 7.0, low], [x + 7.0, low], [x + 7.0, high], [x - 7.0, high]];
+        }
+        canvas.polygon(&outline, paint);
+    }
+}

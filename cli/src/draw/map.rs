@@ -1,0 +1,176 @@
+//! A planner's tree on its map, as in Figs. 6 and 10 of the paper.
+
+use super::Picture;
+use super::axes::{Frame, Range, number};
+use super::canvas::{Canvas, fill, stroke};
+use super::legend::{Key, MARGIN, heading, legend};
+use super::palette::{ACCENT, BASE, FRAME, INK, OBSTACLE, TERRAIN, dashes, series};
+use sim_core::environment::{Block, Environment};
+use sim_core::report::{NodeRecord, TreeRecord};
+use std::collections::BTreeSet;
+
+const WIDTH: f64 = 920.0;
+const LEFT: f64 = 76.0;
+/// Room for the map, px.
+const MOST: [f64; 2] = [WIDTH - LEFT - MARGIN, 640.0];
+/// A map far longer than wide still gets a frame of this size, px.
+const LEAST: f64 = 140.0;
+
+/// Obstacles, terrain, start, goal, the tree's edges coloured by gait, its nodes, and its best path. x and y have the same
+/// scale. `fitness_label` stands below the title, such as "coverage 32.3 %".
+pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_label: &str) -> Picture {
+    let mut canvas = Canvas::new();
+    let nothing = if tree.nodes.is_empty() { "no data: the tree is empty" } else { "" };
+    let said: Vec<&str> = [fitness_label, nothing].into_iter().filter(|s| !s.is_empty()).collect();
+    let top = heading(&mut canvas, title, &said.join(" · "), WIDTH);
+    let top = legend(&mut canvas, &keys(environment, tree), top, WIDTH) + 6.0;
+    let frame = frame(environment, top);
+    let height = (top + frame.height + 56.0).ceil();
+
+    frame.draw(&mut canvas, None, None);
+    let (x, y) = (frame.x.ticks(12), frame.y.ticks(((frame.height / 55.0) as usize).max(3)));
+    frame.draw(&mut canvas, Some((&x, "x, mu")), Some((&y, "y, mu")));
+    let [w, h] = environment.size;
+    let corners = [[-w / 2.0, -h / 2.0], [w / 2.0, -h / 2.0], [w / 2.0, h / 2.0], [-w / 2.0, h / 2.0]];
+    let outline: Vec<_> = corners.iter().map(|c| frame.at(c[0], c[1])).collect();
+    canvas.polygon(&outline, &format!("fill=\"none\" {}", stroke(INK, 1.2)));
+
+    let [x, y] = [frame.left, frame.top];
+    canvas.raw(&format!(
+        "<clipPath id=\"map\"><rect x=\"{x}\" y=\"{y}\" width=\"{}\" height=\"{}\"/></clipPath><g clip-path=\"url(#map)\">",
+        frame.width, frame.height
+    ));
+    for block in &environment.terrain {
+        canvas.polygon(&footprint(block, &frame), &terrain_paint(block.top / highest(environment)));
+    }
+    for block in &environment.obstacles {
+        canvas.polygon(&footprint(block, &frame), &fill(OBSTACLE));
+    }
+    edges(&mut canvas, &frame, tree);
+    nodes(&mut canvas, &frame, tree);
+    path(&mut canvas, &frame, tree);
+    canvas.raw("</g>");
+    if let Some(goal) = &environment.goal {
+        let at = frame.at(goal.x, goal.y);
+        let radius = goal.radius / frame.x.span() * frame.width;
+        canvas.circle(at, radius, &format!("fill=\"none\" stroke-dasharray=\"4 3\" {}", stroke(ACCENT, 1.5)));
+        star(&mut canvas, at);
+    }
+    let start = &environment.start;
+    start_mark(&mut canvas, frame.at(start.x, start.y), start.yaw);
+    Picture::new(canvas.finish(WIDTH, height), WIDTH as u32, height as u32)
+}
+
+/// The largest frame with equal scales in which the map fits; wider than the map where that is very long and thin.
+fn frame(environment: &Environment, top: f64) -> Frame {
+    let [w, h] = environment.size;
+    let scale = (MOST[0] / w).min(MOST[1] / h);
+    let width = (w * scale).max(LEAST);
+    let height = (h * scale).max(LEAST);
+    let around = |px: f64| Range { low: -px / scale / 2.0, high: px / scale / 2.0 };
+    Frame { left: LEFT + (MOST[0] - width) / 2.0, top, width, height, x: around(width), y: around(height) }
+}
+
+fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
+    let mut keys = vec![Key::new("start", |canvas, [x, y]| start_mark(canvas, [x - 6.0, y], 0.0))];
+    if environment.goal.is_some() {
+        keys.push(Key::new("goal", star));
+    }
+    let gaits: BTreeSet<usize> = tree.nodes.iter().filter_map(|n| n.gait).collect();
+    keys.extend(gaits.into_iter().map(|g| Key::line(format!("gait {}", g + 1), edge_paint(g))));
+    if !tree.nodes.is_empty() {
+        keys.push(Key::new(format!("node ({} in all)", tree.nodes.len()), |canvas, at| {
+            canvas.circle(at, 2.2, &fill(INK));
+        }));
+    }
+    if tree.best_path.len() > 1 {
+        keys.push(Key::line(format!("best path ({} gaits)", tree.best_path.len() - 1), stroke(INK, 3.2)));
+    }
+    if !environment.obstacles.is_empty() {
+        keys.push(Key::area("obstacle", fill(OBSTACLE)));
+    }
+    if !environment.terrain.is_empty() {
+        let label =
+            format!("terrain, may be touched (up to {} mu high; darker is higher)", number(highest(environment)));
+        keys.push(Key::area(label, terrain_paint(0.6)));
+    }
+    keys
+}
+
+/// `height`: as a share of the highest terrain's.
+fn terrain_paint(height: f64) -> String {
+    format!("{} fill-opacity=\"{:.2}\" {}", fill(TERRAIN), 0.15 + 0.85 * height, stroke(FRAME, 0.75))
+}
+
+/// Upper face of the highest terrain, mu.
+fn highest(environment: &Environment) -> f64 {
+    environment.terrain.iter().map(|b| b.top).fold(f64::MIN_POSITIVE, f64::max)
+}
+
+fn footprint(block: &Block, frame: &Frame) -> Vec<[f64; 2]> {
+    let (sin, cos) = block.yaw.sin_cos();
+    [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+        .map(|[u, v]| [u * block.size[0], v * block.size[1]])
+        .map(|[u, v]| frame.at(block.center[0] + cos * u - sin * v, block.center[1] + sin * u + cos * v))
+        .to_vec()
+}
+
+fn edge_paint(gait: usize) -> String {
+    format!("stroke-opacity=\"0.6\" {}{}", stroke(series(gait), 1.3), dashes(gait))
+}
+
+/// The pivot's way along the edge to a node; straight from the parent where it was not recorded.
+fn way(tree: &TreeRecord, node: &NodeRecord) -> Vec<[f64; 2]> {
+    if node.way.len() >= 2 {
+        return node.way.clone();
+    }
+    let parent = node.parent.and_then(|p| tree.nodes.get(p));
+    parent.map_or_else(Vec::new, |p| vec![[p.x, p.y], [node.x, node.y]])
+}
+
+fn edges(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
+    let gaits: BTreeSet<Option<usize>> = tree.nodes.iter().map(|n| n.gait).collect();
+    for gait in gaits {
+        let lines: Vec<_> =
+            tree.nodes.iter().filter(|n| n.gait == gait).flat_map(|n| frame.line(way(tree, n))).collect();
+        let paint = gait.map_or_else(|| stroke(FRAME, 1.0), edge_paint);
+        canvas.polylines(&lines, &paint);
+    }
+}
+
+fn nodes(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
+    // Dots shrink as trees grow, so that a large one does not become a blot.
+    let radius = (40.0 / (tree.nodes.len() as f64).sqrt()).clamp(1.0, 2.4);
+    for node in tree.nodes.iter().filter(|n| n.x.is_finite() && n.y.is_finite()) {
+        canvas.circle(frame.at(node.x, node.y), radius, &format!("{} fill-opacity=\"0.75\"", fill(INK)));
+    }
+}
+
+fn path(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
+    let on_path = |i: &usize| tree.nodes.get(*i);
+    let points = tree.best_path.iter().skip(1).filter_map(on_path).flat_map(|n| way(tree, n));
+    let lines = frame.line(points);
+    canvas.polylines(&lines, &stroke("#ffffff", 5.6));
+    canvas.polylines(&lines, &stroke(INK, 3.2));
+    for node in tree.best_path.iter().skip(1).filter_map(on_path).filter(|n| n.x.is_finite() && n.y.is_finite()) {
+        canvas.circle(frame.at(node.x, node.y), 3.4, &format!("fill=\"#ffffff\" {}", stroke(INK, 1.6)));
+    }
+}
+
+/// A dot with an arrow that shows the heading.
+pub(super) fn start_mark(canvas: &mut Canvas, at: [f64; 2], yaw: f64) {
+    let (sin, cos) = yaw.sin_cos();
+    canvas.circle(at, 7.0, &fill("#ffffff"));
+    canvas.circle(at, 5.0, &fill(BASE));
+    canvas.arrow(at, [at[0] + 22.0 * cos, at[1] - 22.0 * sin], 2.6, BASE);
+}
+
+fn star(canvas: &mut Canvas, [x, y]: [f64; 2]) {
+    let point = |i: usize| {
+        let (sin, cos) = (i as f64 * std::f64::consts::PI / 5.0).sin_cos();
+        let radius = if i.is_multiple_of(2) { 9.0 } else { 3.8 };
+        [x + radius * sin, y - radius * cos]
+    };
+    let outline: Vec<_> = (0..10).map(point).collect();
+    canvas.polygon(&outline, &format!("{} {} paint-order=\"stroke\"", fill(ACCENT), stroke("#ffffff", 2.5)));
+}

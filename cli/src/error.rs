@@ -1,0 +1,220 @@
+//! What can go wrong, in one sentence each: which file, which field, which value, what to do.
+
+use sim_core::error::Invalid;
+use sim_core::identity::Digest;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Why a command did not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The command line asks for something that can't be. Exit code 2.
+    #[error("{message}")]
+    Usage {
+        /// The sentence.
+        message: String,
+    },
+    /// Ctrl-C or a request to terminate. Exit code 130.
+    #[error("interrupted{hint}")]
+    Interrupted {
+        /// How to go on, led by a separator; or empty.
+        hint: String,
+    },
+    /// The reader of our output has gone (`| head`): nobody is left to tell.
+    #[error("the output was closed")]
+    OutputClosed,
+    /// A file or folder can't be read.
+    #[error("can't read {path}: {reason}", path = .path.display(), reason = plain(.source))]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file or folder can't be written; nothing is left of the attempt.
+    #[error("can't write {path}: {reason}", path = .path.display(), reason = plain(.source))]
+    Write {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file holds what can't be used.
+    #[error("{file}: {source}")]
+    Invalid {
+        /// The file, or what ships under a name.
+        file: String,
+        /// What is wrong in it.
+        source: Invalid,
+    },
+    /// A stored file of ours was changed or is damaged.
+    #[error("{path} is damaged: {reason}", path = .path.display())]
+    Damaged {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A folder whose run has not come to its end.
+    #[error("{folder} has no result yet: the same `evogait run` goes on and finishes it", folder = .folder.display())]
+    NotFinished {
+        /// The output folder.
+        folder: PathBuf,
+    },
+    /// A name that is neither a path nor ships.
+    #[error("there is no file and no {what} named \"{name}\": {what}s that ship are {known}")]
+    NotFound {
+        /// "job", "robot".
+        what: &'static str,
+        /// What was asked for.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
+    /// The folder belongs to another job.
+    #[error(
+        "{folder} holds another job, \"{name}\" ({digest}): choose another folder with --out",
+        folder = .folder.display(), digest = .digest.short()
+    )]
+    OtherJob {
+        /// The folder.
+        folder: PathBuf,
+        /// Name of the job in it.
+        name: String,
+        /// Its digest.
+        digest: Digest,
+    },
+    /// The folder has files, but none of ours.
+    #[error("{folder} is not empty and holds no job: choose another folder with --out", folder = .folder.display())]
+    NotOurs {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// Another process is at work in the folder.
+    #[error("another evogait is at work in {folder}: wait for it, or stop it", folder = .folder.display())]
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// Nobody answers at the coordinator's address.
+    #[error(
+        "can't reach a coordinator at {url}: {reason}; start one with `coordinator`, or tell where it is with --coordinator URL"
+    )]
+    Unreachable {
+        /// Its address.
+        url: String,
+        /// Why.
+        reason: String,
+    },
+    /// The coordinator refuses.
+    #[error("the coordinator at {url} refuses: {reason}")]
+    Refused {
+        /// Its address.
+        url: String,
+        /// Its sentence.
+        reason: String,
+    },
+    /// The coordinator has no such job.
+    #[error("the coordinator at {url} has no job \"{id}\": `evogait list` shows what it has")]
+    NoSuchJob {
+        /// Its address.
+        url: String,
+        /// What was asked for.
+        id: String,
+    },
+    /// The coordinator's answer makes no sense to this version.
+    #[error("the coordinator at {url} answers with something this version can't read: {reason}")]
+    Answer {
+        /// Its address.
+        url: String,
+        /// What.
+        reason: String,
+    },
+    /// The coordinator of a run on this machine does not work.
+    #[error("the coordinator of this run failed: {reason}")]
+    LocalCoordinator {
+        /// Why.
+        reason: String,
+    },
+    /// The worker of a run on this machine does not work.
+    #[error("the worker of this run failed: {reason}")]
+    LocalWorker {
+        /// Why.
+        reason: String,
+    },
+    /// The job ended without a result.
+    #[error("job \"{name}\" ({id}) {how}")]
+    JobEnded {
+        /// Its name.
+        name: String,
+        /// Its id.
+        id: String,
+        /// How and why.
+        how: String,
+    },
+    /// A job that has no winner, where one is needed.
+    #[error("{folder} has no winner: every evaluation of the job failed", folder = .folder.display())]
+    NoWinner {
+        /// The output folder.
+        folder: PathBuf,
+    },
+    /// A recomputed number has other bits than the stored one.
+    #[error("{folder} does not verify: {difference}", folder = .folder.display())]
+    Different {
+        /// The output folder.
+        folder: PathBuf,
+        /// What differs, and why that may be.
+        difference: String,
+    },
+    /// A picture can't be made.
+    #[error("can't draw {what}: {reason}")]
+    Draw {
+        /// Which picture.
+        what: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// A read that failed.
+    pub fn read(path: &Path, source: io::Error) -> Self {
+        Self::Read { path: path.to_owned(), source }
+    }
+
+    /// A write that failed.
+    pub fn write(path: &Path, source: io::Error) -> Self {
+        Self::Write { path: path.to_owned(), source }
+    }
+
+    /// What the process ends with.
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::OutputClosed => ExitCode::SUCCESS,
+            Self::Usage { .. } => ExitCode::from(2),
+            Self::Interrupted { .. } => ExitCode::from(130),
+            _ => ExitCode::FAILURE,
+        }
+    }
+}
+
+/// An I/O error in words, without the system's "(os error 2)".
+fn plain(error: &io::Error) -> String {
+    let text = error.to_string();
+    match text.find(" (os error") {
+        Some(end) => text[..end].to_owned(),
+        None => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_system_s_numbers_are_left_out() {
+        assert_eq!(plain(&io::Error::from_raw_os_error(2)), "No such file or directory");
+        assert_eq!(plain(&io::Error::other("the reason")), "the reason");
+    }
+}

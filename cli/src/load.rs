@@ -1,0 +1,149 @@
+//! Job, robot and environment files: read, their references followed, and refused with the name of the file that is wrong.
+
+use crate::arguments::JobFile;
+use crate::error::Error;
+use sim_core::catalogue::{self, Entry};
+use sim_core::environment::Environment;
+use sim_core::error::Invalid;
+use sim_core::job::{Job, JobSpec, Reference};
+use sim_core::limits;
+use sim_core::robot::RobotSpec;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
+
+/// A text and where it is from: a file, or the catalogue.
+struct Source {
+    text: String,
+    /// As messages call it.
+    label: String,
+    /// The folder that references in it are relative to; none for what ships.
+    folder: Option<PathBuf>,
+}
+
+/// Reads a job, its robot and its environment, and checks all of it.
+pub fn job(file: &JobFile) -> Result<Job, Error> {
+    let source = find("job", &file.job, catalogue::jobs(), None)?;
+    let mut spec: JobSpec = parse(&source, |text| toml::from_str(text).map_err(Invalid::from))?;
+    if let Some(seed) = file.seed {
+        spec.seed = seed;
+    }
+    // What Job::new finds wrong in a part that came from a file of its own is told of that file.
+    let mut robot_label = source.label.clone();
+    let mut environment_label = source.label.clone();
+    if let Reference::Named(name) = &spec.robot {
+        let found = follow("robot", name, catalogue::robots(), &source)?;
+        spec.robot = Reference::Inline(Box::new(parse(&found, |text| toml::from_str(text).map_err(Invalid::from))?));
+        robot_label = found.label;
+    }
+    if let Reference::Named(name) = &spec.environment {
+        let found = follow("environment", name, catalogue::environments(), &source)?;
+        spec.environment = Reference::Inline(Box::new(parse(&found, Environment::from_toml)?));
+        environment_label = found.label;
+    }
+    Job::new(spec).map_err(|invalid| {
+        let file = match part(&invalid) {
+            Part::Robot => robot_label,
+            Part::Environment => environment_label,
+            Part::Job => source.label,
+        };
+        Error::Invalid { file, source: invalid }
+    })
+}
+
+/// Reads a job that is written out in full, such as the job.toml of an output folder.
+pub fn resolved_job(path: &Path) -> Result<(Job, String), Error> {
+    let text = read_text(path)?;
+    let job = Job::from_toml(&text).map_err(|source| Error::Invalid { file: path.display().to_string(), source })?;
+    Ok((job, text))
+}
+
+/// Reads a robot: a path, or the name of one that ships. Also tells how to call it in messages.
+pub fn robot(name: &str) -> Result<(RobotSpec, String), Error> {
+    let source = find("robot", name, catalogue::robots(), None)?;
+    let spec = parse(&source, |text| toml::from_str(text).map_err(Invalid::from))?;
+    Ok((spec, source.label))
+}
+
+fn parse<T>(source: &Source, read: impl Fn(&str) -> Result<T, Invalid>) -> Result<T, Error> {
+    read(&source.text).map_err(|invalid| Error::Invalid { file: source.label.clone(), source: invalid })
+}
+
+/// The part of a job that an error is about.
+enum Part {
+    Job,
+    Robot,
+    Environment,
+}
+
+fn part(invalid: &Invalid) -> Part {
+    let of_field = |field: &str| {
+        let head = field.trim_start_matches("number of ");
+        if head.starts_with("environment") {
+            Part::Environment
+        } else if ["robot", "module", "pivot", "failed", "variants"].iter().any(|f| head.starts_with(f)) {
+            Part::Robot
+        } else {
+            Part::Job
+        }
+    };
+    match invalid {
+        Invalid::Overlap { .. } | Invalid::Disconnected { .. } | Invalid::AttachmentLoop { .. } => Part::Robot,
+        Invalid::PortTaken { .. } => Part::Robot,
+        Invalid::Misplaced { .. } => Part::Environment,
+        Invalid::OutOfRange { field, .. }
+        | Invalid::Unknown { field, .. }
+        | Invalid::Duplicate { field, .. }
+        | Invalid::Name { field, .. }
+        | Invalid::Conflict { field, .. } => of_field(field),
+        Invalid::Syntax { .. } => Part::Job,
+    }
+}
+
+/// Follows the `robot` or `environment` of a job: a name that ships, or a path relative to the job file.
+fn follow(what: &'static str, name: &str, shipped: &'static [Entry], job: &Source) -> Result<Source, Error> {
+    find(what, name, shipped, job.folder.as_deref()).map_err(|error| match error {
+        Error::NotFound { .. } => {
+            let known = shipped.iter().map(|entry| entry.name.to_owned()).collect();
+            let source = Invalid::Unknown { field: what.to_owned(), value: name.to_owned(), known };
+            Error::Invalid { file: job.label.clone(), source }
+        }
+        other => other,
+    })
+}
+
+/// A name that ships, or a path. What looks like a path, or exists, is one.
+fn find(
+    what: &'static str,
+    name: &str,
+    shipped: &'static [Entry],
+    relative_to: Option<&Path>,
+) -> Result<Source, Error> {
+    let path = relative_to.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
+    let looks_like_path = name.ends_with(".toml") || name.contains(std::path::MAIN_SEPARATOR) || name.contains('/');
+    if !looks_like_path && let Some(entry) = shipped.iter().find(|entry| entry.name == name) {
+        let label = format!("{what} \"{name}\" that ships");
+        return Ok(Source { text: entry.toml.to_owned(), label, folder: None });
+    }
+    if looks_like_path || path.is_file() {
+        let text = read_text(&path)?;
+        let folder = path.parent().map(Path::to_owned);
+        return Ok(Source { text, label: path.display().to_string(), folder });
+    }
+    let known = shipped.iter().map(|entry| entry.name).collect::<Vec<_>>().join(", ");
+    Err(Error::NotFound { what, name: name.to_owned(), known })
+}
+
+/// Reads a text file of at most [`limits::MAX_TOML_LENGTH`] bytes.
+fn read_text(path: &Path) -> Result<String, Error> {
+    let read = || -> io::Result<String> {
+        let mut bytes = Vec::new();
+        File::open(path)?.take(limits::MAX_TOML_LENGTH as u64 + 1).read_to_end(&mut bytes)?;
+        if bytes.len() > limits::MAX_TOML_LENGTH {
+            return Err(io::Error::other(format!("it is longer than {} bytes", limits::MAX_TOML_LENGTH)));
+        }
+        String::from_utf8(bytes)
+            .map_err(|e| io::Error::other(format!("it is not UTF-8 text (byte {})", e.utf8_error().valid_up_to())))
+    };
+    read().map_err(|source| Error::read(path, source))
+}

@@ -1,0 +1,108 @@
+//! gaits.json: the winner's gaits, each with its parameters by name and where it leads.
+
+use serde::Serialize;
+use sim_core::job::{ControllerKind, Job};
+use sim_core::report::{GaitTrace, Report};
+use std::collections::BTreeMap;
+
+#[derive(Serialize)]
+pub struct GaitFile {
+    /// What generates the joint targets.
+    controller: ControllerKind,
+    /// s.
+    duration: f64,
+    gaits: Vec<Gait>,
+}
+
+#[derive(Serialize)]
+struct Gait {
+    /// From 1, as in file names and parameter names.
+    gait: usize,
+    /// The file with its samples.
+    trajectory: String,
+    /// By name, such as `hip-front.omega1`.
+    parameters: BTreeMap<String, f64>,
+    /// From the settled start to its end.
+    displacement: Option<Displacement>,
+    /// `null` if it completed.
+    unstable: Option<String>,
+}
+
+/// In the frame of the start: x ahead, y to the left.
+#[derive(Serialize)]
+pub struct Displacement {
+    /// mu.
+    pub x: f64,
+    /// mu.
+    pub y: f64,
+    /// Change of heading, rad, in (−π, π].
+    pub yaw: f64,
+    /// mu.
+    pub distance: f64,
+}
+
+/// The file of a gait's samples, counted from 0.
+pub fn trajectory_name(gait: usize) -> String {
+    format!("trajectories/gait-{}.csv", gait + 1)
+}
+
+/// Takes the gaits out of a report.
+pub fn file(job: &Job, report: &Report) -> GaitFile {
+    let names = job.parameter_names();
+    let mut names = names.iter();
+    let gaits = report.gaits.iter().enumerate().map(|(i, trace)| {
+        let own = names.by_ref().take(trace.parameters.len());
+        let prefix = format!("gait{}.", i + 1);
+        Gait {
+            gait: i + 1,
+            trajectory: trajectory_name(i),
+            parameters: own
+                .zip(&trace.parameters)
+                .map(|(name, &value)| (name.strip_prefix(&prefix).unwrap_or(name).to_owned(), value))
+                .collect(),
+            displacement: displacement(trace),
+            unstable: trace.unstable.clone(),
+        }
+    });
+    let gaits = gaits.collect();
+    GaitFile { controller: job.spec().gaits.controller, duration: job.spec().gaits.duration, gaits }
+}
+
+/// Where a gait leads; nothing if it has no samples.
+pub fn displacement(trace: &GaitTrace) -> Option<Displacement> {
+    let (start, end) = (trace.samples.first()?, trace.samples.last()?);
+    let (dx, dy) = (end.position[0] - start.position[0], end.position[1] - start.position[1]);
+    let (sin, cos) = start.yaw.sin_cos();
+    let turn = end.yaw - start.yaw;
+    Some(Displacement {
+        x: cos * dx + sin * dy,
+        y: cos * dy - sin * dx,
+        yaw: turn.sin().atan2(turn.cos()),
+        distance: dx.hypot(dy),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_core::report::TraceSample;
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn a_displacement_is_told_in_the_frame_of_the_start() {
+        let at = |x, y, yaw| TraceSample {
+            time: 0.0,
+            targets: vec![],
+            angles: vec![],
+            position: [x, y, 0.0],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            yaw,
+        };
+        // Heading north, three north and one west: three ahead, one to the left; and a turn that passes π.
+        let samples = vec![at(5.0, 5.0, FRAC_PI_2), at(4.0, 8.0, FRAC_PI_2 + 3.5)];
+        let d = displacement(&GaitTrace { parameters: vec![], joints: vec![], samples, unstable: None }).unwrap();
+        assert!((d.x - 3.0).abs() < 1e-12 && (d.y - 1.0).abs() < 1e-12, "{} {}", d.x, d.y);
+        assert!((d.yaw - (3.5 - std::f64::consts::TAU)).abs() < 1e-12);
+        assert!((d.distance - 10f64.sqrt()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,46 @@
+//! The pictures of a result, each as SVG and PNG.
+
+use crate::draw::{self, HistoryRow, Picture};
+use crate::error::Error;
+use crate::progress::Label;
+use proto::v1::GenerationSealed;
+use sim_core::job::Job;
+use sim_core::report::Report;
+
+/// (file name, content) of every picture that a job has: without a report only that of its history.
+pub fn all(job: &Job, history: &[GenerationSealed], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
+    let name = &job.spec().name;
+    let Label { name: score, unit } = Label::of_job(job);
+    let label = if unit.is_empty() { score } else { format!("{score}, {unit}") };
+    let mut pictures = vec![("convergence", draw::convergence(&rows(history), name, &label))];
+    if let Some(report) = report {
+        let fitness = format!("{label}: {}", crate::console::score(report.winner.score));
+        pictures.push(("map", draw::map(job.environment(), &report.tree, name, &fitness)));
+        pictures.push(("gaits", draw::gait_traces(&report.gaits, name)));
+        pictures.push(("primitives", draw::gait_boxes(&report.tree, report.gaits.len(), name)));
+    }
+    let mut files = Vec::new();
+    for (name, picture) in pictures {
+        files.push((format!("{name}.svg"), picture.svg().into_bytes()));
+        files.push((format!("{name}.png"), png(name, &picture)?));
+    }
+    Ok(files)
+}
+
+/// A picture's PNG.
+pub fn png(what: &str, picture: &Picture) -> Result<Vec<u8>, Error> {
+    picture.png().map_err(|e| Error::Draw { what: what.to_owned(), reason: e.to_string() })
+}
+
+fn rows(history: &[GenerationSealed]) -> Vec<HistoryRow> {
+    let row = |g: &GenerationSealed| HistoryRow {
+        generation: g.generation,
+        min: g.min,
+        lower_quartile: g.lower_quartile,
+        median: g.median,
+        upper_quartile: g.upper_quartile,
+        max: g.max,
+        best_so_far: g.best_so_far,
+    };
+    history.iter().map(row).collect()
+}

@@ -1,0 +1,54 @@
+//! A finished output folder, read back.
+
+use super::{JOB, REPORT, RESULT, ResultFile};
+use crate::error::Error;
+use crate::load;
+use serde::de::DeserializeOwned;
+use sim_core::job::Job;
+use sim_core::report::Report;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Job and result of a finished run.
+pub struct Stored {
+    /// The folder.
+    pub folder: PathBuf,
+    /// The job, compiled by this build.
+    pub job: Job,
+    /// The result as it is stored.
+    pub result: ResultFile,
+}
+
+impl Stored {
+    /// Reads job.toml and result.json and checks that they fit each other.
+    pub fn read(folder: &Path) -> Result<Self, Error> {
+        let result_path = folder.join(RESULT);
+        if folder.join(JOB).is_file() && !result_path.exists() {
+            return Err(Error::NotFinished { folder: folder.to_owned() });
+        }
+        let result: ResultFile = read_json(&result_path)?;
+        let (job, _) = load::resolved_job(&folder.join(JOB))?;
+        let expected = job.bounds().0.len();
+        for candidate in [&result.winner, &result.first].into_iter().flatten() {
+            if candidate.genome.len() != expected {
+                let found = candidate.genome.len();
+                let reason = format!("a genome has {found} parameters, those of {JOB} have {expected}");
+                return Err(Error::Damaged { path: result_path, reason });
+            }
+        }
+        Ok(Self { folder: folder.to_owned(), job, result })
+    }
+
+    /// The report; there is none if every evaluation failed.
+    pub fn report(&self) -> Result<Report, Error> {
+        if self.result.winner.is_none() {
+            return Err(Error::NoWinner { folder: self.folder.clone() });
+        }
+        read_json(&self.folder.join(REPORT))
+    }
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
+    let text = fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
+    serde_json::from_str(&text).map_err(|e| Error::Damaged { path: path.to_owned(), reason: e.to_string() })
+}

@@ -1,0 +1,44 @@
+//! Everything that a finished job leaves behind, derived from the coordinator's answer alone.
+
+use super::{Folder, JOB, REPORT, RESULT, ResultFile, atomic::Batch, csv, gaits, pictures};
+use crate::client::Url;
+use crate::console;
+use crate::error::Error;
+use proto::{ConvertError, v1};
+use sim_core::job::Job;
+use sim_core::report::Report;
+use sim_core::score::Scored;
+
+/// Writes a result to its folder: all files or none, `result.json` last.
+pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &Url) -> Result<ResultFile, Error> {
+    let unreadable = |reason: String| Error::Answer { url: from.to_string(), reason };
+    let status = answer.job.as_ref().ok_or_else(|| unreadable("a result without its job".to_owned()))?;
+    let wrong = |e: ConvertError| unreadable(e.to_string());
+    let job_digest = proto::digest("the job digest", &status.job_digest).map_err(wrong)?;
+    let result_digest = proto::digest("the result digest", &answer.result_digest).map_err(wrong)?;
+    let scored = |wire: &Option<v1::ScoredCandidate>| wire.clone().map(Scored::try_from).transpose().map_err(wrong);
+    let best = (scored(&answer.winner)?, scored(&answer.first)?);
+    let report: Option<Report> = match answer.report_json.as_slice() {
+        [] => None,
+        bytes => Some(serde_json::from_slice(bytes).map_err(|e| unreadable(format!("the report: {e}")))?),
+    };
+    let result = ResultFile::new(job, status, (job_digest, result_digest), best, report.as_ref());
+
+    let mut batch = Batch::new(folder.path());
+    batch.add(JOB, answer.job_toml.as_bytes())?;
+    batch.add("history.csv", csv::history(&answer.history).as_bytes())?;
+    if let Some(report) = &report {
+        batch.add(REPORT, &answer.report_json)?;
+        batch.add("gaits.json", console::json(&gaits::file(job, report))?.as_bytes())?;
+        batch.add("tree.json", console::json(&report.tree)?.as_bytes())?;
+        for (i, gait) in report.gaits.iter().enumerate() {
+            batch.add(&gaits::trajectory_name(i), csv::gait(gait).as_bytes())?;
+        }
+    }
+    for (name, content) in pictures::all(job, &answer.history, report.as_ref())? {
+        batch.add(&name, &content)?;
+    }
+    batch.add(RESULT, console::json(&result)?.as_bytes())?;
+    batch.commit()?;
+    Ok(result)
+}

@@ -1,0 +1,166 @@
+//! How a run gets on, on standard error: a bar on a terminal, plain lines elsewhere, nothing with `--quiet`.
+
+use crate::{console, watch};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proto::v1::job_event::Event;
+use proto::v1::{self, JobEvent, JobState};
+use std::io::IsTerminal as _;
+use std::time::{Duration, Instant};
+
+/// Where there is no bar, a line is printed at most so often.
+const LINE_EVERY: Duration = Duration::from_secs(2);
+
+/// A score's name and unit.
+#[derive(Clone, Debug)]
+pub struct Label {
+    /// Such as "coverage".
+    pub name: String,
+    /// Such as "%", empty for a pure number.
+    pub unit: String,
+}
+
+impl Label {
+    /// That of a job; "score" for a job of another version, which this one can't read.
+    pub fn of_toml(job_toml: &str) -> Self {
+        match sim_core::job::Job::from_toml(job_toml) {
+            Ok(job) => Self::of_job(&job),
+            Err(_) => Self { name: "score".to_owned(), unit: String::new() },
+        }
+    }
+
+    /// That of a job.
+    pub fn of_job(job: &sim_core::job::Job) -> Self {
+        let (name, unit) = job.score_label();
+        Self { name: name.to_owned(), unit: unit.to_owned() }
+    }
+}
+
+/// Draws a job's progress from its events.
+pub struct Progress {
+    display: Display,
+    unit: String,
+    started: Instant,
+    /// Evaluations done when we began to watch: they don't count for the speed.
+    done_before: u64,
+    done: u64,
+    total: u64,
+    population: u64,
+    generations: u32,
+    best: Option<f64>,
+    mean: f64,
+}
+
+enum Display {
+    Hidden,
+    Bar(ProgressBar),
+    Lines { last: Option<Instant> },
+}
+
+impl Progress {
+    /// Begins at a job as it stands.
+    pub fn new(job: &v1::Job, label: &Label, quiet: bool) -> Self {
+        let population = u64::from(job.population);
+        let total = u64::from(job.generations_total) * population;
+        let done = u64::from(job.generations_done) * population;
+        let display = if quiet {
+            Display::Hidden
+        } else if std::io::stderr().is_terminal() {
+            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(5));
+            let style = ProgressStyle::with_template("{bar:24} {wide_msg}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            Display::Bar(bar)
+        } else {
+            Display::Lines { last: None }
+        };
+        Self {
+            display,
+            unit: label.unit.clone(),
+            started: Instant::now(),
+            done_before: done,
+            done,
+            total,
+            population,
+            generations: job.generations_total,
+            best: watch::best(job),
+            mean: f64::NAN,
+        }
+    }
+
+    /// Takes in an event.
+    pub fn observe(&mut self, event: &JobEvent) {
+        match &event.event {
+            Some(Event::GenerationSealed(sealed)) => {
+                self.done = (u64::from(sealed.generation) + 1) * self.population;
+                self.best = sealed.best_so_far;
+                self.mean = sealed.mean;
+                // What was done before we came is history, not progress.
+                if self.done > self.done_before {
+                    self.draw(self.done == self.total);
+                }
+            }
+            Some(Event::Progress(progress)) => {
+                let before = u64::from(progress.generation) * self.population;
+                self.done = (before + u64::from(progress.done)).max(self.done);
+                if matches!(self.display, Display::Bar(_)) {
+                    self.draw(false);
+                }
+            }
+            Some(Event::StateChanged(state)) if *state == i32::from(JobState::Reporting) => {
+                self.say("the search is done: scoring the winner again on fresh seeds, tracing its gaits")
+            }
+            _ => {}
+        }
+    }
+
+    /// Ends the display.
+    pub fn finish(&self) {
+        if let Display::Bar(bar) = &self.display {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn say(&self, text: &str) {
+        match &self.display {
+            Display::Hidden => {}
+            Display::Bar(bar) => bar.set_message(text.to_owned()),
+            Display::Lines { .. } => console::note(text),
+        }
+    }
+
+    fn draw(&mut self, last_line: bool) {
+        let text = self.line();
+        match &mut self.display {
+            Display::Hidden => {}
+            Display::Bar(bar) => {
+                bar.set_position(self.done);
+                bar.set_message(text);
+            }
+            Display::Lines { last } => {
+                if last_line || last.is_none_or(|then| then.elapsed() >= LINE_EVERY) {
+                    *last = Some(Instant::now());
+                    console::note(&text);
+                }
+            }
+        }
+    }
+
+    /// Such as "generation 12/150  best 34.29 %  mean 12.13 %  41.3 evaluations/s  ETA 2 min 3 s".
+    fn line(&self) -> String {
+        let sealed = self.done.checked_div(self.population).unwrap_or(0);
+        let mean = Some(self.mean).filter(|m| m.is_finite());
+        let mut text = format!(
+            "generation {sealed}/{}  best {}  mean {}",
+            self.generations,
+            console::score_with(self.best, &self.unit),
+            console::score_with(mean, &self.unit),
+        );
+        let elapsed = self.started.elapsed().as_secs_f64();
+        let fresh = self.done.saturating_sub(self.done_before);
+        if fresh > 0 && elapsed > 0.0 {
+            let rate = fresh as f64 / elapsed;
+            let left = self.total.saturating_sub(self.done) as f64 / rate;
+            text += &format!("  {} evaluations/s  ETA {}", console::score(rate), console::seconds(left));
+        }
+        text
+    }
+}

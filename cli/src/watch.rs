@@ -1,0 +1,131 @@
+//! Follows a job's events to its end, across lost connections and restarts of the coordinator.
+
+use crate::client::{Client, is_connection};
+use crate::console;
+use crate::error::Error;
+use crate::signals::Interrupt;
+use proto::v1::{self, JobEvent, JobState};
+use std::time::{Duration, Instant};
+use tonic::Status;
+
+/// How long a coordinator may be away before watching gives up.
+const PATIENCE: Duration = Duration::from_secs(600);
+/// Waits between attempts to reach it again, growing from the first to the last.
+const BACKOFF: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
+
+/// How watching ended.
+pub enum Watched {
+    /// The job is over: succeeded, failed or cancelled.
+    Ended(Box<v1::Job>),
+    /// The user wants to stop watching; the job goes on.
+    Interrupted,
+}
+
+/// Follows the job with this id; `observe` sees every event once, in order.
+pub async fn watch(
+    client: &mut Client,
+    id: &str,
+    interrupt: &Interrupt,
+    observe: impl FnMut(&JobEvent) -> Result<(), Error>,
+) -> Result<Watched, Error> {
+    tokio::select! {
+        () = interrupt.wait() => Ok(Watched::Interrupted),
+        ended = to_the_end(client, id, observe) => ended.map(|job| Watched::Ended(Box::new(job))),
+    }
+}
+
+async fn to_the_end(
+    client: &mut Client,
+    id: &str,
+    mut observe: impl FnMut(&JobEvent) -> Result<(), Error>,
+) -> Result<v1::Job, Error> {
+    let mut after = 0;
+    let mut pause = BACKOFF.0;
+    let mut lost: Option<Instant> = None;
+    loop {
+        let seen_before = after;
+        let broken = match stream(client, id, &mut after, &mut observe).await {
+            Ok(()) => {
+                let (job, _) = client.get(id).await?;
+                if has_ended(job.state()) {
+                    return Ok(job);
+                }
+                Status::unavailable("the stream of events ended early")
+            }
+            Err(Broken::Observer(error)) => return Err(error),
+            Err(Broken::Stream(status)) => status,
+        };
+        if !is_connection(&broken) {
+            return Err(client.error(&broken, Some(id)));
+        }
+        if after > seen_before {
+            (lost, pause) = (None, BACKOFF.0);
+        }
+        match lost {
+            Some(since) if since.elapsed() > PATIENCE => return Err(client.error(&broken, Some(id))),
+            Some(_) => {}
+            None => {
+                lost = Some(Instant::now());
+                console::note(&format!("lost the coordinator at {}, trying to reach it again", client.url()));
+            }
+        }
+        tokio::time::sleep(pause).await;
+        pause = (pause * 2).min(BACKOFF.1);
+    }
+}
+
+enum Broken {
+    Stream(Status),
+    Observer(Error),
+}
+
+async fn stream(
+    client: &mut Client,
+    id: &str,
+    after: &mut u64,
+    observe: &mut impl FnMut(&JobEvent) -> Result<(), Error>,
+) -> Result<(), Broken> {
+    let mut events = client.watch(id, *after).await.map_err(Broken::Stream)?;
+    while let Some(event) = events.message().await.map_err(Broken::Stream)? {
+        observe(&event).map_err(Broken::Observer)?;
+        *after = event.sequence.max(*after);
+    }
+    Ok(())
+}
+
+/// Whether a job in this state stays in it.
+pub fn has_ended(state: JobState) -> bool {
+    matches!(state, JobState::Succeeded | JobState::Failed | JobState::Cancelled)
+}
+
+/// A state in a word, as `--state` takes it.
+pub fn word(state: JobState) -> &'static str {
+    match state {
+        JobState::Unspecified => "unknown",
+        JobState::Queued => "queued",
+        JobState::Running => "running",
+        JobState::Reporting => "reporting",
+        JobState::Succeeded => "succeeded",
+        JobState::Failed => "failed",
+        JobState::Cancelled => "cancelled",
+    }
+}
+
+/// The best score that a job has so far.
+pub fn best(job: &v1::Job) -> Option<f64> {
+    job.best.as_ref()?.score
+}
+
+/// Refuses a job that ended without a result.
+pub fn succeeded(job: &v1::Job) -> Result<(), Error> {
+    if job.state() == JobState::Succeeded {
+        return Ok(());
+    }
+    let because = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
+    let how = match job.state() {
+        JobState::Failed => format!("failed{because}"),
+        JobState::Cancelled => format!("was cancelled{because}"),
+        state => format!("has not ended, it is {}{because}", word(state)),
+    };
+    Err(Error::JobEnded { name: job.name.clone(), id: job.id.clone(), how })
+}

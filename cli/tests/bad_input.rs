@@ -1,0 +1,305 @@
+//! What a user reads who gave something that can't be used. Nothing panics, nothing is left behind.
+
+mod common;
+
+use common::{SMALL_JOB, listing, run};
+use std::fs;
+use std::net::TcpListener;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// A folder with files in it.
+fn folder(files: &[(&str, &str)]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in files {
+        fs::write(folder.path().join(name), content).unwrap();
+    }
+    folder
+}
+
+/// Runs a command that has to fail and leave the folder as it was; returns what the user reads.
+fn failure(folder: &Path, code: i32, arguments: &[&str]) -> String {
+    let before = listing(folder);
+    let seen = run(folder, arguments);
+    assert_eq!(seen.code, code, "{arguments:?}: {}{}", seen.out, seen.err);
+    assert_eq!(seen.out, "", "{arguments:?}");
+    assert_eq!(listing(folder), before, "{arguments:?}");
+    seen.err
+}
+
+/// What `validate`, and `run` just so, say to the small job after some replacements.
+fn refused_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String {
+    let mut job = SMALL_JOB.to_owned();
+    for (from, to) in replacements {
+        assert!(job.contains(from), "{from}");
+        job = job.replace(from, to);
+    }
+    let folder = folder(files);
+    fs::write(folder.path().join("job.toml"), job).unwrap();
+    let said = failure(folder.path(), 1, &["validate", "job.toml"]);
+    assert_eq!(failure(folder.path(), 1, &["run", "job.toml", "--out", "out"]), said);
+    said
+}
+
+fn refused(replacements: &[(&str, &str)]) -> String {
+    refused_with(&[], replacements)
+}
+
+const ROBOT: &str = r#"
+name = "worm"
+pivot = "a"
+
+[[module]]
+name = "a"
+kind = "cosmo"
+
+[[module]]
+name = "b"
+kind = "cosmo"
+attach = { to = "a", port = "front" }
+"#;
+
+/// What is said to a robot file after replacements, as a job's robot and by `evogait robot`.
+fn robot_refused(replacements: &[(&str, &str)]) -> String {
+    let mut robot = ROBOT.to_owned();
+    for (from, to) in replacements {
+        assert!(robot.contains(from), "{from}");
+        robot = robot.replace(from, to);
+    }
+    let said = refused_with(&[("worm.toml", &robot)], &[("\"quadropod\"", "\"worm.toml\"")]);
+    let folder = folder(&[("worm.toml", &robot)]);
+    assert_eq!(failure(folder.path(), 1, &["robot", "worm.toml", "--out", "worm.svg"]), said);
+    said
+}
+
+const ENVIRONMENT: &str = r#"
+name = "yard"
+size = [20.0, 10.0]
+start = { x = -5.0, y = 0.0 }
+goal = { x = 5.0, y = 0.0 }
+
+[[obstacle]]
+center = [0.0, 0.0]
+size = [2.0, 2.0]
+top = 1.0
+"#;
+
+fn environment_refused(replacements: &[(&str, &str)]) -> String {
+    let mut environment = ENVIRONMENT.to_owned();
+    for (from, to) in replacements {
+        assert!(environment.contains(from), "{from}");
+        environment = environment.replace(from, to);
+    }
+    refused_with(&[("yard.toml", &environment)], &[("\"empty\"", "\"yard.toml\"")])
+}
+
+#[test]
+fn the_files_that_are_broken_below_are_fine_as_they_are() {
+    let folder = folder(&[("worm.toml", ROBOT), ("yard.toml", ENVIRONMENT)]);
+    let job = SMALL_JOB.replace("\"quadropod\"", "\"worm.toml\"").replace("\"empty\"", "\"yard.toml\"");
+    fs::create_dir(folder.path().join("jobs")).unwrap();
+    fs::write(folder.path().join("job.toml"), job).unwrap();
+    run(folder.path(), &["validate", "job.toml", "--no-estimate"]).success();
+    run(folder.path(), &["robot", "worm.toml"]).success();
+}
+
+#[test]
+fn unknown_names() {
+    let said = [
+        refused(&[("\"quadropod\"", "\"quadroped\"")]),
+        refused(&[("\"empty\"", "\"emty\"")]),
+        refused(&[("seed = 1", "seed = 1\nvariant = \"E9\"")]),
+        refused(&[("\"quadropod\"", "\"robots/mine.toml\"")]),
+        refused(&[("kind = \"coverage\"\ncell = 0.5", "kind = \"speed\"")]),
+        refused(&[("count = 2", "count = 2\nbounds = { my = [0.0, 1.0] }")]),
+        failure(folder(&[]).path(), 1, &["run", "quadropod"]),
+        failure(folder(&[]).path(), 1, &["robot", "quadroped"]),
+        failure(folder(&[]).path(), 1, &["robot", "quadropod", "--variant", "E9"]),
+        failure(folder(&[]).path(), 1, &["scenarios", "show", "quadroped"]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn unknown_and_missing_fields() {
+    let said = [
+        refused(&[("seed = 1", "seeds = 1")]),
+        refused(&[("count = 2", "")]),
+        refused(&[("iterations = 4", "iteration = 4")]),
+        refused(&[("count = 2", "count = \"two\"")]),
+        robot_refused(&[("pivot = \"a\"", "pivott = \"a\"")]),
+        environment_refused(&[("top = 1.0", "height = 1.0")]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn robots_that_can_not_be() {
+    let said = [
+        robot_refused(&[("kind = \"cosmo\"\nattach", "kind = \"cosmos\"\nattach")]),
+        robot_refused(&[("to = \"a\"", "to = \"c\"")]),
+        robot_refused(&[("port = \"front\"", "port = \"bow\"")]),
+        robot_refused(&[("pivot = \"a\"", "pivot = \"c\"")]),
+        robot_refused(&[("name = \"b\"", "name = \"a\"")]),
+        robot_refused(&[("attach = { to = \"a\", port = \"front\" }", "")]),
+        robot_refused(&[("to = \"a\"", "to = \"b\"")]),
+        // A third module bent back into the first.
+        robot_refused(&[(
+            "port = \"front\" }\n",
+            "port = \"front\" }\n\n[[module]]\nname = \"c\"\nkind = \"cosmo\"\npose = { position = [0.3, 0.0, 0.0] }\n",
+        )]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn modules_that_overlap() {
+    // Around a square to the left, the fifth block comes back to the first.
+    let mut robot = "name = \"square\"\npivot = \"m0\"\n\n[[module]]\nname = \"m0\"\nkind = \"block\"\n".to_owned();
+    for i in 1..=4 {
+        let attach = format!("{{ to = \"m{}\", port = \"left\" }}", i - 1);
+        robot += &format!("\n[[module]]\nname = \"m{i}\"\nkind = \"block\"\nattach = {attach}\n");
+    }
+    let folder = folder(&[("square.toml", &robot)]);
+    insta::assert_snapshot!(failure(folder.path(), 1, &["robot", "square.toml"]));
+}
+
+#[test]
+fn numbers_out_of_range() {
+    let said = [
+        refused(&[("count = 2", "count = 0")]),
+        refused(&[("count = 2", "count = -1")]),
+        refused(&[("iterations = 4", "iterations = 0")]),
+        refused(&[("duration = 3.0", "duration = nan")]),
+        refused(&[("duration = 3.0", "duration = inf")]),
+        refused(&[("duration = 3.0", "duration = -3.0")]),
+        refused(&[("iterations = 4", "iterations = 4\nreuse_tolerance = nan")]),
+        refused(&[("particles = 3", "particles = 0")]),
+        refused(&[("generations = 2", "generations = 0")]),
+        refused(&[("seed = 1", "seed = -1")]),
+        refused(&[("name = \"small\"", "name = \"../small\"")]),
+        environment_refused(&[("size = [2.0, 2.0]", "size = [2.0, nan]")]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn places_that_are_not_free() {
+    let said = [
+        environment_refused(&[("start = { x = -5.0", "start = { x = 0.5")]),
+        environment_refused(&[("start = { x = -5.0", "start = { x = -1.5")]),
+        environment_refused(&[("start = { x = -5.0", "start = { x = -50.0")]),
+        environment_refused(&[("goal = { x = 5.0", "goal = { x = 50.0")]),
+        environment_refused(&[("goal = { x = 5.0", "goal = { x = 0.0")]),
+        refused(&[("kind = \"coverage\"\ncell = 0.5", "kind = \"distance\"")]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn files_that_can_not_be_read() {
+    let folder = folder(&[("job.toml", SMALL_JOB), ("empty.toml", ""), ("broken.toml", "name = \n")]);
+    let path = folder.path();
+    fs::create_dir(path.join("folder.toml")).unwrap();
+    fs::write(path.join("bytes.toml"), [b'n', 0xff]).unwrap();
+    fs::write(path.join("long.toml"), "#".repeat(300_000)).unwrap();
+    let said: Vec<String> = ["none.toml", "folder.toml", "bytes.toml", "long.toml", "empty.toml", "broken.toml"]
+        .into_iter()
+        .map(|name| failure(path, 1, &["validate", name]))
+        .chain([
+            failure(path, 1, &["verify", "none"]),
+            failure(path, 1, &["replay", "job.toml", "--plan"]),
+            failure(path, 1, &["robot", "none.toml"]),
+        ])
+        .collect();
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn wrong_usage() {
+    let path = folder(&[("job.toml", SMALL_JOB)]);
+    let path = path.path();
+    let said = [
+        failure(path, 2, &["run"]),
+        failure(path, 2, &["evolve"]),
+        failure(path, 2, &["run", "job.toml", "--workers", "0"]),
+        failure(path, 2, &["run", "job.toml", "--seed", "-1"]),
+        failure(path, 2, &["run", "job.toml", "--seed", "9223372036854775808"]),
+        failure(path, 2, &["run", "job.toml", "--workers", "2", "--coordinator", "http://127.0.0.1:1"]),
+        failure(path, 2, &["list", "--coordinator", "127.0.0.1:7077"]),
+        failure(path, 2, &["list", "--coordinator", "https://127.0.0.1:7077"]),
+        failure(path, 2, &["submit", "job.toml", "--priority", "101"]),
+        failure(path, 2, &["replay", "runs/x"]),
+        failure(path, 2, &["robot", "lizard", "--out", "lizard.pdf"]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn a_coordinator_that_is_not_there() {
+    // A port that was free a moment ago.
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let url = format!("http://127.0.0.1:{port}");
+    let folder = folder(&[("job.toml", SMALL_JOB)]);
+    let path = folder.path();
+    let said = failure(path, 1, &["list", "--coordinator", &url]).replace(&port.to_string(), "PORT");
+    insta::assert_snapshot!(said);
+    for arguments in [
+        vec!["submit", "job.toml"],
+        vec!["watch", "1"],
+        vec!["show", "1"],
+        vec!["cancel", "1"],
+        vec!["fetch", "1", "--out", "out"],
+        vec!["workers"],
+    ] {
+        let arguments = [arguments, vec!["--coordinator", &url]].concat();
+        assert_eq!(failure(path, 1, &arguments).replace(&port.to_string(), "PORT"), said);
+    }
+}
+
+#[test]
+fn places_that_can_not_be_written() {
+    let folder = folder(&[("job.toml", SMALL_JOB), ("file", "")]);
+    let path = folder.path();
+    fs::create_dir(path.join("full")).unwrap();
+    fs::write(path.join("full/thesis.tex"), "").unwrap();
+    let mut said = vec![
+        failure(path, 1, &["run", "job.toml", "--out", "file/out"]),
+        failure(path, 1, &["run", "job.toml", "--out", "file"]),
+        failure(path, 1, &["run", "job.toml", "--out", "full"]),
+        failure(path, 1, &["robot", "lizard", "--out", "none/lizard.svg"]),
+    ];
+    if cfg!(target_os = "linux") {
+        said.push(failure(path, 1, &["run", "job.toml", "--out", "/proc/evogait/out"]));
+    }
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+/// A full disk, as a limit on the size of files: writing beyond it fails just so.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_is_full() {
+    use common::Seen;
+    use std::process::{Command, Stdio};
+
+    let folder = folder(&[("job.toml", SMALL_JOB)]);
+    let path = folder.path();
+    let program = env!("CARGO_BIN_EXE_evogait");
+    let limited = |command: &str| {
+        let script = format!("trap '' XFSZ; ulimit -f 4; exec '{program}' {command}");
+        Seen::of(Command::new("sh").args(["-c", &script]).current_dir(path).stdin(Stdio::null()).output().unwrap())
+    };
+    let before = listing(path);
+    let drawn = limited("robot lizard --out lizard.svg");
+    assert_eq!((drawn.code, drawn.out.as_str()), (1, ""));
+    assert_eq!(listing(path), before);
+
+    let full = |arguments: &str| {
+        let script = format!("exec '{program}' {arguments} > /dev/full");
+        Seen::of(Command::new("sh").args(["-c", &script]).current_dir(path).stdin(Stdio::null()).output().unwrap())
+    };
+    let listed = full("scenarios");
+    assert_eq!(listed.code, 1);
+    assert_eq!(listing(path), before);
+    insta::assert_snapshot!([drawn.err, listed.err].join("\n"));
+}

@@ -1,0 +1,39 @@
+//! The help texts, as a user reads them.
+
+mod common;
+
+use common::run;
+
+#[test]
+fn help_teaches() {
+    let folder = tempfile::tempdir().unwrap();
+    insta::assert_snapshot!("evogait", run(folder.path(), &["--help"]).success());
+    let commands = [
+        "run",
+        "submit",
+        "watch",
+        "list",
+        "show",
+        "cancel",
+        "fetch",
+        "workers",
+        "replay",
+        "verify",
+        "validate",
+        "robot",
+        "scenarios",
+    ];
+    for command in commands {
+        let help = run(folder.path(), &[command, "--help"]).success();
+        assert!(help.contains("Example"), "{command} has an example");
+        insta::assert_snapshot!(command, help);
+    }
+}
+
+#[test]
+fn no_command_is_wrong_usage() {
+    let folder = tempfile::tempdir().unwrap();
+    let seen = run(folder.path(), &[]);
+    assert_eq!(seen.code, 2);
+    assert!(seen.err.contains("evogait run quadropod-empty"), "{}", seen.err);
+}

@@ -1,0 +1,94 @@
+//! Commands that need no coordinator: what ships, robots, validation.
+
+mod common;
+
+use common::{SMALL_JOB, evogait, listing, run};
+use std::fs;
+use std::io::Read as _;
+use std::process::Stdio;
+
+#[test]
+fn everything_that_ships_is_valid() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let listed = run(path, &["scenarios", "--json"]).json();
+    let of_kind = |kind: &str| -> Vec<String> {
+        let all = listed.as_array().unwrap().iter();
+        all.filter(|e| e["kind"] == kind).map(|e| e["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(of_kind("robots").len(), 5);
+    for robot in of_kind("robots") {
+        let facts = run(path, &["robot", &robot, "--json"]).json();
+        let variants = facts["variants"].as_object().unwrap();
+        assert!(variants.contains_key("E1") && variants.contains_key("E2"), "{robot}");
+        for variant in variants.keys() {
+            let damaged = run(path, &["robot", &robot, "--variant", variant, "--json"]).json();
+            let lost = damaged["failed_modules"].as_array().unwrap().len();
+            let joints = |facts: &serde_json::Value| facts["joints"].as_array().unwrap().len();
+            assert_eq!(joints(&damaged) + lost, joints(&facts), "{robot} {variant}");
+        }
+    }
+    for job in of_kind("jobs") {
+        let facts = run(path, &["validate", &job, "--no-estimate", "--json"]).json();
+        assert_eq!(facts["valid"], true, "{job}");
+    }
+}
+
+#[test]
+fn a_scenario_that_is_printed_is_the_same_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let text = run(path, &["scenarios", "show", "quadropod-empty"]).success();
+    fs::write(path.join("mine.toml"), text).unwrap();
+    let digest = |job: &str| run(path, &["validate", job, "--no-estimate", "--json"]).json()["job_digest"].clone();
+    assert_eq!(digest("mine.toml"), digest("quadropod-empty"));
+}
+
+#[test]
+fn a_resolved_job_is_the_same_job_and_a_seed_makes_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("job.toml"), SMALL_JOB).unwrap();
+    let validate =
+        |file: &str, more: &[&str]| run(path, &[&["validate", file, "--no-estimate", "--json"], more].concat()).json();
+    let facts = validate("job.toml", &[]);
+    fs::write(path.join("resolved.toml"), facts["job_toml"].as_str().unwrap()).unwrap();
+    assert_eq!(validate("resolved.toml", &[])["job_digest"], facts["job_digest"]);
+    let other = validate("job.toml", &["--seed", "2"]);
+    assert_ne!(other["job_digest"], facts["job_digest"]);
+    assert_eq!(other["seed"], 2);
+}
+
+#[test]
+fn an_estimate_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("job.toml"), SMALL_JOB).unwrap();
+    let facts = run(folder.path(), &["validate", "job.toml", "--json"]).json();
+    let estimate = &facts["estimate"];
+    assert!(estimate["measured"].as_u64().unwrap() >= 1);
+    assert!(estimate["seconds_per_evaluation"].as_f64().unwrap() > 0.0);
+    let core = estimate["core_seconds"].as_f64().unwrap();
+    assert!((core / 6.0 - estimate["seconds_per_evaluation"].as_f64().unwrap()).abs() < 1e-9);
+}
+
+#[test]
+fn robots_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    run(path, &["robot", "lizard", "--out", "lizard.svg"]).success();
+    run(path, &["robot", "lizard", "--out", "lizard.png", "--quiet"]).success();
+    assert_eq!(listing(path), ["lizard.png", "lizard.svg"]);
+    assert!(fs::read_to_string(path.join("lizard.svg")).unwrap().starts_with("<svg"));
+    assert!(fs::read(path.join("lizard.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_reader_who_leaves_early_is_no_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = evogait(folder.path(), &["scenarios", "show", "quadropod-empty"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!((child.wait().unwrap().code(), said.as_str()), (Some(0), ""));
+}

@@ -1,0 +1,258 @@
+//! Whole jobs through the command: evolved, resumed, verified, replayed; and on a coordinator of its own.
+
+mod common;
+
+use common::{SMALL_JOB, Seen, evogait, listing, run};
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+use tempfile::TempDir;
+
+fn folder(job: &str) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("job.toml"), job).unwrap();
+    folder
+}
+
+fn result(folder: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(folder.join("result.json")).unwrap()).unwrap()
+}
+
+const RESULT_FILES: [&str; 14] = [
+    "convergence.png",
+    "convergence.svg",
+    "gaits.json",
+    "gaits.png",
+    "gaits.svg",
+    "history.csv",
+    "job.toml",
+    "map.png",
+    "map.svg",
+    "primitives.png",
+    "primitives.svg",
+    "report.json",
+    "result.json",
+    "tree.json",
+];
+
+fn assert_complete(folder: &Path) {
+    let found = listing(folder);
+    for name in RESULT_FILES.iter().chain(&["trajectories/gait-1.csv", "trajectories/gait-2.csv"]) {
+        assert!(found.iter().any(|f| f == name), "{name} is missing in {found:?}");
+    }
+    assert!(!found.iter().any(|f| f.ends_with(".tmp")), "{found:?}");
+}
+
+#[test]
+fn a_run_leaves_its_files_and_a_second_one_says_that_it_is_done() {
+    let folder = folder(SMALL_JOB);
+    let path = folder.path();
+    let first = run(path, &["run", "job.toml", "--out", "out", "--json"]);
+    let out = path.join("out");
+    let printed = first.json();
+    assert_complete(&out);
+    assert_eq!(printed, result(&out));
+    assert_eq!(printed["counts"]["evaluations"], 6);
+    assert_eq!(printed["winner"]["fresh"].as_array().unwrap().len(), 20);
+    let history = fs::read_to_string(out.join("history.csv")).unwrap();
+    assert_eq!(history.lines().count(), 1 + 2, "a head and two generations:\n{history}");
+    let best: f64 = history.lines().last().unwrap().split(',').nth(7).unwrap().parse().unwrap();
+    assert_eq!(Some(best), printed["best_fitness"].as_f64());
+
+    let second = run(path, &["run", "job.toml", "--out", "out", "--json"]);
+    assert!(second.err.contains("already done, in out"), "{}", second.err);
+    assert_eq!(second.json(), printed);
+
+    // The number of workers changes no bit, nor does the resolved job in place of the original.
+    let alone = run(path, &["run", "out/job.toml", "--out", "alone", "--workers", "1", "--json"]).json();
+    for field in ["job_digest", "result_digest", "winner", "first"] {
+        assert_eq!(alone[field], printed[field], "{field}");
+    }
+
+    // Another job does not get the folder.
+    let other = run(path, &["run", "job.toml", "--seed", "2", "--out", "out"]);
+    let digest = &printed["job_digest"].as_str().unwrap()[..12];
+    let said = format!("error: out holds another job, \"small\" ({digest}): choose another folder with --out\n");
+    assert_eq!((other.code, other.err), (1, said));
+    assert_eq!(result(&out), printed);
+}
+
+#[test]
+fn a_result_verifies_until_it_is_touched() {
+    let folder = folder(SMALL_JOB);
+    let path = folder.path();
+    run(path, &["run", "job.toml", "--out", "out", "--quiet"]).success();
+    let verified = run(path, &["verify", "out", "--json"]).json();
+    assert_eq!(verified["verified"], true);
+    run(path, &["verify", "out/result.json", "--full"]).success();
+
+    let gait = run(path, &["replay", "out", "--gait", "2", "--out", "gait.csv"]).success();
+    assert!(gait.contains("the same bits as stored"), "{gait}");
+    let stored = fs::read_to_string(path.join("out/trajectories/gait-2.csv")).unwrap();
+    assert_eq!(fs::read_to_string(path.join("gait.csv")).unwrap(), stored);
+    let plan = run(path, &["replay", "out", "--plan"]).success();
+    assert!(plan.contains("the same bits as stored"), "{plan}");
+    let beyond = run(path, &["replay", "out", "--gait", "3"]);
+    assert_eq!(beyond.err, "error: --gait 3 is out of range: out has gaits 1 to 2\n");
+    assert_eq!(beyond.code, 2);
+
+    // A score that nobody computed, one bit beside the right one.
+    let mut touched = result(&path.join("out"));
+    let fitness = touched["winner"]["fitness"].as_f64().unwrap();
+    touched["winner"]["fitness"] = fitness.next_up().into();
+    fs::write(path.join("out/result.json"), touched.to_string()).unwrap();
+    let refused = run(path, &["verify", "out"]);
+    assert_eq!(refused.code, 1);
+    let expected = format!("stored is {}, recomputed {fitness}", fitness.next_up());
+    assert!(refused.err.contains("the winner's score differs") && refused.err.contains(&expected), "{}", refused.err);
+
+    fs::write(path.join("out/result.json"), "{").unwrap();
+    let damaged = run(path, &["verify", "out"]);
+    assert_eq!(damaged.code, 1);
+    assert!(damaged.err.starts_with("error: out/result.json is damaged: "), "{}", damaged.err);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_goes_on_with_the_same_command() {
+    use std::io::{BufRead as _, BufReader};
+
+    let long = SMALL_JOB.replace("generations = 2", "generations = 12");
+    let folder = folder(&long);
+    let path = folder.path();
+    let whole = run(path, &["run", "job.toml", "--out", "whole", "--json"]).json();
+
+    let mut child = evogait(path, &["run", "job.toml", "--out", "out"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    // Until the first generation is sealed.
+    lines.by_ref().map(Result::unwrap).find(|line| line.starts_with("generation 1/12")).expect("a line of progress");
+    let busy = run(path, &["run", "job.toml", "--out", "out"]);
+    assert_eq!(busy.err, "error: another evogait is at work in out: wait for it, or stop it\n");
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let rest: Vec<String> = lines.map(Result::unwrap).collect();
+    let said = rest.join("\n");
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{said}");
+    assert!(said.contains("error: interrupted after "), "{said}");
+    assert!(said.contains("the same command goes on from there"), "{said}");
+    assert!(!path.join("out/result.json").exists());
+    let unfinished = run(path, &["verify", "out"]);
+    assert_eq!((unfinished.code, unfinished.err.contains("has no result yet")), (1, true), "{}", unfinished.err);
+
+    let resumed = run(path, &["run", "job.toml", "--out", "out", "--json"]);
+    assert!(resumed.err.contains("going on with \"small\""), "{}", resumed.err);
+    let resumed = resumed.json();
+    for field in ["job_digest", "result_digest", "winner", "first"] {
+        assert_eq!(resumed[field], whole[field], "{field}");
+    }
+    assert_complete(&path.join("out"));
+}
+
+/// A coordinator with a worker, in this process.
+struct Cluster {
+    url: String,
+    runtime: tokio::runtime::Runtime,
+    coordinator: Option<coordinator::Running>,
+}
+
+impl Cluster {
+    fn start(slots: usize) -> Self {
+        let runtime = tokio::runtime::Runtime::new().unwrap();
+        let config = coordinator::Config::embedded(coordinator::StoreUrl::Memory);
+        let coordinator = runtime.block_on(coordinator::serve(config)).unwrap();
+        let url = format!("http://{}", coordinator.local_addr());
+        if slots > 0 {
+            let config = worker::Config { coordinator: url.clone(), slots, name: "test".to_owned() };
+            runtime.spawn(worker::run(config, std::future::pending()));
+        }
+        Self { url, runtime, coordinator: Some(coordinator) }
+    }
+
+    fn run(&self, folder: &Path, arguments: &[&str]) -> Seen {
+        let output = evogait(folder, arguments).env("EVOGAIT_COORDINATOR", &self.url).output().unwrap();
+        Seen::of(output)
+    }
+}
+
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        if let Some(coordinator) = self.coordinator.take() {
+            self.runtime.block_on(coordinator.shutdown()).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_job_on_a_coordinator_ends_as_it_does_here() {
+    let folder = folder(SMALL_JOB);
+    let path = folder.path();
+    let cluster = Cluster::start(2);
+    let submitted = cluster.run(path, &["submit", "job.toml", "--priority", "20"]).success();
+    let id = submitted.trim();
+    assert_eq!(
+        cluster.run(path, &["submit", "job.toml", "--priority", "20"]).success().trim(),
+        id,
+        "same job, same id"
+    );
+
+    let watched = cluster.run(path, &["watch", id, "--json"]).success();
+    let events: Vec<serde_json::Value> = watched.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let sealed = events.iter().filter(|e| e["event"] == "generation").count();
+    assert_eq!((sealed, events.last().unwrap()["state"].as_str()), (2, Some("succeeded")));
+    assert!(cluster.run(path, &["watch", id]).success().contains(&format!("evogait fetch {id}")));
+
+    let listed = cluster.run(path, &["list", "--json", "--state", "succeeded"]).json();
+    assert_eq!(listed[0]["id"], id);
+    assert_eq!(cluster.run(path, &["list", "--json", "--state", "queued"]).json(), serde_json::json!([]));
+    let shown = cluster.run(path, &["show", id, "--json"]).json();
+    assert_eq!((&shown["priority"], &shown["evaluations"]), (&20.into(), &6.into()));
+    assert!(cluster.run(path, &["show", id]).success().contains("succeeded"));
+    assert!(cluster.run(path, &["list"]).success().contains(id));
+    assert_eq!(cluster.run(path, &["workers", "--json"]).json()[0]["name"], "test");
+    assert!(cluster.run(path, &["workers"]).success().contains("test"));
+
+    let fetched = cluster.run(path, &["fetch", id, "--out", "fetched", "--json"]).json();
+    assert_complete(&path.join("fetched"));
+    run(path, &["verify", "fetched"]).success();
+    let remote = run(path, &["run", "job.toml", "--coordinator", &cluster.url, "--out", "remote", "--json"]);
+    let here = run(path, &["run", "job.toml", "--out", "here", "--json"]).json();
+    for field in ["job_digest", "result_digest", "winner", "first"] {
+        assert_eq!(fetched[field], here[field], "{field}");
+    }
+    // The coordinator knows the job with another priority: that is told, not taken for another job.
+    assert_eq!(remote.code, 1, "{}", remote.err);
+    assert!(remote.err.starts_with(&format!("error: the coordinator at {} refuses: ", cluster.url)), "{}", remote.err);
+}
+
+#[test]
+fn a_job_that_is_cancelled_can_be_started_anew() {
+    let folder = folder(SMALL_JOB);
+    let path = folder.path();
+    let cluster = Cluster::start(0);
+    assert!(cluster.run(path, &["workers"]).success().contains("no workers"));
+    let id = cluster.run(path, &["submit", "job.toml"]).success().trim().to_owned();
+    let early = cluster.run(path, &["fetch", &id, "--out", "out"]);
+    assert_eq!(early.code, 1);
+    assert!(early.err.contains("has not ended"), "{}", early.err);
+    assert!(cluster.run(path, &["cancel", &id]).success().contains("is cancelled"));
+    let watched = cluster.run(path, &["watch", &id]);
+    assert_eq!(watched.code, 1);
+    assert!(watched.err.contains(&format!("job \"small\" ({id}) was cancelled")), "{}", watched.err);
+    let fetched = cluster.run(path, &["fetch", &id, "--out", "out"]);
+    assert_eq!(fetched.code, 1);
+    assert!(!path.join("out").exists());
+
+    assert_eq!(cluster.run(path, &["submit", "job.toml"]).success().trim(), id);
+    let again = cluster.run(path, &["submit", "job.toml", "--again"]).success();
+    assert_ne!(again.trim(), id);
+    let unknown = cluster.run(path, &["show", "no-such-job"]);
+    let said = format!(
+        "error: the coordinator at {} has no job \"no-such-job\": `evogait list` shows what it has\n",
+        cluster.url
+    );
+    assert_eq!((unknown.code, unknown.err), (1, said));
+}
