@@ -63,7 +63,7 @@ impl Session {
                 Err(status) => {
                     // Once is enough while nothing changes.
                     if !told {
-                        tracing::info!(url = self.url, %status, "waiting for the coordinator");
+                        tracing::info!(url = self.url, reason = status.message(), "waiting for the coordinator");
                     }
                     told = true;
                 }
