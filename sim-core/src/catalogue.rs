@@ -28,7 +28,7 @@ pub fn environments() -> &'static [Entry] {
 
 /// The jobs that ship.
 pub fn jobs() -> &'static [Entry] {
-    entries!("jobs": "quadropod-empty", "quadropod-empty-paper", "lizard-column", "lizard-stairs", "quadropod-goal")
+    entries!("jobs": "quadropod-quick", "quadropod-empty", "quadropod-empty-paper", "lizard-column", "lizard-stairs", "quadropod-goal")
 }
 
 /// The entry called `name`.
