@@ -9,6 +9,8 @@ use tokio::task::JoinHandle;
 /// A coordinator with its store in a file, and one worker.
 pub struct Local {
     coordinator: coordinator::Running,
+    /// It ended by itself: then there is nothing left to stop.
+    coordinator_failed: bool,
     url: Url,
     stop_worker: watch::Sender<bool>,
     worker: JoinHandle<Result<(), worker::Error>>,
@@ -27,7 +29,7 @@ impl Local {
             // An error means that the sender is gone: then stop, too.
             let _ = stopped.wait_for(|stop| *stop).await;
         }));
-        Ok(Self { coordinator, url, stop_worker, worker })
+        Ok(Self { coordinator, coordinator_failed: false, url, stop_worker, worker })
     }
 
     /// Where the coordinator listens.
@@ -38,7 +40,10 @@ impl Local {
     /// Returns only if one of them ends by itself, which it should not.
     pub async fn broken(&mut self) -> Error {
         tokio::select! {
-            error = self.coordinator.failed() => failed(error),
+            error = self.coordinator.failed() => {
+                self.coordinator_failed = true;
+                failed(error)
+            }
             ended = &mut self.worker => Error::LocalWorker {
                 reason: match ended {
                     Ok(Ok(())) => "it stopped by itself".to_owned(),
@@ -57,7 +62,7 @@ impl Local {
             // How it ended no longer matters: whatever it had not delivered is computed again.
             let _ = self.worker.await;
         }
-        self.coordinator.shutdown().await.map_err(failed)
+        if self.coordinator_failed { Ok(()) } else { self.coordinator.shutdown().await.map_err(failed) }
     }
 }
 

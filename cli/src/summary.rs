@@ -21,12 +21,13 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
                 winner.generation,
                 winner.candidate
             ));
-            let spread = winner.fresh_deviation.map_or_else(String::new, |d| format!(" ± {}", score(d)));
-            lines.push(format!(
-                "  on {} fresh seeds   {}{spread} (mean ± standard deviation)",
-                winner.fresh.len(),
-                with_unit(winner.fresh_mean)
-            ));
+            let fresh = match (winner.fresh_mean, winner.fresh_deviation) {
+                (Some(mean), Some(deviation)) => {
+                    format!("{} ± {} (mean ± standard deviation)", score(mean), with_unit(Some(deviation)))
+                }
+                (mean, _) => with_unit(mean),
+            };
+            lines.push(format!("  on {} fresh seeds   {fresh}", winner.fresh.len()));
             if let Some(first) = &result.first {
                 let ratio = result.fresh_ratio.map_or_else(String::new, |r| {
                     let sense = match result.score.direction {

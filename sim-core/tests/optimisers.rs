@@ -14,7 +14,8 @@ fn sphere(x: &[f64]) -> f64 {
 
 /// Σ 100 (xᵢ₊₁ − xᵢ²)² + (1 − xᵢ)². Minimum 0 at (1, …, 1), at the end of a bent valley; searched in ±2.048.
 fn rosenbrock(x: &[f64]) -> f64 {
-    x.windows(2).map(|x| 100.0 * (x[1] - x[0] * x[0]).powi(2) + (1.0 - x[0]).powi(2)).sum()
+    let squared = |v: f64| v * v;
+    x.windows(2).map(|x| 100.0 * squared(x[1] - x[0] * x[0]) + squared(1.0 - x[0])).sum()
 }
 
 /// 10 n + Σ xᵢ² − 10 cos 2πxᵢ. Minimum 0 at the origin, with a local one near every whole number; searched in ±5.12.

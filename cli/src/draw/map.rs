@@ -16,12 +16,18 @@ const MOST: [f64; 2] = [WIDTH - LEFT - MARGIN, 640.0];
 /// A map far longer than wide still gets a frame of this size, px.
 const LEAST: f64 = 140.0;
 
-/// Obstacles, terrain, start, goal, the tree's edges coloured by gait, its nodes, and its best path. x and y have the same
+/// Obstacles, terrain, start, goal, the tree's edges and the pivot's ways coloured by gait,
+/// nodes, and the best path. x and y have the same
 /// scale. `fitness_label` stands below the title, such as "coverage 32.3 %".
 pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_label: &str) -> Picture {
     let mut canvas = Canvas::new();
-    let nothing = if tree.nodes.is_empty() { "no data: the tree is empty" } else { "" };
-    let said: Vec<&str> = [fitness_label, nothing].into_iter().filter(|s| !s.is_empty()).collect();
+    // A straight edge may cross an obstacle that the robot went around.
+    let note = match tree.nodes.len() {
+        0 => "no data: the tree is empty",
+        1 => "no gait led anywhere",
+        _ => "edges and best path drawn straight from node to node",
+    };
+    let said: Vec<&str> = [fitness_label, note].into_iter().filter(|s| !s.is_empty()).collect();
     let top = heading(&mut canvas, title, &said.join(" · "), WIDTH);
     let top = legend(&mut canvas, &keys(environment, tree), top, WIDTH) + 6.0;
     let frame = frame(environment, top);
@@ -77,7 +83,10 @@ fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
         keys.push(Key::new("goal", star));
     }
     let gaits: BTreeSet<usize> = tree.nodes.iter().filter_map(|n| n.gait).collect();
-    keys.extend(gaits.into_iter().map(|g| Key::line(format!("gait {}", g + 1), edge_paint(g))));
+    keys.extend(gaits.iter().map(|&g| Key::line(format!("gait {}", g + 1), edge_paint(g))));
+    if tree.nodes.iter().any(|n| n.way.len() > 2) {
+        keys.push(Key::line("the pivot's ways", stroke(FRAME, 0.7)));
+    }
     if !tree.nodes.is_empty() {
         keys.push(Key::new(format!("node ({} in all)", tree.nodes.len()), |canvas, at| {
             canvas.circle(at, 2.2, &fill(INK));
@@ -115,26 +124,32 @@ fn footprint(block: &Block, frame: &Frame) -> Vec<[f64; 2]> {
         .to_vec()
 }
 
+/// An edge, straight between its nodes: how the tree hangs together.
 fn edge_paint(gait: usize) -> String {
-    format!("stroke-opacity=\"0.6\" {}{}", stroke(series(gait), 1.3), dashes(gait))
+    format!("stroke-opacity=\"0.9\" {}{}", stroke(series(gait), 1.6), dashes(gait))
 }
 
-/// The pivot's way along the edge to a node; straight from the parent where it was not recorded.
-fn way(tree: &TreeRecord, node: &NodeRecord) -> Vec<[f64; 2]> {
-    if node.way.len() >= 2 {
-        return node.way.clone();
-    }
-    let parent = node.parent.and_then(|p| tree.nodes.get(p));
-    parent.map_or_else(Vec::new, |p| vec![[p.x, p.y], [node.x, node.y]])
+/// The pivot's way along an edge. Robots sway and stagger, so ways fill the sheet: they stay in the background.
+fn way_paint(gait: usize) -> String {
+    format!("stroke-opacity=\"0.35\" {}", stroke(series(gait), 0.7))
+}
+
+/// From a node's parent to the node.
+fn chord(tree: &TreeRecord, node: &NodeRecord) -> Option<[[f64; 2]; 2]> {
+    let parent = tree.nodes.get(node.parent?)?;
+    Some([[parent.x, parent.y], [node.x, node.y]])
 }
 
 fn edges(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
-    let gaits: BTreeSet<Option<usize>> = tree.nodes.iter().map(|n| n.gait).collect();
-    for gait in gaits {
-        let lines: Vec<_> =
-            tree.nodes.iter().filter(|n| n.gait == gait).flat_map(|n| frame.line(way(tree, n))).collect();
-        let paint = gait.map_or_else(|| stroke(FRAME, 1.0), edge_paint);
-        canvas.polylines(&lines, &paint);
+    let gaits: BTreeSet<usize> = tree.nodes.iter().filter_map(|n| n.gait).collect();
+    let of = |gait: usize| tree.nodes.iter().filter(move |n| n.gait == Some(gait));
+    for &gait in &gaits {
+        let ways: Vec<_> = of(gait).flat_map(|n| frame.line(n.way.iter().copied())).collect();
+        canvas.polylines(&ways, &way_paint(gait));
+    }
+    for &gait in &gaits {
+        let chords: Vec<_> = of(gait).filter_map(|n| chord(tree, n)).flat_map(|c| frame.line(c)).collect();
+        canvas.polylines(&chords, &edge_paint(gait));
     }
 }
 
@@ -148,7 +163,7 @@ fn nodes(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
 
 fn path(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
     let on_path = |i: &usize| tree.nodes.get(*i);
-    let points = tree.best_path.iter().skip(1).filter_map(on_path).flat_map(|n| way(tree, n));
+    let points = tree.best_path.iter().filter_map(on_path).map(|n| [n.x, n.y]);
     let lines = frame.line(points);
     canvas.polylines(&lines, &stroke("#ffffff", 5.6));
     canvas.polylines(&lines, &stroke(INK, 3.2));

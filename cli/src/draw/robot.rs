@@ -10,9 +10,9 @@ use super::picture::{fitted, width};
 
 const WIDTH: f64 = 760.0;
 /// Room for the robot, px.
-const ROOM: [f64; 2] = [WIDTH - 80.0, 430.0];
+const ROOM: [f64; 2] = [WIDTH - 100.0, 430.0];
 /// Largest scale, px a mu: a robot of one module need not fill the sheet.
-const MOST_SCALE: f64 = 90.0;
+const MOST_SCALE: f64 = 110.0;
 const FAILED: &str = "#b3001b";
 
 /// A box of a robot, to be drawn.
@@ -55,9 +55,17 @@ pub fn robot(boxes: &[DrawnBox], title: &str) -> Picture {
     let solids: Vec<Solid> =
         boxes.iter().filter_map(|b| Solid::of(b, modules.iter().position(|m| *m == b.module)?)).collect();
     let ground = Ground::below(&solids);
-    let view = View::fitting(&solids, ground.as_ref(), top);
+    let view = View::fitting(&solids, top);
     if let Some(ground) = &ground {
+        // The corners of the grid may lie outside of the sheet's room.
+        canvas.raw(&format!(
+            "<clipPath id=\"ground\"><rect x=\"24\" y=\"{top}\" width=\"{}\" height=\"{}\"/></clipPath>\
+             <g clip-path=\"url(#ground)\">",
+            WIDTH - 48.0,
+            ROOM[1]
+        ));
         draw_ground(&mut canvas, &view, ground);
+        canvas.raw("</g>");
     }
     for i in back_to_front(&solids) {
         draw(&mut canvas, &view, &solids[i]);
@@ -69,9 +77,9 @@ pub fn robot(boxes: &[DrawnBox], title: &str) -> Picture {
         let style = Type { size: 15.0, ..Type::LABEL }.coloured(FAINT).anchored(Anchor::Middle);
         canvas.text(middle, "no data: the robot has no parts", style);
     } else {
-        axes_hint(&mut canvas, view.scale, [70.0, bottom + 72.0]);
+        axes_hint(&mut canvas, view.scale, [70.0, bottom + 92.0]);
     }
-    let height = (bottom + 120.0).ceil();
+    let height = (bottom + 150.0).ceil();
     Picture::new(canvas.finish(WIDTH, height), WIDTH as u32, height as u32)
 }
 
@@ -203,11 +211,6 @@ impl Ground {
         let sane = !solids.is_empty() && x1 - x0 <= 60.0 && y1 - y0 <= 60.0;
         sane.then(|| Self { x: around(x0, x1), y: around(y0, y1), floor })
     }
-
-    fn corners(&self) -> [Point; 4] {
-        let (x, y, z) = (self.x, self.y, self.floor);
-        [[x.0, y.0, z], [x.1, y.0, z], [x.1, y.1, z], [x.0, y.1, z]]
-    }
 }
 
 /// From mu to px.
@@ -217,15 +220,12 @@ struct View {
 }
 
 impl View {
-    fn fitting(solids: &[Solid], ground: Option<&Ground>, top: f64) -> Self {
+    fn fitting(solids: &[Solid], top: f64) -> Self {
         if solids.is_empty() {
             return Self { scale: 1.0, offset: [0.0; 2] };
         }
-        let [x0, x1, y0, y1] = {
-            let below = ground.into_iter().flat_map(Ground::corners);
-            bounds(solids.iter().flat_map(Solid::corners).chain(below).map(project))
-        };
-        let scale = (ROOM[0] / (x1 - x0)).min(ROOM[1] / (y1 - y0)).min(MOST_SCALE);
+        let [x0, x1, y0, y1] = bounds(solids.iter().flat_map(Solid::corners).map(project));
+        let scale = (ROOM[0] / (x1 - x0)).min((ROOM[1] - 30.0) / (y1 - y0)).min(MOST_SCALE);
         let offset = [WIDTH / 2.0 - (x0 + x1) / 2.0 * scale, top + ROOM[1] / 2.0 - (y0 + y1) / 2.0 * scale];
         Self { scale, offset }
     }
