@@ -93,6 +93,8 @@ pub struct Running {
     local_addr: SocketAddr,
     stop: watch::Sender<bool>,
     task: JoinHandle<Result<(), Error>>,
+    /// Whether `task` was seen to end.
+    ended: bool,
 }
 
 impl Running {
@@ -108,7 +110,12 @@ impl Running {
 
     /// Waits until it ends by itself, which only a failure makes it do. May be dropped and called again.
     pub async fn failed(&mut self) -> Error {
-        match (&mut self.task).await {
+        if self.ended {
+            return Error::Server("it ended before".to_owned());
+        }
+        let end = (&mut self.task).await;
+        self.ended = true;
+        match end {
             Ok(Err(error)) => error,
             Ok(Ok(())) => Error::Server("it ended without being told to".to_owned()),
             Err(error) => Error::Server(error.to_string()),
@@ -118,6 +125,9 @@ impl Running {
     /// Ends all calls, commits what is under way and stops.
     pub async fn shutdown(self) -> Result<(), Error> {
         self.stop.send_replace(true);
+        if self.ended {
+            return Ok(()); // `failed` told already how
+        }
         self.task.await.unwrap_or_else(|error| Err(Error::Server(error.to_string())))
     }
 }
@@ -147,7 +157,7 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
     let api = Api { store, commands: commands.clone(), events, stopping: stopping.clone(), engines };
     let actor = tokio::spawn(actor.run(inbox));
     let task = tokio::spawn(run(listener, api, actor, commands, stop.clone(), stopping));
-    Ok(Running { local_addr, stop, task })
+    Ok(Running { local_addr, stop, task, ended: false })
 }
 
 /// Reads the store and builds the scheduler from what is there.

@@ -132,17 +132,41 @@ pub fn report(job: &Job, winner: &Scored, first: &Scored, stop: &dyn Fn() -> boo
     let [search, winner_fresh, first_fresh, literal] = &trials;
     let tree = record::tree(job, search);
     let paths = record::paths(job, search, &tree.best_path, &mut counts);
+    let gaits = record::gaits(job, winner, &search.targets, &mut counts);
     Ok(Report {
         winner: winner.clone(),
         first: first.clone(),
         winner_fresh: winner_fresh.scores(job).into_iter().map(Some).collect(),
         first_fresh: first_fresh.scores(job).into_iter().map(Some).collect(),
         winner_without_reuse: Some(literal.score(job)),
-        gaits: record::gaits(job, winner, &search.targets, &mut counts),
+        gaits,
         tree,
         paths,
         counts,
     })
+}
+
+/// Each gait of a candidate, applied at the start: what [`Report::gaits`] holds.
+///
+/// # Panics
+/// If the genome's length does not fit the job.
+pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
+    let trial = Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, []);
+    record::gaits(job, candidate, &trial.targets, &mut Counts::default())
+}
+
+/// A candidate's tree as the search scored it, and its best path run three ways: what [`Report::tree`] and
+/// [`Report::paths`] hold.
+///
+/// # Panics
+/// If the genome's length does not fit the job.
+pub fn plan(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(TreeRecord, Vec<PathTrace>), Stopped> {
+    let streams = search_streams(job, candidate.generation, candidate.candidate);
+    let mut trials = [Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, streams)];
+    grow(job, &mut trials, stop)?;
+    let tree = record::tree(job, &trials[0]);
+    let paths = record::paths(job, &trials[0], &tree.best_path, &mut Counts::default());
+    Ok((tree, paths))
 }
 
 /// The random streams of the fresh trees that a finished job's candidates are scored on.

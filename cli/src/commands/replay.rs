@@ -4,8 +4,8 @@ use crate::arguments::{Replay, ReplayWhat};
 use crate::console;
 use crate::error::Error;
 use crate::output::{self, Stored, atomic, mode_word};
-use sim_core::job::Job;
-use sim_core::report::{GaitTrace, PathTrace, Report, report};
+use sim_core::report::{self, GaitTrace, PathTrace};
+use sim_core::score::Scored;
 
 /// Simulates, tells facts, writes samples.
 pub fn run(args: Replay) -> Result<(), Error> {
@@ -30,22 +30,15 @@ fn replay_gait(stored: &Stored, gait: usize) -> Result<(String, String), Error> 
             format!("--gait {} is out of range: {} has gaits 1 to {count}", gait + 1, stored.folder.display());
         return Err(Error::Usage { message });
     }
-    // Gaits don't depend on the planner: a report of the smallest trees has the same ones.
-    let mut spec = stored.job.spec().clone();
-    spec.planner.iterations = 1;
-    let smallest = Job::new(spec)
-        .map_err(|source| Error::Invalid { file: stored.folder.join(output::JOB).display().to_string(), source })?;
-    let again = simulate(stored, &smallest)?;
-    let trace = &again.gaits[gait];
+    let traces = report::gaits(&stored.job, &winner(stored)?);
+    let trace = &traces[gait];
     let same = stored.report()?.gaits.get(gait).is_some_and(|kept| kept == trace);
     Ok((gait_text(stored, gait, trace, same), output::gait_csv(trace)))
 }
 
-fn simulate(stored: &Stored, job: &Job) -> Result<Report, Error> {
+fn winner(stored: &Stored) -> Result<Scored, Error> {
     let no_winner = || Error::NoWinner { folder: stored.folder.clone() };
-    let winner = stored.result.winner.as_ref().ok_or_else(no_winner)?.scored();
-    let first = stored.result.first.as_ref().ok_or_else(no_winner)?.scored();
-    report(job, &winner, &first, &|| false).map_err(|_| Error::Interrupted { hint: String::new() })
+    Ok(stored.result.winner.as_ref().ok_or_else(no_winner)?.scored())
 }
 
 fn compared(same: bool) -> &'static str {
@@ -72,10 +65,14 @@ fn gait_text(stored: &Stored, gait: usize, trace: &GaitTrace, same: bool) -> Str
 
 fn replay_plan(stored: &Stored) -> Result<(String, String), Error> {
     let kept = stored.report()?;
-    let report = simulate(stored, &stored.job)?;
-    let path = &report.tree.best_path;
-    let gaits: Vec<String> =
-        path.iter().filter_map(|&node| report.tree.nodes.get(node)?.gait).map(|gait| (gait + 1).to_string()).collect();
+    let (tree, paths) = report::plan(&stored.job, &winner(stored)?, &|| false)
+        .map_err(|_| Error::Interrupted { hint: String::new() })?;
+    let gaits: Vec<String> = tree
+        .best_path
+        .iter()
+        .filter_map(|&node| tree.nodes.get(node)?.gait)
+        .map(|gait| (gait + 1).to_string())
+        .collect();
     let mut lines = vec![format!(
         "the best path of {}: {} gaits, {} s",
         stored.result.name,
@@ -83,9 +80,9 @@ fn replay_plan(stored: &Stored) -> Result<(String, String), Error> {
         console::score(gaits.len() as f64 * stored.job.spec().gaits.duration)
     )];
     lines.push(format!("  gaits        {}", gaits.join(" ")));
-    lines.extend(report.paths.iter().map(path_text));
-    lines.push(format!("  {}", compared(kept.paths == report.paths)));
-    Ok((lines.join("\n"), output::paths_csv(&report.paths)))
+    lines.extend(paths.iter().map(path_text));
+    lines.push(format!("  {}", compared(kept.paths == paths)));
+    Ok((lines.join("\n"), output::paths_csv(&paths)))
 }
 
 fn path_text(path: &PathTrace) -> String {

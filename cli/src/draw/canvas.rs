@@ -96,10 +96,6 @@ impl Canvas {
         self.polylines(&[vec![from, to]], attributes);
     }
 
-    pub fn polyline(&mut self, points: &[[f64; 2]], attributes: &str) {
-        self.path(&[points.to_vec()], false, attributes);
-    }
-
     /// Several open lines as one shape: where one crosses another, a translucent stroke does not darken.
     pub fn polylines(&mut self, lines: &[Vec<[f64; 2]>], attributes: &str) {
         self.path(lines, false, attributes);

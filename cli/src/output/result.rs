@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 use sim_core::identity::Digest;
 use sim_core::job::Job;
 use sim_core::report::Report;
+use sim_core::rollout::NUMERIC_CRATES;
 use sim_core::score::{Direction, Scored};
+use std::collections::BTreeMap;
 
 /// Version of the file's layout.
 const FORMAT: u32 = 1;
@@ -112,6 +114,8 @@ pub struct Counts {
 pub struct Versions {
     /// evogait's.
     pub evogait: String,
+    /// Of the crates whose arithmetic enters results.
+    pub crates: BTreeMap<String, String>,
 }
 
 impl ResultFile {
@@ -166,7 +170,10 @@ impl ResultFile {
                 nodes: counts.nodes,
             },
             wall_seconds: (status.ended_at_ms - status.started_at_ms).max(0) as f64 / 1000.0,
-            versions: Versions { evogait: env!("CARGO_PKG_VERSION").to_owned() },
+            versions: Versions {
+                evogait: env!("CARGO_PKG_VERSION").to_owned(),
+                crates: NUMERIC_CRATES.iter().map(|(name, version)| (name.to_string(), version.to_string())).collect(),
+            },
         }
     }
 }

@@ -96,7 +96,7 @@ impl JobService for Api {
                 )));
             }
         };
-        let request_digest = Digest::of("evogait request 1", &(&request.job_toml, priority));
+        let request_digest = Digest::of("evogait request 1", &request.job_toml);
         let request_id = request.request_id.clone();
         if let Some(record) = self.store.job_of_request(&request_id).await.map_err(store_failed)? {
             if record.request_digest != request_digest {

@@ -1,6 +1,7 @@
 //! A sine a joint: section III of Vonásek and Faigl (2016).
 
 use super::{Controller, Parameter, TICK};
+use std::f64::consts::PI;
 
 /// a(t) = A sin(ω t + φ) + B: four parameters a joint. The paper gives no bounds; these keep the amplitude that of the
 /// Hopf oscillator (√1.3) and its frequencies, and offsets within a third of the joint's range.
@@ -12,7 +13,7 @@ impl Controller for Sine {
             Parameter { name: "amplitude", unit: "rad", bounds: (0.0, 1.14) },
             Parameter { name: "offset", unit: "rad", bounds: (-0.5, 0.5) },
             Parameter { name: "omega", unit: "rad/s", bounds: (0.0, 4.0) },
-            Parameter { name: "phase", unit: "rad", bounds: (-3.141_592_653_589_793, 3.141_592_653_589_793) },
+            Parameter { name: "phase", unit: "rad", bounds: (-PI, PI) },
         ]
     }
 
