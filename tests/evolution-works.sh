@@ -10,10 +10,9 @@ seeds=("$@")
 [ ${#seeds[@]} -gt 0 ] || seeds=(1 2 3)
 least=1.3
 
-cargo build --locked --release --quiet
 for seed in "${seeds[@]}"; do
     out="$folder/seed-$seed"
-    target/release/evogait run scenarios/jobs/quadropod-empty.toml --seed "$seed" --out "$out" --quiet
+    cargo run --locked --release --quiet -- run scenarios/jobs/quadropod-empty.toml --seed "$seed" --out "$out" --quiet
     # result.json has one field a line.
     ratio=$(sed -n 's/^ *"fresh_ratio": *\([0-9.]*\),\{0,1\}$/\1/p' "$out/result.json")
     [ -n "$ratio" ] || { echo "seed $seed: no fresh_ratio in $out/result.json" >&2; exit 1; }
