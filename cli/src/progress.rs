@@ -66,7 +66,7 @@ impl Progress {
             Display::Hidden
         } else if std::io::stderr().is_terminal() {
             let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(5));
-            let style = ProgressStyle::with_template("{bar:24} {wide_msg}");
+            let style = ProgressStyle::with_template("{bar:10} {wide_msg}");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             Display::Bar(bar)
         } else {
@@ -106,7 +106,7 @@ impl Progress {
                 }
             }
             Some(Event::StateChanged(state)) if *state == i32::from(JobState::Reporting) => {
-                self.say("the search is done: scoring the winner again on fresh seeds, tracing its gaits")
+                self.say("search done: scoring the winner on fresh seeds, tracing its gaits")
             }
             _ => {}
         }
@@ -144,12 +144,12 @@ impl Progress {
         }
     }
 
-    /// Such as "generation 12/150  best 34.29 %  mean 12.13 %  41.3 evaluations/s  ETA 2 min 3 s".
+    /// Such as "gen 12/150  best 34.29 %  mean 12.13 %  41.3 eval/s  ETA 2 min 3 s": with the bar, 80 columns hold it.
     fn line(&self) -> String {
         let sealed = self.done.checked_div(self.population).unwrap_or(0);
         let mean = Some(self.mean).filter(|m| m.is_finite());
         let mut text = format!(
-            "generation {sealed}/{}  best {}  mean {}",
+            "gen {sealed}/{}  best {}  mean {}",
             self.generations,
             console::score_with(self.best, &self.unit),
             console::score_with(mean, &self.unit),
@@ -159,7 +159,7 @@ impl Progress {
         if fresh > 0 && elapsed > 0.0 {
             let rate = fresh as f64 / elapsed;
             let left = self.total.saturating_sub(self.done) as f64 / rate;
-            text += &format!("  {} evaluations/s  ETA {}", console::score(rate), console::seconds(left));
+            text += &format!("  {} eval/s  ETA {}", console::score(rate), console::seconds(left));
         }
         text
     }

@@ -129,7 +129,7 @@ fn an_interrupted_run_goes_on_with_the_same_command() {
         .unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     // Until the first generation is sealed.
-    lines.by_ref().map(Result::unwrap).find(|line| line.starts_with("generation 1/12")).expect("a line of progress");
+    lines.by_ref().map(Result::unwrap).find(|line| line.starts_with("gen 1/12")).expect("a line of progress");
     let busy = run(path, &["run", "job.toml", "--out", "out"]);
     assert_eq!(busy.err, "error: another evogait is at work in out: wait for it, or stop it\n");
     let id = child.id().to_string();
