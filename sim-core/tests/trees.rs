@@ -2,7 +2,8 @@
 
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::job::Job;
-use sim_core::plan::Place;
+use sim_core::plan::{Ask, Place, Planner, RrtMp};
+use sim_core::random::{Purpose, Stream};
 use sim_core::rollout::Request;
 
 /// A small job on short gaits; `more` replaces or adds settings of the planner.
@@ -212,4 +213,33 @@ fn evaluation_stops_when_asked() {
     let job = job("empty", "iterations = 40");
     let candidates = [(0, job.optimiser().ask()[0].clone())];
     assert!(evaluate(&job, 0, &candidates, &|| true).is_err());
+}
+
+/// A robot that steps 1 mu along x or y, exactly: the planner alone, without physics.
+fn stepper(stop_at: Option<(f64, f64, f64)>) -> RrtMp {
+    let planner = Planner { map: [20.0, 20.0], iterations: 400, stop_at, ..job("empty", "iterations = 1").planner() };
+    let mut rrt = RrtMp::new(planner, Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
+    while let Ask::Expand(node) = rrt.ask(&|_, _| 0.0) {
+        let from = rrt.tree().nodes[node].place;
+        let step = |x: f64, y: f64| Some(from.then(&Place { x, y, ..Place::ORIGIN }));
+        rrt.tell(vec![step(1.0, 0.0), step(-1.0, 0.0), step(0.0, 1.0), step(0.0, -1.0)]);
+    }
+    rrt
+}
+
+#[test]
+fn a_planning_job_ends_at_its_goal_and_a_scored_tree_does_not() {
+    let to_goal = |p: &Place| p.planar_distance(&Place { x: 5.0, y: 2.0, ..*p });
+    let whole = stepper(None);
+    let stopped = stepper(Some((5.0, 2.0, 0.25)));
+    assert!(stopped.at_goal() && !whole.at_goal());
+    let end = stopped.tree().least(to_goal);
+    assert!(to_goal(&stopped.tree().nodes[end].place) <= 0.25);
+    // Up to the end both grow the same tree, and only the expansion that reached the goal is finished after it.
+    assert!(stopped.tree().nodes.len() < whole.tree().nodes.len());
+    assert_eq!(stopped.tree().nodes[..], whole.tree().nodes[..stopped.tree().nodes.len()]);
+    assert_eq!(stopped.tree().nodes.last().unwrap().edge.unwrap().0, stopped.tree().nodes[end].edge.unwrap().0);
+    let unreachable = stepper(Some((5.5, 2.5, 0.1)));
+    assert!(!unreachable.at_goal());
+    assert_eq!(unreachable.tree(), whole.tree());
 }
