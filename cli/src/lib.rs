@@ -19,13 +19,16 @@ mod view;
 mod watch;
 
 use std::process::ExitCode;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::prelude::*;
 
 /// Runs the command line of this process. Errors are told on standard error, in a sentence.
 pub fn main() -> ExitCode {
     // Logs are for debugging: what a user must know is an error or a note.
-    let filter = tracing_subscriber::EnvFilter::try_from_env("EVOGAIT_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("off"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    if let Some(filter) = std::env::var("EVOGAIT_LOG").ok().and_then(|text| text.parse::<Targets>().ok()) {
+        let messages = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
+        tracing_subscriber::registry().with(messages).init();
+    }
     match arguments::parse().and_then(commands::execute) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
