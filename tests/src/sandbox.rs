@@ -21,7 +21,8 @@ fn binaries() -> &'static Path {
         let own = std::env::current_exe().expect("a process knows its program");
         let folder = own.ancestors().nth(2).expect("tests live in TARGET/PROFILE/deps").to_owned();
         let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "-p", "coordinator", "-p", "worker"]).current_dir(env!("CARGO_MANIFEST_DIR"));
+        // The whole workspace: with fewer packages, dependencies would be built again with fewer features.
+        build.args(["build", "--quiet", "--workspace", "--bins"]).current_dir(env!("CARGO_MANIFEST_DIR"));
         build.arg("--target-dir").arg(folder.parent().expect("the profile's folder is in the target folder"));
         if folder.ends_with("release") {
             build.arg("--release");
