@@ -1,8 +1,10 @@
 //! From what was typed to what is meant: the one place where defaults, the environment and the machine are consulted.
 
+mod bench;
 mod raw;
 
-pub use raw::State;
+pub use bench::Bench;
+pub use raw::{BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout, State};
 
 use crate::client::Url;
 use crate::error::Error;
@@ -31,6 +33,7 @@ pub enum Command {
     Replay(Replay),
     Verify(Verify),
     Validate(Validate),
+    Bench(Bench),
     Robot(Robot),
     Scenarios { show: Option<String>, json: bool },
 }
@@ -207,6 +210,7 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             estimate: !validate.no_estimate,
             json: validate.json,
         }),
+        raw::Command::Bench(bench) => Command::Bench(Bench::from(bench)),
         raw::Command::Robot(robot) => Command::Robot(Robot {
             robot: robot.robot,
             variant: robot.variant,

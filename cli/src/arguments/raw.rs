@@ -1,5 +1,9 @@
 //! The command line as it is typed: names, help and examples. What defaults mean is settled in the parent module.
 
+mod bench;
+
+pub use bench::{Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout};
+
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -137,6 +141,15 @@ Examples:
 Prints what is wrong, or the resolved job's facts. The estimate times a few
 evaluations on this machine.")]
     Validate(Validate),
+
+    /// Measure speed and fidelity on this machine
+    #[command(after_help = "\
+Examples:
+  evogait bench rollout quadropod --settings 30x8,60x16
+  evogait bench fidelity quadropod --settings 30x8,60x8 --out bench/quadropod
+  evogait bench evaluate quadropod-empty
+`evogait bench WHAT --help` says what is measured and how.")]
+    Bench(Bench),
 
     /// Show a robot: facts and picture
     #[command(after_help = "\

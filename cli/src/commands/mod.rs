@@ -1,5 +1,6 @@
 //! The commands, a file each.
 
+mod bench;
 mod cancel;
 mod fetch;
 mod list;
@@ -37,6 +38,7 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
         Command::Replay(args) => replay::run(args),
         Command::Verify(args) => verify::run(args, quiet),
         Command::Validate(args) => validate::run(args),
+        Command::Bench(what) => bench::run(what, quiet),
         Command::Robot(args) => robot::run(args, quiet),
         Command::Scenarios { show, json } => scenarios::run(show, json),
     }

@@ -1,0 +1,24 @@
+//! What `evogait bench` is asked to measure.
+
+use super::raw;
+
+#[derive(Debug)]
+pub enum Bench {
+    Rollout(raw::BenchRollout),
+    Evaluate(raw::BenchEvaluate),
+    Fidelity(raw::BenchFidelity),
+    Plan(raw::BenchPlan),
+    Dispatch(raw::BenchDispatch),
+}
+
+impl From<raw::Bench> for Bench {
+    fn from(raw: raw::Bench) -> Self {
+        match raw.what {
+            raw::BenchCommand::Rollout(args) => Self::Rollout(args),
+            raw::BenchCommand::Evaluate(args) => Self::Evaluate(args),
+            raw::BenchCommand::Fidelity(args) => Self::Fidelity(args),
+            raw::BenchCommand::Plan(args) => Self::Plan(args),
+            raw::BenchCommand::Dispatch(args) => Self::Dispatch(args),
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! `evogait bench`: what things cost on this machine, a file each.
+
+mod dispatch;
+mod evaluate;
+mod fidelity;
+mod plan;
+mod rollout;
+
+use crate::arguments::Bench;
+use crate::error::Error;
+
+/// Measures what was asked for.
+pub fn run(what: Bench, quiet: bool) -> Result<(), Error> {
+    match what {
+        Bench::Rollout(args) => rollout::run(args, quiet),
+        Bench::Evaluate(args) => evaluate::run(args, quiet),
+        Bench::Fidelity(args) => fidelity::run(args, quiet),
+        Bench::Plan(args) => plan::run(args, quiet),
+        Bench::Dispatch(args) => dispatch::run(args, quiet),
+    }
+}
