@@ -1,7 +1,7 @@
 //! Laws of job files: identity, round trips, and that everything that ships is sound.
 
 use sim_core::catalogue;
-use sim_core::job::{Job, JobSpec};
+use sim_core::job::{Job, JobSpec, JointKind};
 use sim_core::robot::{Robot, RobotSpec};
 
 fn text(more: &str) -> String {
@@ -78,6 +78,7 @@ fn names_and_descriptions_are_no_part_of_a_jobs_identity_but_settings_are() {
         "planner = { reuse_tolerance = 0.0 }",
         "physics = { friction = 0.81 }",
         "physics = { scale = \"real\" }",
+        "physics = { joints = \"multibody\" }",
     ] {
         assert_ne!(base, digest(text(change)), "{change}");
     }
@@ -91,4 +92,17 @@ fn settings_that_are_not_given_are_written_out() {
     assert_eq!(written.physics.steps_per_second, Some(job.physics().steps_per_second));
     assert!(job.to_toml().contains("reuse_tolerance = 0.05"));
     assert!(job.to_toml().contains("friction = 0.8\n"));
+    assert!(job.to_toml().contains("joints = \"impulse\"\n"));
+}
+
+#[test]
+fn the_kind_of_joint_survives_being_written_and_a_kind_that_is_none_is_refused() {
+    let job = Job::from_toml(&text("physics = { joints = \"multibody\" }")).unwrap();
+    assert_eq!(job.physics().joints, JointKind::Multibody);
+    let again = Job::from_toml(&job.to_toml()).unwrap();
+    assert_eq!((again.physics(), again.digest()), (job.physics(), job.digest()));
+    let default = Job::from_toml(&text("physics = { joints = \"impulse\" }")).unwrap();
+    assert_eq!(default.digest(), Job::from_toml(&text("")).unwrap().digest());
+    let refused = Job::from_toml(&text("physics = { joints = \"glue\" }")).unwrap_err().to_string();
+    assert!(refused.contains("glue") && refused.contains("impulse") && refused.contains("multibody"), "{refused}");
 }

@@ -179,6 +179,8 @@ pub struct PhysicsSpec {
     pub engine: EngineKind,
     /// How big the robot is.
     pub scale: Scale,
+    /// How joints are held together.
+    pub joints: JointKind,
     /// mu/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<f64>,
@@ -209,6 +211,18 @@ pub enum EngineKind {
     /// rapier3d: any terrain.
     #[default]
     Rapier,
+}
+
+/// How an engine holds the two bodies of a joint together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum JointKind {
+    /// Every body moves by itself, and impulses pull the two of a joint together: cheap, and a little soft.
+    #[default]
+    Impulse,
+    /// The robot moves in its joint angles (reduced coordinates), so that its joints can't come apart: a step costs several
+    /// times as much.
+    Multibody,
 }
 
 fn one() -> u64 {

@@ -4,7 +4,7 @@ use super::{Physics, RapierEngine, Rollout};
 use crate::control::{Targets, controller};
 use crate::environment::Block;
 use crate::identity::Digest;
-use crate::job::{ControllerKind, EngineKind, Scale};
+use crate::job::{ControllerKind, EngineKind, JointKind, Scale};
 use crate::random::{Purpose, Stream};
 use crate::robot::{Robot, State};
 use std::sync::OnceLock;
@@ -58,7 +58,7 @@ pub fn engine_digests() -> Vec<(&'static str, Digest)> {
     vec![("rapier", engine_digest(EngineKind::Rapier))]
 }
 
-/// Bits of the end of a recorded gait of the quadropod, 2 s.
+/// Bits of the end of a recorded gait of the quadropod, 2 s, with either kind of joint.
 pub(crate) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
     let entry = crate::catalogue::robots().first().expect("the catalogue has robots");
     let spec = toml::from_str(entry.toml).expect("a robot that ships is valid");
@@ -72,7 +72,11 @@ pub(crate) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
     let targets = hopf.compile(&gait, robot.hinges.len(), 2.0);
     let start = robot.neutral();
     let request = Request { start: &start, targets: &targets };
-    let rollout = engine(kind).run(&robot, &Physics::of_scale(Scale::Paper), &[], &[request]).swap_remove(0);
-    let (p, q) = (rollout.end.pivot.translation, rollout.end.pivot.rotation);
-    [p.x, p.y, p.z, q.x, q.y, q.z, q.w].iter().chain(&rollout.end.joints).map(|v| v.to_bits()).collect()
+    let bits = |joints: JointKind| {
+        let physics = Physics { joints, ..Physics::of_scale(Scale::Paper) };
+        let end = engine(kind).run(&robot, &physics, &[], &[request]).swap_remove(0).end;
+        let (p, q) = (end.pivot.translation, end.pivot.rotation);
+        [p.x, p.y, p.z, q.x, q.y, q.z, q.w].into_iter().chain(end.joints).map(f32::to_bits).collect::<Vec<_>>()
+    };
+    [JointKind::Impulse, JointKind::Multibody].map(bits).concat()
 }

@@ -1,16 +1,16 @@
 //! Rollouts on rapier3d: the reference engine, for any terrain.
 //!
-//! Every rollout builds a fresh world, so none can leave traces in another. Impulse joints with force-based motors,
-//! Coulomb friction, warm-started joints, no sleeping. Contacts between bodies that share a joint are off, all others on.
+//! Every rollout builds a fresh world, so none can leave traces in another. Joints with force-based motors (impulse or
+//! multibody joints, as the job says), Coulomb friction, warm-started joints, no sleeping. Contacts between bodies that share a joint are off, all others on.
+
+mod joints;
 
 use super::{Bound, Engine, Outcome, Physics, Request, Rollout, Span, Trace};
 use crate::environment::Block;
 use crate::math::{Pose, Vector, about_z, angle_about};
-use crate::robot::{JOINT_LIMIT, Robot, State};
-use rapier3d::dynamics::{
-    FrictionModel, ImpulseJointHandle, IntegrationParameters, JointAxis, MassProperties, MotorModel,
-    RevoluteJointBuilder, RigidBodyBuilder, RigidBodyHandle,
-};
+use crate::robot::{Robot, State};
+use joints::Joints;
+use rapier3d::dynamics::{FrictionModel, IntegrationParameters, MassProperties, RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, SharedShape};
 use rapier3d::math::Matrix;
 use rapier3d::pipeline::PhysicsWorld;
@@ -34,7 +34,7 @@ struct Simulation<'a> {
     physics: &'a Physics,
     world: PhysicsWorld,
     bodies: Vec<RigidBodyHandle>,
-    joints: Vec<ImpulseJointHandle>,
+    joints: Joints,
 }
 
 fn parameters(physics: &Physics) -> IntegrationParameters {
@@ -65,7 +65,7 @@ impl<'a> Simulation<'a> {
             let shape = ColliderBuilder::cuboid(half.x, half.y, half.z).position(pose).friction(friction);
             world.insert_collider(shape, Some(ground));
         }
-        let mut simulation = Self { robot, physics, world, bodies: Vec::new(), joints: Vec::new() };
+        let mut simulation = Self { robot, physics, world, bodies: Vec::new(), joints: Joints::none() };
         simulation.insert_robot(request.start);
         simulation
     }
@@ -88,18 +88,7 @@ impl<'a> Simulation<'a> {
             }
             self.bodies.push(handle);
         }
-        for (i, hinge) in self.robot.hinges.iter().enumerate() {
-            let joint = RevoluteJointBuilder::new(hinge.axis)
-                .local_anchor1(hinge.anchor)
-                .local_anchor2(Vector::ZERO)
-                .contacts_enabled(false)
-                .limits([-JOINT_LIMIT, JOINT_LIMIT])
-                .motor_model(MotorModel::ForceBased)
-                .motor_max_force(self.physics.max_torque)
-                .motor_position(start.joints[i], self.physics.stiffness, self.physics.damping);
-            let (from, to) = (self.bodies[hinge.parent], self.bodies[i + 1]);
-            self.joints.push(self.world.insert_impulse_joint(from, to, joint));
-        }
+        self.joints = Joints::insert(&mut self.world, self.robot, self.physics, &self.bodies, start);
     }
 
     fn run(mut self, request: &Request<'_>) -> Rollout {
@@ -141,18 +130,14 @@ impl<'a> Simulation<'a> {
     }
 
     fn set_targets(&mut self, targets: &[f32]) {
-        let (stiffness, damping) = (self.physics.stiffness, self.physics.damping);
-        for (handle, &target) in self.joints.iter().zip(targets) {
-            if let Some(joint) = self.world.impulse_joints.get_mut(*handle, false) {
-                joint.data.set_motor_position(JointAxis::AngX, target, stiffness, damping);
-            }
-        }
+        self.joints.set_targets(&mut self.world, self.physics, targets);
     }
 
     fn state(&self) -> State {
         let pose = |i: usize| *self.world.bodies[self.bodies[i]].position();
         let angle = |(i, hinge): (usize, &crate::robot::Hinge)| {
-            angle_about(pose(hinge.parent).rotation.inverse() * pose(i + 1).rotation, hinge.axis)
+            let turned = || angle_about(pose(hinge.parent).rotation.inverse() * pose(i + 1).rotation, hinge.axis);
+            self.joints.angle(&self.world, i).unwrap_or_else(turned)
         };
         State { pivot: pose(0), joints: self.robot.hinges.iter().enumerate().map(angle).collect() }
     }

@@ -1,7 +1,7 @@
 //! What physics a job runs on, every number resolved.
 
 use crate::error::{Invalid, in_range};
-use crate::job::{PhysicsSpec, Scale};
+use crate::job::{JointKind, PhysicsSpec, Scale};
 
 /// Resolved `[physics]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub struct Physics {
     /// Solver iterations of a step: rapier integrates in this many substeps. `1 / (steps_per_second · substeps)` decides
     /// the fidelity.
     pub substeps: u32,
+    /// How joints are held together.
+    pub joints: JointKind,
 }
 
 impl Physics {
@@ -35,6 +37,7 @@ impl Physics {
             max_torque: 60.0,
             steps_per_second: 30,
             substeps: 8,
+            joints: JointKind::Impulse,
         };
         match scale {
             Scale::Paper => paper,
@@ -69,6 +72,7 @@ impl Physics {
             max_torque: number("max_torque", spec.max_torque, scale.max_torque, (0.0, 1e7), "kg·mu²/s²")?,
             steps_per_second: count("steps_per_second", spec.steps_per_second, scale.steps_per_second, 10_000)?,
             substeps: count("substeps", spec.substeps, scale.substeps, 1000)?,
+            joints: spec.joints,
         })
     }
 
@@ -77,6 +81,7 @@ impl Physics {
         PhysicsSpec {
             engine: spec.engine,
             scale: spec.scale,
+            joints: self.joints,
             gravity: Some(shortest(self.gravity)),
             friction: Some(shortest(self.friction)),
             stiffness: Some(shortest(self.stiffness)),
