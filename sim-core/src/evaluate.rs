@@ -9,7 +9,7 @@ use crate::environment::Block;
 use crate::job::Job;
 use crate::plan::{Growth, TransitionKey, Transitions, Tree};
 use crate::random::{Purpose, Stream};
-use crate::rollout::{Outcome, Request};
+use crate::rollout::{Engine, Outcome, Request};
 use crate::score::{Counts, Evaluation, Genome};
 
 /// Rollouts between two looks at whether to stop.
@@ -88,6 +88,11 @@ impl Trial {
 
 /// Advances trials side by side until all their trees are grown.
 pub fn grow(job: &Job, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    grow_on(job.engine(), job, trials, stop)
+}
+
+/// Like [`grow`], with the rollouts done by `engine`, which may be the job's own in a wrapping that watches it.
+pub fn grow_on(engine: &dyn Engine, job: &Job, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
     loop {
         let wishes: Vec<(usize, TransitionKey)> = trials
             .iter_mut()
@@ -101,13 +106,14 @@ pub fn grow(job: &Job, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<
         // kind and then in the order of its wishes, whatever else is in the batch.
         let (placed, canonical): (Vec<_>, Vec<_>) =
             wishes.into_iter().partition(|(i, key)| trials[*i].table.is_in_place(key.start));
-        run(job, trials, &[], &canonical, stop)?;
-        run(job, trials, &job.environment().terrain, &placed, stop)?;
+        run(engine, job, trials, &[], &canonical, stop)?;
+        run(engine, job, trials, &job.environment().terrain, &placed, stop)?;
     }
 }
 
 /// Simulates the wishes of trials and hands each its outcomes.
 fn run(
+    engine: &dyn Engine,
     job: &Job,
     trials: &mut [Trial],
     terrain: &[Block],
@@ -123,7 +129,7 @@ fn run(
             Request { start: trial.table.start(key.start), targets: &trial.targets[key.gait] }
         };
         let requests: Vec<Request<'_>> = batch.iter().map(request).collect();
-        let rollouts = job.engine().run(job.robot(), job.physics(), terrain, &requests);
+        let rollouts = engine.run(job.robot(), job.physics(), terrain, &requests);
         for (&(i, key), rollout) in batch.iter().zip(rollouts) {
             let counts = &mut trials[i].counts;
             counts.rollouts += 1;

@@ -13,6 +13,7 @@ pub mod identity;
 pub mod job;
 pub mod limits;
 pub mod math;
+pub mod measure;
 pub mod optimise;
 pub mod plan;
 pub mod random;

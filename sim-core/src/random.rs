@@ -26,6 +26,8 @@ pub enum Purpose {
     Rescore = 6,
     /// Gaits drawn for tests and benchmarks.
     Sample = 7,
+    /// Resamples of a bootstrap interval.
+    Bootstrap = 8,
 }
 
 /// A stream of random numbers for one decision.
