@@ -5,14 +5,17 @@
 
 mod arguments;
 mod client;
+mod clock;
 mod commands;
 mod console;
+mod cost;
 pub mod draw;
 mod error;
 mod load;
 mod local;
 mod output;
 mod progress;
+mod setting;
 mod signals;
 mod summary;
 mod view;

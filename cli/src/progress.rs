@@ -5,6 +5,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::v1::job_event::Event;
 use proto::v1::{self, JobEvent, JobState};
 use std::io::IsTerminal as _;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Where there is no bar, a line is printed at most so often.
@@ -56,24 +57,82 @@ enum Display {
     Lines { last: Option<Instant> },
 }
 
+impl Display {
+    fn new(total: u64, quiet: bool) -> Self {
+        if quiet {
+            Self::Hidden
+        } else if std::io::stderr().is_terminal() {
+            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(5));
+            let style = ProgressStyle::with_template("{bar:10} {wide_msg}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            Self::Bar(bar)
+        } else {
+            Self::Lines { last: None }
+        }
+    }
+
+    /// So much is done. A line is only printed now and then, the last one always.
+    fn show(&mut self, done: u64, text: String, last_line: bool) {
+        match self {
+            Self::Hidden => {}
+            Self::Bar(bar) => {
+                bar.set_position(done);
+                bar.set_message(text);
+            }
+            Self::Lines { last } => {
+                if last_line || last.is_none_or(|then| then.elapsed() >= LINE_EVERY) {
+                    *last = Some(Instant::now());
+                    console::note(&text);
+                }
+            }
+        }
+    }
+
+    fn finish(&self) {
+        if let Self::Bar(bar) = self {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Draws the progress of work in equal pieces. Any thread may tell of a piece done.
+pub struct Pieces {
+    what: &'static str,
+    total: u64,
+    started: Instant,
+    state: Mutex<(u64, Display)>,
+}
+
+impl Pieces {
+    /// Begins; `what` names the pieces, such as "gaits".
+    pub fn new(what: &'static str, total: u64, quiet: bool) -> Self {
+        Self { what, total, started: Instant::now(), state: Mutex::new((0, Display::new(total, quiet))) }
+    }
+
+    /// One more is done.
+    pub fn one_done(&self) {
+        let (done, display) = &mut *self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        *done += 1;
+        let left = self.started.elapsed().as_secs_f64() / *done as f64 * self.total.saturating_sub(*done) as f64;
+        let text = format!("{done}/{} {}  ETA {}", self.total, self.what, console::seconds(left));
+        display.show(*done, text, *done == self.total);
+    }
+}
+
+impl Drop for Pieces {
+    fn drop(&mut self) {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).1.finish();
+    }
+}
+
 impl Progress {
     /// Begins at a job as it stands.
     pub fn new(job: &v1::Job, label: &Label, quiet: bool) -> Self {
         let population = u64::from(job.population);
         let total = u64::from(job.generations_total) * population;
         let done = u64::from(job.generations_done) * population;
-        let display = if quiet {
-            Display::Hidden
-        } else if std::io::stderr().is_terminal() {
-            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(5));
-            let style = ProgressStyle::with_template("{bar:10} {wide_msg}");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            Display::Bar(bar)
-        } else {
-            Display::Lines { last: None }
-        };
         Self {
-            display,
+            display: Display::new(total, quiet),
             unit: label.unit.clone(),
             started: Instant::now(),
             done_before: done,
@@ -114,9 +173,7 @@ impl Progress {
 
     /// Ends the display.
     pub fn finish(&self) {
-        if let Display::Bar(bar) = &self.display {
-            bar.finish_and_clear();
-        }
+        self.display.finish();
     }
 
     fn say(&self, text: &str) {
@@ -129,19 +186,7 @@ impl Progress {
 
     fn draw(&mut self, last_line: bool) {
         let text = self.line();
-        match &mut self.display {
-            Display::Hidden => {}
-            Display::Bar(bar) => {
-                bar.set_position(self.done);
-                bar.set_message(text);
-            }
-            Display::Lines { last } => {
-                if last_line || last.is_none_or(|then| then.elapsed() >= LINE_EVERY) {
-                    *last = Some(Instant::now());
-                    console::note(&text);
-                }
-            }
-        }
+        self.display.show(self.done, text, last_line);
     }
 
     /// Such as "gen 12/150  best 34.29 %  mean 12.13 %  41.3 eval/s  ETA 2 min 3 s": with the bar, 80 columns hold it.

@@ -4,7 +4,7 @@ mod bench;
 mod raw;
 
 pub use bench::Bench;
-pub use raw::{BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout, State};
+pub use raw::{BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout, BenchScale, Load, State, Subject};
 
 use crate::client::Url;
 use crate::error::Error;
@@ -166,7 +166,7 @@ pub fn parse() -> Result<Resolved, Error> {
 fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
     let command = match raw.command {
         raw::Command::Run(run) => Command::Run(Run {
-            file: job_file(run.file),
+            file: run.file.into(),
             out: run.out,
             place: match run.coordinator {
                 Some(url) => Place::There(Url::parse(&url, "--coordinator")?),
@@ -175,7 +175,7 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             json: run.json,
         }),
         raw::Command::Submit(submit) => Command::Submit(Submit {
-            file: job_file(submit.file),
+            file: submit.file.into(),
             priority: submit.priority.unwrap_or(0),
             again: submit.again,
             json: submit.on.json,
@@ -206,7 +206,7 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             Command::Verify(Verify { folder: folder_of(verify.folder), full: verify.full, json: verify.json })
         }
         raw::Command::Validate(validate) => Command::Validate(Validate {
-            file: job_file(validate.file),
+            file: validate.file.into(),
             estimate: !validate.no_estimate,
             json: validate.json,
         }),
@@ -225,8 +225,10 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
     Ok(Resolved { quiet: raw.quiet, command })
 }
 
-fn job_file(raw: raw::JobFile) -> JobFile {
-    JobFile { job: raw.job, seed: raw.seed }
+impl From<raw::JobFile> for JobFile {
+    fn from(raw: raw::JobFile) -> Self {
+        Self { job: raw.job, seed: raw.seed }
+    }
 }
 
 fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {
@@ -244,7 +246,7 @@ fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
 }
 
 /// The number of cores this process may use; 1 where the machine doesn't tell.
-fn cores() -> u32 {
+pub fn cores() -> u32 {
     std::thread::available_parallelism().map_or(1, |n| n.get() as u32)
 }
 

@@ -2,7 +2,10 @@
 
 mod bench;
 
-pub use bench::{Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout};
+pub use bench::{
+    Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout, BenchScale, Load,
+    Subject,
+};
 
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;

@@ -2,13 +2,13 @@
 
 use crate::arguments::Validate;
 use crate::console::{self, count, duration};
+use crate::cost::{self, Budget};
 use crate::error::Error;
 use crate::load;
 use serde::Serialize;
-use sim_core::evaluate::evaluate;
 use sim_core::identity::Digest;
 use sim_core::job::Job;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Candidates of the first generation are timed for so long …
 const MEASURE: Duration = Duration::from_secs(3);
@@ -39,7 +39,7 @@ struct View<'a> {
 #[derive(Serialize)]
 struct Estimate {
     /// Evaluations timed, one after the other on one core.
-    measured: usize,
+    measured: u32,
     /// Mean of these, s; the least it can be if `given_up`.
     seconds_per_evaluation: f64,
     /// The only evaluation did not end in time.
@@ -83,38 +83,16 @@ pub fn run(args: Validate) -> Result<(), Error> {
 }
 
 fn estimate(job: &Job, evaluations: u64) -> Estimate {
-    let started = Instant::now();
-    let mut measured = 0;
-    let mut given_up = false;
-    for (index, genome) in (0..).zip(job.optimiser().ask()) {
-        // The first one may take its time, the others only what is left.
-        let limit = if measured == 0 { GIVE_UP } else { MEASURE };
-        let before = started.elapsed();
-        if evaluate(job, 0, &[(index, genome)], &|| started.elapsed() > limit).is_err() {
-            if measured == 0 {
-                given_up = true;
-                measured = 1;
-                break;
-            }
-            // What was broken off does not count.
-            return told(measured, before, given_up, evaluations);
-        }
-        measured += 1;
-        if started.elapsed() > MEASURE {
-            break;
-        }
-    }
-    told(measured, started.elapsed(), given_up, evaluations)
-}
-
-fn told(measured: usize, time: Duration, given_up: bool, evaluations: u64) -> Estimate {
-    let seconds_per_evaluation = time.as_secs_f64() / measured.max(1) as f64;
+    let budget = Budget { evaluations: job.spec().optimiser.population(), time: MEASURE, first: GIVE_UP };
+    let cost = cost::measure(job, budget, &|| ());
+    let measured = cost.evaluations.max(1);
+    let seconds_per_evaluation = cost.total.wall / f64::from(measured);
     let core_seconds = seconds_per_evaluation * evaluations as f64;
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     Estimate {
         measured,
         seconds_per_evaluation,
-        given_up,
+        given_up: cost.given_up,
         core_seconds,
         cores,
         wall_seconds: core_seconds / cores as f64,

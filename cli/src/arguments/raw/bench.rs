@@ -1,6 +1,9 @@
 //! `evogait bench` as it is typed.
 
-use clap::{Args, Subcommand};
+use super::JobFile;
+use crate::setting::Setting;
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub struct Bench {
@@ -11,26 +14,138 @@ pub struct Bench {
 #[derive(Debug, Subcommand)]
 pub enum BenchCommand {
     /// Physics alone: simulated seconds a CPU second
+    #[command(after_help = "\
+Examples:
+  evogait bench rollout
+  evogait bench rollout lizard --settings 30x8,60x16,60x16-multibody --gaits 50
+
+Random gaits from the settled start, on one thread. A setting is steps a second
+x substeps of a step, with -multibody for multibody joints. Settings take turns
+gait by gait, so that their ratio holds on a busy machine too. CPU seconds are
+those of the own thread. Intervals are 95 % bootstrap intervals over the gaits.")]
     Rollout(BenchRollout),
 
     /// Whole evaluations of a job, and what their time goes to
+    #[command(after_help = "\
+Example:
+  evogait bench evaluate quadropod-empty --evaluations 20
+
+Candidates of the job's first generation, one after the other on one thread.
+Shares are of CPU time: physics (the engine), target tables (oscillators),
+planning (nearest neighbours, obstacles, transitions), the rest (fitness).")]
     Evaluate(BenchEvaluate),
 
     /// How near engine settings come to a converged reference, and at what speed
+    #[command(after_help = "\
+Examples:
+  evogait bench fidelity quadropod --settings 30x8,60x16,240x4 --out bench/quadropod
+  evogait bench fidelity --gaits runs/quadropod-empty-3f2a9c01d4e5 --random 0
+  evogait bench fidelity lizard --random 10 --evolved 10 --duration 2
+
+The same gaits, from the same settled start, with every setting and with the
+reference. Errors are those of the pivot's pose after the gait; the rank
+correlation is Spearman's, of the distances travelled. Two lines more put them
+into perspective: the ceiling is the reference against itself with joint angles
+of the start off by a millionth rad; the halved steps are the reference against
+one with twice its substeps, and one with twice its steps. docs/performance.md
+says how to read them.
+
+Evolved gaits are those of a stored run's winner (--gaits), or evolved on the
+spot: genetic algorithms of 8 generations of 17 candidates of two gaits of 4 s,
+for coverage, as many as it takes (34 gaits each, some seconds).
+
+Files in the output folder:
+  fidelity.md, fidelity.json    the tables
+  frontier.svg, frontier.png    speed against rank correlation and error")]
     Fidelity(BenchFidelity),
 
     /// The planner alone, on known transitions
+    #[command(after_help = "\
+Example:
+  evogait bench plan quadropod-empty --iterations 20000
+
+Of the job's first candidates the one whose gaits lead farthest is taken, all its
+transitions are simulated, and then trees are grown from them alone: each of
+twice the iterations of the one before.")]
     Plan(BenchPlan),
 
     /// Coordinator and workers: what dispatching an evaluation costs
+    #[command(after_help = "\
+Examples:
+  evogait bench dispatch quadropod-quick
+  evogait bench dispatch my-job.toml --slots 1,2,4,8 --evaluations 500
+
+Each line is a process of its own with a coordinator, a store on disk and one
+worker of so many slots, over a loopback connection. The job has one generation
+of --evaluations candidates, timed from its submission to the seal of the
+generation, so that slots wait for each other only once. `plain` is the job with
+reuse_tolerance = 0; `trivial` is a job of almost no work, which shows what
+dispatching alone costs. Memory is the process' peak resident set.")]
     Dispatch(BenchDispatch),
+}
+
+/// A robot on flat ground.
+#[derive(Clone, Debug, Args)]
+pub struct Subject {
+    /// Name of a robot that ships, or a robot file
+    #[arg(value_name = "NAME|FILE", default_value = "quadropod")]
+    pub robot: String,
+
+    /// Take it with the failed modules of this variant
+    #[arg(long, value_name = "VARIANT")]
+    pub variant: Option<String>,
+
+    /// How big it is, which decides gravity and motors
+    #[arg(long, value_enum, default_value_t = BenchScale::Paper)]
+    pub scale: BenchScale,
+}
+
+/// `--scale`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs)]
+pub enum BenchScale {
+    Paper,
+    Real,
+}
+
+/// Seeds are those of jobs.
+fn seed() -> clap::builder::RangedU64ValueParser {
+    clap::value_parser!(u64).range(0..=i64::MAX as u64)
+}
+
+/// How long a gait lasts, s.
+fn duration(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it is not a number of seconds".to_owned())?;
+    let ticks = seconds / sim_core::control::TICK;
+    if !(0.1..=sim_core::limits::MAX_DURATION).contains(&seconds) {
+        Err(format!("allowed is 0.1 to {} s", sim_core::limits::MAX_DURATION))
+    } else if (ticks - ticks.round()).abs() > 1e-6 {
+        Err("it must be a multiple of 0.005 s".to_owned())
+    } else {
+        Ok(seconds)
+    }
 }
 
 #[derive(Debug, Args)]
 pub struct BenchRollout {
-    /// Name of a robot that ships, or a robot file
-    #[arg(value_name = "NAME|FILE", default_value = "quadropod")]
-    pub robot: String,
+    #[command(flatten)]
+    pub subject: Subject,
+
+    /// Engine settings to time [default: that of the scale]
+    #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
+    pub settings: Vec<Setting>,
+
+    /// Random gaits
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub gaits: u32,
+
+    /// How long each is applied, s
+    #[arg(long, value_name = "S", default_value = "10", value_parser = duration)]
+    pub duration: f64,
+
+    /// Seed of the gaits
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed())]
+    pub seed: u64,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
@@ -40,7 +155,11 @@ pub struct BenchRollout {
 #[derive(Debug, Args)]
 pub struct BenchEvaluate {
     #[command(flatten)]
-    pub file: super::JobFile,
+    pub file: JobFile,
+
+    /// How many
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub evaluations: u32,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
@@ -49,9 +168,44 @@ pub struct BenchEvaluate {
 
 #[derive(Debug, Args)]
 pub struct BenchFidelity {
-    /// Name of a robot that ships, or a robot file
-    #[arg(value_name = "NAME|FILE", default_value = "quadropod")]
-    pub robot: String,
+    #[command(flatten)]
+    pub subject: Subject,
+
+    /// Engine settings to compare [default: that of the scale]
+    #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
+    pub settings: Vec<Setting>,
+
+    /// The converged setting [default: 480x8 for the scale paper, 960x16 for real]
+    #[arg(long, value_name = "SETTING")]
+    pub reference: Option<Setting>,
+
+    /// Random gaits
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    pub random: u32,
+
+    /// Evolved gaits
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    pub evolved: u32,
+
+    /// Take robot, physics, gait duration and evolved gaits from this run's folder
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["robot", "variant", "scale", "duration"])]
+    pub gaits: Option<PathBuf>,
+
+    /// How long each is applied, s
+    #[arg(long, value_name = "S", default_value = "10", value_parser = duration)]
+    pub duration: f64,
+
+    /// Seed of the gaits
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed())]
+    pub seed: u64,
+
+    /// Gaits at once; speeds are truest with 1
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub threads: u32,
+
+    /// Write tables and picture to this folder
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
@@ -61,7 +215,15 @@ pub struct BenchFidelity {
 #[derive(Debug, Args)]
 pub struct BenchPlan {
     #[command(flatten)]
-    pub file: super::JobFile,
+    pub file: JobFile,
+
+    /// Iterations of the largest tree
+    #[arg(long, value_name = "K", default_value_t = 12_800, value_parser = clap::value_parser!(u32).range(100..=100_000))]
+    pub iterations: u32,
+
+    /// Candidates to choose from
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub candidates: u32,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
@@ -71,9 +233,41 @@ pub struct BenchPlan {
 #[derive(Debug, Args)]
 pub struct BenchDispatch {
     #[command(flatten)]
-    pub file: super::JobFile,
+    pub file: JobFile,
+
+    /// Numbers of slots [default: 1, 2, 4, … up to the number of cores]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub slots: Vec<u32>,
+
+    /// Evaluations of the job
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub evaluations: u32,
+
+    /// Evaluations of the job with reuse_tolerance = 0, which take far longer; 0 leaves it out
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    pub plain: u32,
+
+    /// Evaluations of almost no work; 0 leaves them out
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    pub trivial: u32,
+
+    /// Measure this one line, in this process
+    #[arg(long, value_enum, hide = true)]
+    pub line: Option<Load>,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
     pub json: bool,
+}
+
+/// What is dispatched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Load {
+    /// The job as it is.
+    Job,
+    /// The job with every expansion simulated.
+    Plain,
+    /// Almost no work.
+    Trivial,
 }

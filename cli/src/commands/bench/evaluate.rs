@@ -1,9 +1,91 @@
-//! `evogait bench evaluate`.
+//! `evogait bench evaluate`: what an evaluation costs, and what its time goes to.
 
+use super::subject::Machine;
 use crate::arguments::BenchEvaluate;
+use crate::console::{self, table};
+use crate::cost::{self, Budget};
 use crate::error::Error;
+use crate::load;
+use crate::progress::Pieces;
+use serde::Serialize;
+use sim_core::identity::Digest;
+use sim_core::score::Counts;
+use std::time::Duration;
+
+#[derive(Serialize)]
+struct View<'a> {
+    job: &'a str,
+    job_digest: Digest,
+    evaluations: u32,
+    machine: Machine,
+    /// On one slot, by the wall.
+    evaluations_per_second: f64,
+    /// CPU s of an evaluation.
+    cpu_seconds_per_evaluation: f64,
+    rollouts_per_evaluation: f64,
+    /// Simulated s a CPU s of the engine.
+    simulated_per_physics_cpu: f64,
+    /// Shares of the CPU time.
+    shares: Shares,
+    counts: Counts,
+}
+
+#[derive(Serialize)]
+struct Shares {
+    physics: f64,
+    target_tables: f64,
+    planning: f64,
+    rest: f64,
+}
 
 /// Measures and tells.
-pub fn run(_args: BenchEvaluate, _quiet: bool) -> Result<(), Error> {
-    Err(Error::Usage { message: "bench evaluate is not there yet".to_owned() })
+pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
+    let job = load::job(&args.file.into())?;
+    let budget = Budget { evaluations: args.evaluations, time: Duration::MAX, first: Duration::MAX };
+    let progress = Pieces::new("evaluations", args.evaluations.into(), quiet);
+    let cost = cost::measure(&job, budget, &|| progress.one_done());
+    drop(progress);
+    let n = f64::from(cost.evaluations);
+    let share = |cpu: f64| cpu / cost.total.cpu;
+    let (physics, target_tables, planning) =
+        (share(cost.physics.cpu), share(cost.tables.cpu), share(cost.planning.cpu));
+    let view = View {
+        job: &job.spec().name,
+        job_digest: job.digest(),
+        evaluations: cost.evaluations,
+        machine: Machine::here(),
+        evaluations_per_second: n / cost.total.wall,
+        cpu_seconds_per_evaluation: cost.total.cpu / n,
+        rollouts_per_evaluation: cost.counts.rollouts as f64 / n,
+        simulated_per_physics_cpu: cost.counts.simulated_ms as f64 / 1000.0 / cost.physics.cpu,
+        shares: Shares { physics, target_tables, planning, rest: 1.0 - physics - target_tables - planning },
+        counts: cost.counts,
+    };
+    if args.json { console::say_json(&view) } else { console::say(&text(&view)) }
+}
+
+fn text(view: &View) -> String {
+    let each = view.cpu_seconds_per_evaluation;
+    let row = |what: &str, share: f64| {
+        vec![what.to_owned(), format!("{:.2} %", 100.0 * share), format!("{:.3}", 1000.0 * share * each)]
+    };
+    let rows = [
+        row("physics", view.shares.physics),
+        row("target tables", view.shares.target_tables),
+        row("planning", view.shares.planning),
+        row("the rest", view.shares.rest),
+    ];
+    format!(
+        "{}: {} evaluations, one slot ({})\n\
+         {} evaluations a second, {:.4} CPU s each\n\
+         {:.1} rollouts an evaluation, {:.0} simulated s a CPU s of physics\n\n{}",
+        view.job,
+        view.evaluations,
+        view.machine.line(),
+        console::score(view.evaluations_per_second),
+        each,
+        view.rollouts_per_evaluation,
+        view.simulated_per_physics_cpu,
+        table(&["an evaluation's time", "share", "CPU ms"], &rows)
+    )
 }

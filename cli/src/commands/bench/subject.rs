@@ -1,0 +1,94 @@
+//! What physics is measured on: a robot on flat ground, as a job, so that it is checked and settled like any other.
+
+use crate::arguments::{BenchScale, Subject};
+use crate::error::Error;
+use crate::load;
+use crate::setting::Setting;
+use serde::Serialize;
+use sim_core::job::{Job, JobSpec, Reference, Scale};
+use sim_core::rollout::Physics;
+
+/// Everything that a job needs and a subject does not say: the evolution that `fidelity` takes its gaits from.
+const FRAME: &str = r#"
+name = "bench"
+robot = "quadropod"
+environment = "empty"
+[gaits]
+count = 2
+[planner]
+iterations = 40
+[fitness]
+kind = "coverage"
+cell = 1.0
+[optimiser]
+kind = "ga"
+population = 17
+generations = 8
+"#;
+
+/// A subject as a job with gaits of so many s; its start is the one settled with `setting`.
+pub fn job(subject: &Subject, setting: Setting, duration: f64, seed: u64) -> Result<Job, Error> {
+    let (robot, label) = load::robot(&subject.robot)?;
+    let refused = |source| Error::Invalid { file: label.clone(), source };
+    let mut spec: JobSpec = toml::from_str(FRAME).map_err(|e| refused(e.into()))?;
+    spec.robot = Reference::Inline(Box::new(robot));
+    spec.variant.clone_from(&subject.variant);
+    spec.seed = seed;
+    spec.gaits.duration = duration;
+    spec.physics.scale = scale(subject);
+    spec.physics.steps_per_second = Some(setting.steps_per_second);
+    spec.physics.substeps = Some(setting.substeps);
+    spec.physics.joints = setting.joints;
+    Job::new(spec).map_err(refused)
+}
+
+/// The scale's own setting.
+pub fn own(subject: &Subject) -> Setting {
+    Setting::of(&Physics::of_scale(scale(subject)))
+}
+
+fn scale(subject: &Subject) -> Scale {
+    match subject.scale {
+        BenchScale::Paper => Scale::Paper,
+        BenchScale::Real => Scale::Real,
+    }
+}
+
+/// Refuses settings with which a gait of so many s is no whole number of steps.
+pub fn check(settings: &[Setting], duration: f64) -> Result<(), Error> {
+    match settings.iter().find(|s| !s.divides(duration)) {
+        None => Ok(()),
+        Some(setting) => Err(Error::Usage {
+            message: format!(
+                "{setting} does not fit gaits of {duration} s: that is no whole number of {} steps a second; choose \
+                 another --duration",
+                setting.steps_per_second
+            ),
+        }),
+    }
+}
+
+/// What numbers of speed depend on.
+#[derive(Clone, Debug, Serialize)]
+pub struct Machine {
+    /// Cores that this process may use.
+    pub cores: u32,
+    /// Operating system and architecture.
+    pub system: String,
+    /// "release" or "dev"; physics is optimised in both, the rest in the first only.
+    pub build: &'static str,
+}
+
+impl Machine {
+    /// This one.
+    pub fn here() -> Self {
+        let build = if cfg!(debug_assertions) { "dev" } else { "release" };
+        let system = format!("{} {}", std::env::consts::OS, std::env::consts::ARCH);
+        Self { cores: crate::arguments::cores(), system, build }
+    }
+
+    /// In a line, for people.
+    pub fn line(&self) -> String {
+        format!("{}, {} cores, {} build", self.system, self.cores, self.build)
+    }
+}

@@ -1,0 +1,158 @@
+//! What the evaluations of a job cost on this machine: measured here for `evogait validate` and `evogait bench evaluate`.
+
+use crate::clock::{Spent, timed};
+use sim_core::environment::Block;
+use sim_core::evaluate::{Stopped, Trial, grow_on, search_streams};
+use sim_core::job::Job;
+use sim_core::robot::Robot;
+use sim_core::rollout::{Engine, Physics, Request, Rollout};
+use sim_core::score::{Counts, Genome};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How much may be measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Budget {
+    /// At most so many evaluations.
+    pub evaluations: u32,
+    /// Once this much time has passed no evaluation is begun, and one that runs is broken off and not counted …
+    pub time: Duration,
+    /// … unless it is the first, which may take this long.
+    pub first: Duration,
+}
+
+/// What evaluations took, one after the other on one thread.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cost {
+    /// Evaluations done.
+    pub evaluations: u32,
+    /// The first one took longer than allowed; nothing else is known then but that time.
+    pub given_up: bool,
+    /// All of it.
+    pub total: Spent,
+    /// Of this, in the physics engine.
+    pub physics: Spent,
+    /// Of this, for the tables of joint targets.
+    pub tables: Spent,
+    /// Of this, growing trees without the physics engine.
+    pub planning: Spent,
+    /// What was done.
+    pub counts: Counts,
+    /// The scores, in the order of the candidates: those of the search.
+    pub scores: Vec<f64>,
+}
+
+/// Evaluates a job's first candidates, generation 0 again and again with other trees if there are not enough.
+/// `each` is called after every one.
+pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
+    let started = Instant::now();
+    let mut cost = Cost::default();
+    let genomes = job.optimiser().ask();
+    let candidates =
+        (0..).flat_map(|generation| (0..).zip(&genomes).map(move |(index, genome)| (generation, index, genome)));
+    for (generation, index, genome) in candidates.take(budget.evaluations as usize) {
+        let limit = if cost.evaluations == 0 { budget.first } else { budget.time };
+        match evaluation(job, generation, index, genome, &|| started.elapsed() > limit) {
+            Ok(one) => cost.add(one),
+            Err(Stopped) if cost.evaluations == 0 => {
+                let wall = started.elapsed().as_secs_f64();
+                return Cost { given_up: true, total: Spent { wall, cpu: wall }, ..cost };
+            }
+            Err(Stopped) => return cost,
+        }
+        each();
+        if started.elapsed() > budget.time {
+            break;
+        }
+    }
+    cost
+}
+
+/// What `sim_core::evaluate::evaluate` does with one candidate, in its three parts.
+fn evaluation(
+    job: &Job,
+    generation: u32,
+    index: u32,
+    genome: &Genome,
+    stop: &dyn Fn() -> bool,
+) -> Result<Cost, Stopped> {
+    let engine = Watched { engine: job.engine(), spent: Mutex::default() };
+    let (done, total) = timed(|| {
+        let tolerance = job.spec().planner.reuse_tolerance;
+        let (mut trial, tables) = timed(|| Trial::new(job, genome, tolerance, search_streams(job, generation, index)));
+        let (grown, growth) = timed(|| grow_on(&engine, job, std::slice::from_mut(&mut trial), stop));
+        grown.map(|()| (trial.score(job), trial.counts(), tables, growth))
+    });
+    let (score, counts, tables, growth) = done?;
+    let physics = engine.spent.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let planning = Spent { wall: growth.wall - physics.wall, cpu: growth.cpu - physics.cpu };
+    Ok(Cost { evaluations: 1, given_up: false, total, physics, tables, planning, counts, scores: vec![score] })
+}
+
+impl Cost {
+    fn add(&mut self, other: Self) {
+        self.evaluations += other.evaluations;
+        self.total += other.total;
+        self.physics += other.physics;
+        self.tables += other.tables;
+        self.planning += other.planning;
+        self.counts += other.counts;
+        self.scores.extend(other.scores);
+    }
+}
+
+/// An engine with a clock.
+struct Watched {
+    engine: &'static dyn Engine,
+    spent: Mutex<Spent>,
+}
+
+impl Engine for Watched {
+    fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
+        let (rollouts, spent) = timed(|| self.engine.run(robot, physics, terrain, batch));
+        *self.spent.lock().unwrap_or_else(PoisonError::into_inner) += spent;
+        rollouts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_core::evaluate::evaluate;
+
+    const ALWAYS: Duration = Duration::MAX;
+
+    fn job() -> Job {
+        let text = "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 2\nduration = 1.0\n\
+                    [planner]\niterations = 10\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\nparticles = 3";
+        Job::from_toml(text).unwrap()
+    }
+
+    #[test]
+    fn what_is_measured_is_what_a_worker_does() {
+        let job = job();
+        let cost = measure(&job, Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
+        let candidates: Vec<(u32, Genome)> = (0..).zip(job.optimiser().ask()).collect();
+        let scored = evaluate(&job, 0, &candidates, &|| false).unwrap();
+        assert_eq!(cost.scores, scored.iter().map(|e| e.score.unwrap()).collect::<Vec<_>>());
+        let mut counts = Counts::default();
+        scored.iter().for_each(|e| counts += e.counts);
+        assert_eq!((cost.evaluations, cost.counts), (3, counts));
+    }
+
+    #[test]
+    fn parts_are_not_more_than_the_whole() {
+        let cost = measure(&job(), Budget { evaluations: 4, time: ALWAYS, first: ALWAYS }, &|| ());
+        let parts = cost.physics.cpu + cost.tables.cpu + cost.planning.cpu;
+        assert!(cost.physics.cpu > 0.0 && cost.planning.cpu > 0.0 && parts <= cost.total.cpu, "{cost:?}");
+    }
+
+    #[test]
+    fn a_first_evaluation_that_takes_too_long_is_given_up() {
+        let none = Duration::ZERO;
+        let cost = measure(&job(), Budget { evaluations: 3, time: none, first: none }, &|| ());
+        assert!(cost.given_up && cost.evaluations == 0, "{cost:?}");
+        let one = measure(&job(), Budget { evaluations: 3, time: none, first: ALWAYS }, &|| ());
+        assert_eq!((one.given_up, one.evaluations), (false, 1));
+    }
+}
