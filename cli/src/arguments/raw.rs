@@ -3,8 +3,7 @@
 mod bench;
 
 pub use bench::{
-    Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout, BenchScale, Load,
-    Subject,
+    Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollout, Load, Subject,
 };
 
 use clap::{Args, Parser, Subcommand};
@@ -170,7 +169,7 @@ Examples:
     Scenarios(Scenarios),
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct JobFile {
     /// Job file, or the name of a job that ships
     #[arg(value_name = "JOB.toml")]

@@ -65,7 +65,11 @@ impl Range {
         // A hair of tolerance: 0.3 is not a multiple of 0.1 in binary.
         let (first, last) = ((self.low / step - 1e-9).ceil(), (self.high / step + 1e-9).floor());
         let count = if last >= first { (last - first) as usize + 1 } else { 0 };
-        Ticks { step, values: (0..count.min(1000)).map(|i| (first + i as f64) * step + 0.0).collect() }
+        Ticks {
+            step,
+            values: (0..count.min(1000)).map(|i| (first + i as f64) * step + 0.0).collect(),
+            logarithmic: false,
+        }
     }
 }
 
@@ -74,11 +78,22 @@ impl Range {
 pub(super) struct Ticks {
     pub step: f64,
     pub values: Vec<f64>,
+    /// The values are powers of ten.
+    pub logarithmic: bool,
 }
 
 impl Ticks {
     /// A tick as text, with as many decimals as the step needs, and a real minus sign.
     pub fn label(&self, value: f64) -> String {
+        if self.logarithmic {
+            let number = 10f64.powf(value);
+            let decimals = (-value - 1e-9).ceil().max(0.0) as usize;
+            return with_minus(if (-4.0..6.0).contains(&value) {
+                format!("{number:.decimals$}")
+            } else {
+                format!("{number:.0e}")
+            });
+        }
         let largest = self.values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         if largest >= 1e6 || self.step < 1e-4 {
             return with_minus(format!("{value:.1e}"));

@@ -11,6 +11,7 @@ mod axes;
 mod boxes;
 mod canvas;
 mod convergence;
+mod frontier;
 mod legend;
 mod map;
 mod palette;
@@ -22,6 +23,7 @@ mod traces;
 
 pub use boxes::gait_boxes;
 pub use convergence::convergence;
+pub use frontier::{FrontierPoint, FrontierSet, frontier};
 pub use map::map;
 pub use picture::{DrawError, PNG_SCALE, Picture};
 pub use robot::{DrawnBox, robot};

@@ -55,6 +55,19 @@ fn cube(x: f64, y: f64, z: f64, module: &str) -> DrawnBox {
     DrawnBox { center: [x, y, z], rotation, half, module: module.into(), failed: module == "bad" }
 }
 
+fn frontier_set(speeds: &[f64]) -> FrontierSet {
+    let around = |v: f64| Some([v - 0.01, v, v + 0.02]);
+    let point = |&speed: &f64| FrontierPoint {
+        name: format!("{speed}"),
+        speed,
+        correlation: around(1.0 - speed / 1e4),
+        error: around(speed / 1e4),
+    };
+    let points = speeds.iter().map(point).collect();
+    let (name, reference_speed) = ("gaits".to_owned(), 40.0);
+    FrontierSet { name, points, reference_speed, ceiling_correlation: 0.999, ceiling_error: 1e-4 }
+}
+
 /// Every picture from sound data, none, one point, equal points, and numbers that are none.
 fn all() -> Vec<Picture> {
     let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 1e-300, -0.0];
@@ -90,6 +103,13 @@ fn all() -> Vec<Picture> {
         robot(&[cube(0.0, 0.0, 0.5, "a"), cube(1.0, 0.0, 0.5, "bad"), cube(0.0, 0.0, 0.5, "same place")], "sound"),
         robot(&odd.map(|v| cube(v, 0.0, 0.0, "odd")), "odd"),
     ];
+    pictures.extend([
+        frontier(&[], "none", ""),
+        frontier(&[frontier_set(&[])], "nothing compared", ""),
+        frontier(&[frontier_set(&[300.0]), frontier_set(&[300.0])], "one", "twice"),
+        frontier(&[frontier_set(&[100.0, 300.0, 900.0])], "sound", ""),
+        frontier(&[frontier_set(&odd)], "odd", ""),
+    ]);
     for tree in &trees {
         pictures.push(map(&environment(), tree, "map", "coverage 3 %"));
         pictures.push(gait_boxes(tree, 3, "boxes"));
@@ -230,4 +250,15 @@ fn a_text_is_cut_to_its_room() {
     assert!(cut.ends_with('…') && width(&cut, Type::TITLE) <= 300.0);
     assert!(width(&cut, Type::TITLE) > 270.0);
     assert_eq!(fitted("short", Type::TITLE, 300.0), "short");
+}
+
+#[test]
+fn ticks_of_a_logarithmic_axis_are_round_numbers() {
+    let labels = |low: f64, high: f64| {
+        let ticks = Range { low: low.log10(), high: high.log10() }.powers_of_ten(6);
+        ticks.values.iter().map(|v| ticks.label(*v)).collect::<Vec<_>>()
+    };
+    assert_eq!(labels(40.0, 700.0), ["50", "100", "200", "500"]);
+    assert_eq!(labels(0.0009, 2.0), ["0.001", "0.01", "0.1", "1"]);
+    assert_eq!(labels(0.04, 0.6), ["0.05", "0.1", "0.2", "0.5"]);
 }

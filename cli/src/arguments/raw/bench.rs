@@ -108,6 +108,15 @@ pub enum BenchScale {
     Real,
 }
 
+impl From<BenchScale> for sim_core::job::Scale {
+    fn from(scale: BenchScale) -> Self {
+        match scale {
+            BenchScale::Paper => Self::Paper,
+            BenchScale::Real => Self::Real,
+        }
+    }
+}
+
 /// Seeds are those of jobs.
 fn seed() -> clap::builder::RangedU64ValueParser {
     clap::value_parser!(u64).range(0..=i64::MAX as u64)

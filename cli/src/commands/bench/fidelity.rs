@@ -1,9 +1,221 @@
-//! `evogait bench fidelity`.
+//! `evogait bench fidelity`: engine settings against a converged reference, on random and evolved gaits.
 
+mod report;
+mod view;
+
+use super::gaits;
+use super::subject::{self, Machine};
 use crate::arguments::BenchFidelity;
+use crate::clock::{Spent, timed};
+use crate::console;
 use crate::error::Error;
+use crate::output::Stored;
+use crate::output::atomic::Batch;
+use crate::progress::Pieces;
+use crate::setting::Setting;
+use sim_core::control::Targets;
+use sim_core::job::{Job, Scale};
+use sim_core::measure::fidelity::{arrival, compare, disturbed};
+use sim_core::plan::Place;
+use sim_core::rollout::{Physics, Request};
+use sim_core::score::Genome;
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use view::{Against, Ceiling, Halved, Row, Set, View};
+
+/// Evolutions last gaits of so many s: enough to find what moves, at less than half the cost.
+const EVOLVED_DURATION: f64 = 4.0;
+/// More evolutions than this are not begun.
+const MOST_EVOLUTIONS: u64 = 1000;
+
+/// One thing to simulate every gait with. The first is the reference, then its disturbed start, then those with half its
+/// step, then the settings.
+struct Variant {
+    physics: Physics,
+    disturbed: bool,
+}
+
+/// Where a gait leads with a variant, and what that took.
+#[derive(Clone, Copy)]
+struct Run {
+    end: Option<Place>,
+    /// s.
+    simulated: f64,
+    spent: Spent,
+}
 
 /// Measures and tells.
-pub fn run(_args: BenchFidelity, _quiet: bool) -> Result<(), Error> {
-    Err(Error::Usage { message: "bench fidelity is not there yet".to_owned() })
+pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
+    if let Some(out) = &args.out {
+        fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
+    }
+    let (job, stored) = subject_of(&args)?;
+    let duration = job.spec().gaits.duration;
+    let settings = if args.settings.is_empty() { vec![own(&args, stored.as_deref())?] } else { args.settings.clone() };
+    let reference = Setting::of(job.physics());
+    let halved = halves(reference)?;
+    subject::check(&settings, duration)?;
+
+    let drawn = gaits::random(&job, args.random, args.seed);
+    let (evolved, from) = evolved(&args, &job, stored, quiet)?;
+    if drawn.is_empty() && evolved.is_empty() {
+        return Err(Error::Usage { message: "--random 0 --evolved 0 leaves no gaits to compare".to_owned() });
+    }
+    let mut variants = vec![Variant { physics: *job.physics(), disturbed: false }];
+    variants.push(Variant { physics: *job.physics(), disturbed: true });
+    let others = halved.iter().chain(&settings);
+    variants.extend(others.map(|s| Variant { physics: s.apply(job.physics()), disturbed: false }));
+
+    let progress = Pieces::new("gaits", (drawn.len() + evolved.len()) as u64, quiet);
+    let mut sets = Vec::new();
+    for (name, gaits) in [("random", drawn), ("evolved", evolved)] {
+        if !gaits.is_empty() {
+            let runs = simulate(&job, &variants, &gaits::compiled(&job, &gaits), args.threads, &progress);
+            sets.push(set(name, &settings, &halved, &runs));
+        }
+    }
+    drop(progress);
+    let view = View {
+        robot: job.robot_spec().name.clone(),
+        gravity: job.physics().gravity,
+        duration,
+        seed: args.seed,
+        threads: args.threads,
+        evolved: from,
+        machine: Machine::here(),
+        reference,
+        sets,
+    };
+    if let Some(out) = &args.out {
+        write(out, &view)?;
+    }
+    if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
+}
+
+/// The job that says robot, physics (the reference's) and gaits; with the stored winner's gaits if a folder was given.
+fn subject_of(args: &BenchFidelity) -> Result<(Job, Option<Vec<Genome>>), Error> {
+    let Some(folder) = &args.gaits else {
+        let reference = args.reference.unwrap_or_else(|| finest(args.subject.scale.into()));
+        subject::check(&[reference], args.duration)?;
+        return Ok((subject::job(&args.subject, reference, args.duration, args.seed)?, None));
+    };
+    let stored = Stored::read(folder)?;
+    let Some(winner) = &stored.result.winner else { return Err(Error::NoWinner { folder: folder.clone() }) };
+    let mut spec = stored.job.spec().clone();
+    let reference = args.reference.unwrap_or_else(|| finest(spec.physics.scale));
+    subject::check(&[reference], spec.gaits.duration)?;
+    spec.physics.steps_per_second = Some(reference.steps_per_second);
+    spec.physics.substeps = Some(reference.substeps);
+    spec.physics.joints = reference.joints;
+    let job = Job::new(spec).map_err(|source| Error::Invalid { file: folder.display().to_string(), source })?;
+    let genome: Vec<f64> = winner.genome.iter().map(|p| p.value).collect();
+    let gaits = genome.chunks(gaits::length(&job)).map(<[f64]>::to_vec).collect();
+    Ok((job, Some(gaits)))
+}
+
+/// The setting that is compared unless others are given.
+fn own(args: &BenchFidelity, stored: Option<&[Genome]>) -> Result<Setting, Error> {
+    match (&args.gaits, stored) {
+        (Some(folder), Some(_)) => Ok(Setting::of(Stored::read(folder)?.job.physics())),
+        _ => Ok(subject::own(&args.subject)),
+    }
+}
+
+/// What is fine enough to be a reference, as a rule; the halved steps tell whether it is.
+fn finest(scale: Scale) -> Setting {
+    let (steps_per_second, substeps) = match scale {
+        Scale::Paper => (480, 8),
+        Scale::Real => (960, 16),
+    };
+    Setting { steps_per_second, substeps, joints: Default::default() }
+}
+
+/// The reference with twice its substeps, and with twice its steps.
+fn halves(reference: Setting) -> Result<[Setting; 2], Error> {
+    let (steps, substeps) = (2 * reference.steps_per_second, 2 * reference.substeps);
+    if steps > 10_000 || substeps > 1000 {
+        let message = format!(
+            "--reference {reference} can't be halved: at most 5000 steps a second and 500 substeps leave room for that"
+        );
+        return Err(Error::Usage { message });
+    }
+    Ok([Setting { substeps, ..reference }, Setting { steps_per_second: steps, ..reference }])
+}
+
+/// The evolved gaits and where they are from.
+fn evolved(
+    args: &BenchFidelity,
+    job: &Job,
+    stored: Option<Vec<Genome>>,
+    quiet: bool,
+) -> Result<(Vec<Genome>, String), Error> {
+    if let Some(mut gaits) = stored {
+        gaits.truncate(args.evolved as usize);
+        return Ok((gaits, "the winner of a stored run".to_owned()));
+    }
+    let own = subject::own(&args.subject);
+    let first = subject::job(&args.subject, own, EVOLVED_DURATION, args.seed)?;
+    debug_assert_eq!(gaits::length(&first), gaits::length(job));
+    // The first was checked; other seeds change nothing that could be refused.
+    let again = |run: u64| subject::job(&args.subject, own, EVOLVED_DURATION, (args.seed + run) & i64::MAX as u64).ok();
+    let jobs = std::iter::once(first).chain((1..MOST_EVOLUTIONS).map_while(again));
+    Ok((gaits::evolved(jobs, args.evolved, quiet), "the last generations of short evolutions".to_owned()))
+}
+
+/// Every gait with every variant, gait by gait, so that all variants see the same machine. By gait, then by variant.
+fn simulate(job: &Job, variants: &[Variant], gaits: &[Targets], threads: u32, progress: &Pieces) -> Vec<Vec<Run>> {
+    let next = AtomicUsize::new(0);
+    let found = Mutex::new(vec![Vec::new(); gaits.len()]);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let gait = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(targets) = gaits.get(gait) else { return };
+                    let off = disturbed(job.start(), gait as u32);
+                    let runs = variants.iter().map(|v| {
+                        let start = if v.disturbed { &off } else { job.start() };
+                        one(job, &v.physics, Request { start, targets })
+                    });
+                    let runs = runs.collect();
+                    found.lock().unwrap_or_else(PoisonError::into_inner)[gait] = runs;
+                    progress.one_done();
+                }
+            });
+        }
+    });
+    found.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn one(job: &Job, physics: &Physics, request: Request<'_>) -> Run {
+    let (rollout, spent) = timed(|| job.engine().run(job.robot(), physics, &[], &[request]).swap_remove(0));
+    Run { end: arrival(&rollout), simulated: rollout.simulated_ms as f64 / 1000.0, spent }
+}
+
+fn set(name: &'static str, settings: &[Setting], halved: &[Setting], runs: &[Vec<Run>]) -> Set {
+    let ends = |variant: usize| runs.iter().map(|gait| gait[variant].end).collect::<Vec<_>>();
+    let speed = |variant: usize| {
+        super::speed(&runs.iter().map(|gait| (gait[variant].simulated, gait[variant].spent)).collect::<Vec<_>>())
+    };
+    let reference = ends(0);
+    let against = |variant: usize| Against { speed: speed(variant), fidelity: compare(&reference, &ends(variant)) };
+    let ceiling = Ceiling { against: against(1) };
+    let halved: Vec<Halved> =
+        halved.iter().zip(2..).map(|(setting, variant)| Halved::new(*setting, against(variant), &ceiling)).collect();
+    let first = 2 + halved.len();
+    let rows =
+        settings.iter().zip(first..).map(|(setting, variant)| Row { setting: *setting, against: against(variant) });
+    Set { gaits: name, reference_speed: speed(0), settings: rows.collect(), halved, ceiling }
+}
+
+fn write(out: &Path, view: &View) -> Result<(), Error> {
+    let picture = report::frontier(view);
+    let mut batch = Batch::new(out);
+    batch.add("fidelity.md", report::markdown(view).as_bytes())?;
+    batch.add("frontier.svg", picture.svg().as_bytes())?;
+    batch.add("frontier.png", &crate::output::png("frontier", &picture)?)?;
+    batch.add("fidelity.json", console::json(view)?.as_bytes())?;
+    batch.commit()
 }

@@ -1,11 +1,11 @@
 //! What physics is measured on: a robot on flat ground, as a job, so that it is checked and settled like any other.
 
-use crate::arguments::{BenchScale, Subject};
+use crate::arguments::Subject;
 use crate::error::Error;
 use crate::load;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::job::{Job, JobSpec, Reference, Scale};
+use sim_core::job::{Job, JobSpec, Reference};
 use sim_core::rollout::Physics;
 
 /// Everything that a job needs and a subject does not say: the evolution that `fidelity` takes its gaits from.
@@ -35,7 +35,7 @@ pub fn job(subject: &Subject, setting: Setting, duration: f64, seed: u64) -> Res
     spec.variant.clone_from(&subject.variant);
     spec.seed = seed;
     spec.gaits.duration = duration;
-    spec.physics.scale = scale(subject);
+    spec.physics.scale = subject.scale.into();
     spec.physics.steps_per_second = Some(setting.steps_per_second);
     spec.physics.substeps = Some(setting.substeps);
     spec.physics.joints = setting.joints;
@@ -44,14 +44,7 @@ pub fn job(subject: &Subject, setting: Setting, duration: f64, seed: u64) -> Res
 
 /// The scale's own setting.
 pub fn own(subject: &Subject) -> Setting {
-    Setting::of(&Physics::of_scale(scale(subject)))
-}
-
-fn scale(subject: &Subject) -> Scale {
-    match subject.scale {
-        BenchScale::Paper => Scale::Paper,
-        BenchScale::Real => Scale::Real,
-    }
+    Setting::of(&Physics::of_scale(subject.scale.into()))
 }
 
 /// Refuses settings with which a gait of so many s is no whole number of steps.
