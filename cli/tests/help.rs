@@ -20,6 +20,7 @@ fn help_teaches() {
         "replay",
         "verify",
         "validate",
+        "bench",
         "robot",
         "scenarios",
     ];
@@ -27,6 +28,11 @@ fn help_teaches() {
         let help = run(folder.path(), &[command, "--help"]).success();
         assert!(help.contains("Example"), "{command} has an example");
         insta::assert_snapshot!(command, help);
+    }
+    for what in ["rollout", "evaluate", "fidelity", "plan", "dispatch"] {
+        let help = run(folder.path(), &["bench", what, "--help"]).success();
+        assert!(help.contains("Example"), "bench {what} has an example");
+        insta::assert_snapshot!(format!("bench_{what}"), help);
     }
 }
 

@@ -2,14 +2,17 @@
 
 use super::Picture;
 use super::axes::{Frame, Range, Ticks};
-use super::canvas::{Anchor, Canvas, Type, fill, stroke};
+use super::canvas::{Canvas, Type, fill, stroke};
 use super::legend::{Key, heading, legend};
 use super::palette::{FAINT, INK, series};
+use super::picture::width;
 
 const WIDTH: f64 = 1080.0;
 const HEIGHT: f64 = 520.0;
 /// Between the two frames, room for the second one's ticks and title.
 const GAP: f64 = 96.0;
+/// Of a point, px.
+const RADIUS: f64 = 5.0;
 
 /// An engine setting. Triples are the lower end of an interval, the value, the upper end.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,15 +68,15 @@ pub fn frontier(sets: &[FrontierSet], title: &str, subtitle: &str) -> Picture {
     let errors = points().flat_map(|p| ends(p.error)).chain(sets.iter().map(|s| s.ceiling_error));
     let error = Range::of(errors.map(log10)).unwrap_or(Range { low: -2.0, high: 0.0 }).padded(0.06);
 
-    let (left, width) = (76.0, (WIDTH - 76.0 - GAP - 32.0) / 2.0);
+    let (left, wide) = (76.0, (WIDTH - 76.0 - GAP - 32.0) / 2.0);
     let height = HEIGHT - top - 60.0;
     let frames = [
-        Frame { left, top, width, height, x: speed, y: correlation },
-        Frame { left: left + width + GAP, top, width, height, x: speed, y: error },
+        Frame { left, top, width: wide, height, x: speed, y: correlation },
+        Frame { left: left + wide + GAP, top, width: wide, height, x: speed, y: error },
     ];
-    let across = speed.powers_of_ten(6);
+    let across = speed.powers_of_ten(8);
     let titles = ["Spearman's rank correlation of distance", "median position error, mu"];
-    for (frame, (y, name)) in frames.iter().zip([correlation.ticks(7), error.powers_of_ten(6)].iter().zip(titles)) {
+    for (frame, (y, name)) in frames.iter().zip([correlation.ticks(7), error.powers_of_ten(8)].iter().zip(titles)) {
         frame.draw(&mut canvas, Some((&across, "simulated s a CPU s")), Some((y, name)));
     }
     for (i, set) in sets.iter().enumerate() {
@@ -83,15 +86,23 @@ pub fn frontier(sets: &[FrontierSet], title: &str, subtitle: &str) -> Picture {
             upright(&mut canvas, frame, at, &reference_paint());
         }
     }
-    for (i, set) in sets.iter().enumerate() {
-        for point in &set.points {
-            let error = point.error.map(|triple| triple.map(log10));
-            for (frame, triple) in frames.iter().zip([point.correlation, error]) {
+    for (frame, of_error) in frames.iter().zip([false, true]) {
+        let place = |p: &FrontierPoint| {
+            let triple = if of_error { p.error.map(|t| t.map(log10)) } else { p.correlation };
+            (log10(p.speed), triple)
+        };
+        let mut named = Vec::new();
+        for (i, set) in sets.iter().enumerate() {
+            for point in &set.points {
+                let (x, triple) = place(point);
+                mark(&mut canvas, frame, x, triple, series(i));
                 // Sets of the same setting have nearly the same speed: only the first is named.
                 let name = if i == 0 { point.name.as_str() } else { "" };
-                mark(&mut canvas, frame, log10(point.speed), triple, series(i), name);
+                let at = frame.line(triple.map(|[_, value, _]| [x, value])).concat();
+                named.extend(at.first().map(|at| (*at, name)));
             }
         }
+        names(&mut canvas, frame, &named);
     }
     if points().next().is_none() {
         frames.iter().for_each(|frame| frame.say(&mut canvas, "no data: no setting was compared"));
@@ -120,30 +131,46 @@ fn upright(canvas: &mut Canvas, frame: &Frame, x: f64, paint: &str) {
     canvas.polylines(&frame.line([[x, frame.y.low], [x, frame.y.high]]), paint);
 }
 
-fn mark(canvas: &mut Canvas, frame: &Frame, x: f64, triple: Option<[f64; 3]>, colour: &str, name: &str) {
+fn mark(canvas: &mut Canvas, frame: &Frame, x: f64, triple: Option<[f64; 3]>, colour: &str) {
     let Some([low, value, high]) = triple else { return };
     canvas.polylines(&frame.line([[x, low.max(frame.y.low)], [x, high]]), &stroke(colour, 1.75));
     // A point that has no place on the sheet gives no line either.
     for at in frame.line([[x, value]]).concat() {
-        canvas.circle(at, 5.0, &format!("{} stroke=\"#ffffff\" stroke-width=\"1\"", fill(colour)));
-        let style = Type::TICK.coloured(FAINT).halo();
-        // Names stand on the side where there is room.
-        let right = at[0] < frame.left + 0.75 * frame.width;
-        let (shift, anchor) = if right { (9.0, Anchor::Start) } else { (-9.0, Anchor::End) };
-        canvas.text([at[0] + shift, at[1] + 4.0], name, style.anchored(anchor));
+        canvas.circle(at, RADIUS, &format!("{} stroke=\"#ffffff\" stroke-width=\"1\"", fill(colour)));
+    }
+}
+
+/// Writes names beside their points, each on the first side where it covers no name and no point; if there is none, where it
+/// covers no name.
+fn names(canvas: &mut Canvas, frame: &Frame, points: &[([f64; 2], &str)]) {
+    let style = Type::TICK.coloured(FAINT).halo();
+    let around = |[x, y]: [f64; 2], half: [f64; 2]| [x - half[0], y - half[1], x + half[0], y + half[1]];
+    let mut taken: Vec<[f64; 4]> = points.iter().map(|(at, _)| around(*at, [RADIUS; 2])).collect();
+    for (at, name) in points.iter().filter(|(_, name)| !name.is_empty()) {
+        let half = [width(name, style) / 2.0, 7.0];
+        let (beside, above) = (half[0] + RADIUS + 4.0, half[1] + RADIUS + 2.0);
+        let sides = [[beside, 0.0], [-beside, 0.0], [0.0, -above], [0.0, above], [beside, -above], [-beside, above]];
+        let boxes = sides.map(|[dx, dy]| around([at[0] + dx, at[1] + dy], half));
+        let inside = |b: &[f64; 4]| b[0] > frame.left && b[2] < frame.left + frame.width && b[1] > frame.top;
+        let apart = |a: &[f64; 4], b: &[f64; 4]| a[2] < b[0] || b[2] < a[0] || a[3] < b[1] || b[3] < a[1];
+        let free_of = |taken: &[[f64; 4]]| boxes.iter().find(|b| inside(b) && taken.iter().all(|t| apart(t, b)));
+        let free = free_of(&taken).or_else(|| free_of(&taken[points.len()..]));
+        let [left, top, ..] = *free.unwrap_or(&boxes[0]);
+        canvas.text([left, top + 11.0], name, style);
+        taken.push([left, top, left + 2.0 * half[0], top + 2.0 * half[1]]);
     }
 }
 
 impl Range {
     /// Round numbers of a logarithmic axis, whose range is one of powers of ten: 1, 2 and 5 times each, or each alone.
     pub(super) fn powers_of_ten(self, most: usize) -> Ticks {
-        let steps: &[f64] = match (self.span() * 3.0) as usize {
-            n if n <= most => &[1.0, 2.0, 5.0],
-            _ => &[1.0],
+        let powers = || self.low.floor().max(-300.0) as i32..=self.high.ceil().min(300.0) as i32;
+        let of = |steps: &[f64]| -> Vec<f64> {
+            let values = powers().flat_map(|p| steps.iter().map(move |s| f64::from(p) + s.log10()));
+            values.filter(|v| (self.low..=self.high).contains(v)).collect()
         };
-        let powers = self.low.floor().max(-300.0) as i32..=self.high.ceil().min(300.0) as i32;
-        let values = powers.flat_map(|p| steps.iter().map(move |s| f64::from(p) + s.log10()));
-        let mut values: Vec<f64> = values.filter(|v| (self.low..=self.high).contains(v)).collect();
+        let fine = of(&[1.0, 2.0, 5.0]);
+        let mut values = if fine.len() <= most { fine } else { of(&[1.0]) };
         while values.len() > most.max(2) {
             values = values.into_iter().step_by(2).collect();
         }

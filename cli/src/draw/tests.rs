@@ -255,10 +255,11 @@ fn a_text_is_cut_to_its_room() {
 #[test]
 fn ticks_of_a_logarithmic_axis_are_round_numbers() {
     let labels = |low: f64, high: f64| {
-        let ticks = Range { low: low.log10(), high: high.log10() }.powers_of_ten(6);
+        let ticks = Range { low: low.log10(), high: high.log10() }.powers_of_ten(8);
         ticks.values.iter().map(|v| ticks.label(*v)).collect::<Vec<_>>()
     };
     assert_eq!(labels(40.0, 700.0), ["50", "100", "200", "500"]);
     assert_eq!(labels(0.0009, 2.0), ["0.001", "0.01", "0.1", "1"]);
+    assert_eq!(labels(0.003, 0.3), ["0.005", "0.01", "0.02", "0.05", "0.1", "0.2"]);
     assert_eq!(labels(0.04, 0.6), ["0.05", "0.1", "0.2", "0.5"]);
 }

@@ -51,7 +51,13 @@ struct View {
     #[serde(skip_serializing_if = "Option::is_none")]
     overhead_us: Option<f64>,
     /// Peak memory that one more slot takes, MiB, of the job and of the plain one; from the fewest to the most slots.
-    memory_per_slot: Vec<(Load, f64)>,
+    memory_per_slot: Vec<Memory>,
+}
+
+#[derive(Serialize)]
+struct Memory {
+    load: Load,
+    mib: f64,
 }
 
 /// One process.
@@ -96,10 +102,12 @@ pub fn run(args: BenchDispatch, quiet: bool) -> Result<(), Error> {
     let direct_us = (args.trivial > 0).then(|| direct(args.trivial)).transpose()?;
     let dispatched = lines.iter().find(|l| l.load == Load::Trivial && l.slots == 1);
     let overhead_us = dispatched.zip(direct_us).map(|(line, direct)| 1e6 / line.rate() - direct);
+    let a_slot = |load| Some(Memory { load, mib: per_slot(&lines, load)? });
+    let memory = [Load::Job, Load::Plain].into_iter().filter_map(a_slot).collect();
     let view = View {
         job: job.spec().name.clone(),
         machine: Machine::here(),
-        memory_per_slot: [Load::Job, Load::Plain].into_iter().filter_map(|l| Some((l, per_slot(&lines, l)?))).collect(),
+        memory_per_slot: memory,
         lines,
         direct_us,
         overhead_us,
@@ -290,7 +298,7 @@ fn text(view: &View) -> String {
         text +=
             &format!("\n\nA trivial evaluation takes {direct:.0} µs; dispatching adds {overhead:.0} µs (one slot).");
     }
-    for (load, mib) in &view.memory_per_slot {
+    for Memory { load, mib } in &view.memory_per_slot {
         text += &format!("\nOne more slot takes {mib:.1} MiB ({}).", word(*load));
     }
     text

@@ -69,3 +69,40 @@ pub fn compiled(job: &Job, gaits: &[Genome]) -> Vec<Targets> {
     let (joints, duration) = (job.robot().hinges.len(), job.spec().gaits.duration);
     gaits.iter().map(|gait| job.controller().compile(gait, joints, duration)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(seed: u64) -> Job {
+        let text = "name = \"a\"\nrobot = \"l-shape\"\nenvironment = \"empty\"\n[gaits]\ncount = 2\nduration = 0.5\n\
+                    [planner]\niterations = 4\n[fitness]\nkind = \"coverage\"\ncell = 0.5\n\
+                    [optimiser]\nkind = \"ga\"\npopulation = 4\ngenerations = 3";
+        Job::from_toml(&format!("seed = {seed}\n{text}")).unwrap()
+    }
+
+    #[test]
+    fn evolved_gaits_are_of_the_last_generation_each_once_the_same_every_time() {
+        let found = evolved((1..).map(job), 11, true);
+        assert_eq!(found.len(), 11, "more than one evolution has");
+        assert_eq!(found, evolved((1..).map(job), 11, true));
+        let first: Vec<Genome> = job(1).optimiser().ask();
+        for (i, gait) in found.iter().enumerate() {
+            assert_eq!(gait.len(), length(&job(1)));
+            assert!(!found[..i].contains(gait), "gait {i} is there twice");
+        }
+        let old = |gait: &Genome| first.iter().any(|genome| genome.chunks(gait.len()).any(|g| g == gait));
+        assert!(found.iter().filter(|gait| old(gait)).count() < found.len() / 2, "most are not those of the beginning");
+    }
+
+    #[test]
+    fn random_gaits_lie_in_the_controller_s_bounds_and_more_of_them_begin_alike() {
+        let job = job(1);
+        let (few, many) = (random(&job, 3, 7), random(&job, 5, 7));
+        assert_eq!(few, many[..3]);
+        assert_ne!(few, random(&job, 3, 8));
+        for gait in &many {
+            assert!(gait.iter().zip(&job.bounds().0).all(|(v, (low, high))| low <= v && v < high));
+        }
+    }
+}

@@ -40,8 +40,9 @@ struct Row {
 pub fn run(args: BenchRollout, quiet: bool) -> Result<(), Error> {
     let own = subject::own(&args.subject);
     let settings = if args.settings.is_empty() { vec![own] } else { args.settings };
+    subject::check(&[own], args.duration)?;
     subject::check(&settings, args.duration)?;
-    let job = subject::job(&args.subject, settings[0], args.duration, args.seed)?;
+    let job = subject::job(&args.subject, own, args.duration, args.seed)?;
     let physics: Vec<Physics> = settings.iter().map(|s| s.apply(job.physics())).collect();
     let targets = gaits::compiled(&job, &gaits::random(&job, args.gaits, args.seed));
     let progress = Pieces::new("gaits", targets.len() as u64, quiet);

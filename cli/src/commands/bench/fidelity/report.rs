@@ -134,11 +134,10 @@ fn verdict(view: &View, set: &Set) -> String {
         format!("{} is {how}", h.setting)
     });
     let told: Vec<String> = told.collect();
-    let all = set.halved.iter().all(|h| h.within_ceiling);
-    let so = if all {
-        "the reference is converged"
+    let so = if set.halved.iter().all(|h| h.within_ceiling) {
+        "as far as these gaits can tell, the reference is converged"
     } else {
-        "differences below those of the halved step say nothing about a setting"
+        "a setting's errors tell something where they are well above those of the halved step"
     };
     format!("Halving the step of {}: {}; {so}.", view.reference, told.join(", "))
 }

@@ -1,0 +1,68 @@
+//! The kernels that evaluations are made of, one at a time: `cargo bench -p sim-core`. `evogait bench` measures whole
+//! evaluations, on any robot and job.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use sim_core::catalogue;
+use sim_core::evaluate::{Trial, grow, search_streams};
+use sim_core::job::{Job, JointKind};
+use sim_core::plan::Growth;
+use sim_core::random::{Purpose, Stream};
+use sim_core::rollout::{Physics, Request};
+use std::hint::black_box;
+
+fn job() -> Job {
+    let entry = catalogue::find(catalogue::jobs(), "quadropod-empty").expect("it ships");
+    Job::from_toml(entry.toml).expect("what ships is valid")
+}
+
+/// A gait, uniform in the controller's bounds.
+fn gait(job: &Job) -> Vec<f64> {
+    let mut stream = Stream::new(1, Purpose::Sample, 0, 0, 0);
+    let length = job.bounds().0.len() / job.spec().gaits.count as usize;
+    job.bounds().0[..length].iter().map(|&(low, high)| stream.uniform(low, high)).collect()
+}
+
+fn rollout(c: &mut Criterion) {
+    let job = job();
+    let targets = job.controller().compile(&gait(&job), job.robot().hinges.len(), 1.0);
+    let request = Request { start: job.start(), targets: &targets };
+    for (name, joints) in [("impulse", JointKind::Impulse), ("multibody", JointKind::Multibody)] {
+        let physics = Physics { joints, ..*job.physics() };
+        c.bench_function(&format!("rollout of 1 s, {name} joints"), |b| {
+            b.iter(|| job.engine().run(job.robot(), &physics, &[], black_box(&[request])))
+        });
+    }
+}
+
+fn targets(c: &mut Criterion) {
+    let job = job();
+    let (gait, joints) = (gait(&job), job.robot().hinges.len());
+    c.bench_function("target table of 10 s", |b| b.iter(|| job.controller().compile(black_box(&gait), joints, 10.0)));
+}
+
+fn kinematics(c: &mut Criterion) {
+    let job = job();
+    let (robot, state) = (job.robot(), job.start());
+    c.bench_function("poses of all bodies", |b| b.iter(|| robot.body_poses(black_box(state))));
+    c.bench_function("bounds of the robot", |b| b.iter(|| robot.bounds(black_box(state))));
+}
+
+/// The main job's tree of 150 iterations, all of its transitions known.
+fn tree(c: &mut Criterion) {
+    let job = job();
+    let genome = &job.optimiser().ask()[0];
+    let stream = search_streams(&job, 0, 0).next().expect("a candidate has a tree");
+    let mut trials = [Trial::new(&job, genome, job.spec().planner.reuse_tolerance, [stream.clone()])];
+    grow(&job, &mut trials, &|| false).expect("nobody stops it");
+    let [Trial { mut table, .. }] = trials;
+    c.bench_function("tree of known transitions", |b| {
+        b.iter(|| {
+            let mut growth = Growth::new(job.planner(), job.root(), stream.clone());
+            assert!(growth.advance(&job.setting(), &mut table).is_empty());
+            growth
+        })
+    });
+}
+
+criterion_group!(kernels, rollout, targets, kinematics, tree);
+criterion_main!(kernels);
