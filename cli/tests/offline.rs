@@ -83,6 +83,20 @@ fn robots_are_drawn() {
 }
 
 #[test]
+fn robots_are_exported() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let printed = run(path, &["robot", "lizard", "--format", "mjcf", "--scale", "real"]).success();
+    assert!(printed.starts_with("<?xml") && printed.contains("gravity=\"0 0 -93.4\""), "{printed}");
+    let told = run(path, &["robot", "lizard", "--scale", "real", "--out", "lizard.xml"]).success();
+    assert!(told.contains("export    lizard.xml"), "{told}");
+    assert_eq!(fs::read_to_string(path.join("lizard.xml")).unwrap(), printed);
+    run(path, &["robot", "lizard", "--variant", "E1", "--out", "lizard.urdf", "--quiet"]).success();
+    let urdf = fs::read_to_string(path.join("lizard.urdf")).unwrap();
+    assert_eq!(urdf.matches("<joint ").count(), 7, "a stuck joint is none");
+}
+
+#[test]
 fn a_reader_who_leaves_early_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = evogait(folder.path(), &["scenarios", "show", "quadropod-empty"]);

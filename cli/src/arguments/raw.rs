@@ -1,6 +1,8 @@
 //! The command line as it is typed: names, help and examples. What defaults mean is settled in the parent module.
 
 use clap::{Args, Parser, Subcommand};
+use sim_core::job::Scale;
+use sim_core::robot::exchange::Format;
 use std::path::PathBuf;
 
 /// Where a coordinator listens unless told otherwise.
@@ -138,12 +140,17 @@ Prints what is wrong, or the resolved job's facts. The estimate times a few
 evaluations on this machine.")]
     Validate(Validate),
 
-    /// Show a robot: facts and picture
+    /// Show a robot: facts and picture; export it to MJCF or URDF
     #[command(after_help = "\
 Examples:
   evogait robot lizard
   evogait robot lizard --variant E1 --out lizard-e1.svg
-  evogait robot my-robot.toml --json")]
+  evogait robot my-robot.toml --json
+  evogait robot lizard --format mjcf --scale real > lizard.xml
+
+MJCF (MuJoCo) holds bodies, hinges, motors, friction, gravity and the ground;
+URDF has no place for gains, friction and gravity, so a comment tells them. One
+unit of length of either is 1 mu.")]
     Robot(Robot),
 
     /// List the robots, environments and jobs that ship, or print one
@@ -338,13 +345,55 @@ pub struct Robot {
     #[arg(long, value_name = "VARIANT")]
     pub variant: Option<String>,
 
-    /// Draw it to this file, .svg or .png
+    /// Draw it to this file, .svg or .png; or export it, .xml or .mjcf (MJCF), .urdf
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+
+    /// Export it in this format, to standard output without --out [default: as --out ends]
+    #[arg(long, value_name = "FORMAT")]
+    pub format: Option<RobotFormat>,
+
+    /// Gravity and motors of the export: modules of 1 m, or of 0.105 m [default: paper]
+    #[arg(long, value_name = "SCALE")]
+    pub scale: Option<RobotScale>,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
     pub json: bool,
+}
+
+/// A format of robots, as `--format` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum RobotFormat {
+    Mjcf,
+    Urdf,
+}
+
+impl From<RobotFormat> for Format {
+    fn from(raw: RobotFormat) -> Self {
+        match raw {
+            RobotFormat::Mjcf => Self::Mjcf,
+            RobotFormat::Urdf => Self::Urdf,
+        }
+    }
+}
+
+/// A scale, as `--scale` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum RobotScale {
+    Paper,
+    Real,
+}
+
+impl From<RobotScale> for Scale {
+    fn from(raw: RobotScale) -> Self {
+        match raw {
+            RobotScale::Paper => Self::Paper,
+            RobotScale::Real => Self::Real,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

@@ -37,6 +37,8 @@ pub struct Robot {
 /// Parts that never move against each other.
 #[derive(Clone, Debug)]
 pub struct Body {
+    /// Its name, unique in the robot: that of the hinge that carries it, "pivot" for the pivot's.
+    pub name: String,
     /// What collides, in the body's frame.
     pub boxes: Vec<CollisionBox>,
     /// kg.
@@ -222,12 +224,14 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
         }
         at += 1;
     }
+    let names = std::iter::once(pivot_name(&hinges)).chain(hinges.iter().map(|h| h.name.clone()));
     let bodies = order
         .iter()
         .zip(&origins)
-        .map(|(&g, origin)| {
+        .zip(names)
+        .map(|((&g, origin), name)| {
             let own: Vec<&Part> = parts.iter().zip(group).filter(|(_, pg)| **pg == g).map(|(p, _)| p).collect();
-            body(&own, origin)
+            body(name, &own, origin)
         })
         .collect();
     let parts = parts.iter().zip(group).map(|(p, g)| {
@@ -245,7 +249,16 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
     Robot { name: spec.name.clone(), bodies, hinges, parts: parts.collect() }
 }
 
-fn body(parts: &[&Part], origin: &Vector3<f64>) -> Body {
+/// A name for the pivot's body that no hinge has.
+fn pivot_name(hinges: &[Hinge]) -> String {
+    let mut name = "pivot".to_owned();
+    while hinges.iter().any(|h| h.name == name) {
+        name.push('0');
+    }
+    name
+}
+
+fn body(name: String, parts: &[&Part], origin: &Vector3<f64>) -> Body {
     let mass: f64 = parts.iter().map(|p| p.mass).sum();
     let center = parts.iter().map(|p| (p.center - origin) * p.mass).sum::<Vector3<f64>>() / mass;
     let mut inertia = Matrix3::zeros();
@@ -266,7 +279,7 @@ fn body(parts: &[&Part], origin: &Vector3<f64>) -> Body {
         })
         .collect();
     let row = |i: usize| [inertia[(i, 0)] as f32, inertia[(i, 1)] as f32, inertia[(i, 2)] as f32];
-    Body { boxes, mass: mass as f32, center_of_mass: vector(center), inertia: [row(0), row(1), row(2)] }
+    Body { name, boxes, mass: mass as f32, center_of_mass: vector(center), inertia: [row(0), row(1), row(2)] }
 }
 
 type Cell = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);

@@ -2,6 +2,7 @@
 
 mod assemble;
 mod body;
+pub mod exchange;
 mod kind;
 mod pose;
 mod spec;
