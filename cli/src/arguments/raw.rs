@@ -147,10 +147,12 @@ Examples:
   evogait robot lizard --variant E1 --out lizard-e1.svg
   evogait robot my-robot.toml --json
   evogait robot lizard --format mjcf --scale real > lizard.xml
+  evogait robot my-robot.urdf
 
 MJCF (MuJoCo) holds bodies, hinges, motors, friction, gravity and the ground;
 URDF has no place for gains, friction and gravity, so a comment tells them. One
-unit of length of either is 1 mu.")]
+unit of length of either is 1 mu. What is read of them are trees of hinges from
+-90° to 90° with boxes and capsules; a job names such a file as its robot.")]
     Robot(Robot),
 
     /// List the robots, environments and jobs that ship, or print one
@@ -337,7 +339,7 @@ pub struct Validate {
 
 #[derive(Debug, Args)]
 pub struct Robot {
-    /// Name of a robot that ships, or a robot file
+    /// Name of a robot that ships, or a robot file: TOML, MJCF or URDF
     #[arg(value_name = "NAME|FILE")]
     pub robot: String,
 

@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 struct View {
     name: String,
     description: String,
+    /// 0 where bodies are written out; then what failed are hinges.
     modules: usize,
     failed_modules: Vec<String>,
     bodies: usize,
@@ -120,8 +121,12 @@ fn text(view: &View) -> String {
         lines.extend(view.description.lines().map(|line| format!("  {}", line.trim())));
     }
     let [x, y, z] = view.size;
+    if view.modules > 0 {
+        lines.push(format!("  modules   {} (failed: {})", view.modules, list(&view.failed_modules)));
+    } else if !view.failed_modules.is_empty() {
+        lines.push(format!("  failed    {}", list(&view.failed_modules)));
+    }
     lines.extend([
-        format!("  modules   {} (failed: {})", view.modules, list(&view.failed_modules)),
         format!("  bodies    {}", view.bodies),
         format!("  joints    {}: {}", view.joints.len(), list(&view.joints)),
         format!("  mass      {:.2} kg", view.mass),

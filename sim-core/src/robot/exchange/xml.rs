@@ -19,8 +19,8 @@ impl Writer {
 
     /// A comment of one or more lines.
     pub fn comment(&mut self, text: &str) {
-        // XML ends a comment at "--": names may hold that.
-        let text = text.replace("--", "- -").replace('\n', &format!("\n{}     ", self.indent()));
+        // A comment may not hold "--", names may; twice, since pairs overlap in "---".
+        let text = text.replace("--", "- -").replace("--", "- -").replace('\n', &format!("\n{}     ", self.indent()));
         self.line(&format!("<!-- {text} -->"));
     }
 
@@ -90,7 +90,7 @@ mod tests {
         let text = xml.finish();
         assert_eq!(
             text,
-            "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- a- -b- -c -->\n\
+            "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!-- a- -b- - -c -->\n\
              <robot name=\"&lt;&quot;&amp;'&gt;\">\n  <link/>\n</robot>\n"
         );
     }

@@ -1,7 +1,7 @@
-//! MJCF, the format of MuJoCo: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
+//! Robots to MJCF.
 
-use super::xml::{Attribute, Writer, quaternion, triple};
 use crate::math::{Pose, Rotation};
+use crate::robot::exchange::xml::{Attribute, Writer, quaternion, triple};
 use crate::robot::{Body, JOINT_LIMIT, Robot};
 use crate::rollout::Physics;
 
@@ -15,7 +15,7 @@ const USUAL_GRAVITY: f32 = 9.81;
 const OTHER_FRICTION: &str = "0.005 0.0001";
 
 /// A robot on flat ground in its neutral configuration, its lowest corner on the ground.
-pub(super) fn write(robot: &Robot, physics: &Physics) -> String {
+pub(in crate::robot::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
     // A robot that is smaller moves faster: everything that takes time shrinks with the time of a fall over 1 mu.
     let pace = (USUAL_GRAVITY / physics.gravity).sqrt().min(1.0);
     let contact = format!("{} 1", CONTACT_TIME * pace);
@@ -93,6 +93,12 @@ fn body(xml: &mut Writer, robot: &Robot, index: usize, place: &[Attribute], surf
     for part in &body.boxes {
         let shape = [("type", "box".into()), ("size", triple(part.half))];
         xml.leaf("geom", &[&shape[..], &placed(&part.pose), &[("mass", "0".into())], &surface()].concat());
+    }
+    for part in &body.capsules {
+        let [a, b] = part.ends;
+        let line = format!("{} {}", triple(a), triple(b));
+        let shape = [("type", "capsule".into()), ("size", part.radius.to_string()), ("fromto", line)];
+        xml.leaf("geom", &[&shape[..], &[("mass", "0".into())], &surface()].concat());
     }
     for (i, hinge) in robot.hinges.iter().enumerate().filter(|(_, hinge)| hinge.parent == index) {
         self::body(xml, robot, i + 1, &[("pos", triple(hinge.anchor))], surface);

@@ -1,7 +1,7 @@
-//! URDF, the Unified Robot Description Format: <https://wiki.ros.org/urdf/XML>.
+//! Robots to URDF.
 
-use super::xml::{Attribute, Writer, triple};
 use crate::math::{Rotation, Vector};
+use crate::robot::exchange::xml::{Attribute, Writer, triple};
 use crate::robot::{Body, JOINT_LIMIT, Robot};
 use crate::rollout::Physics;
 
@@ -9,7 +9,7 @@ use crate::rollout::Physics;
 const VELOCITY: f32 = 1000.0;
 
 /// The robot in its neutral configuration; the root link is the pivot's body.
-pub(super) fn write(robot: &Robot, physics: &Physics) -> String {
+pub(in crate::robot::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
     let mut xml = Writer::new();
     xml.comment(&format!(
         "{}, written by evogait. Units: mu (one module length) for length, kg, s, rad; torque in kg mu^2/s^2.\n\
@@ -57,6 +57,19 @@ fn link(xml: &mut Writer, body: &Body) {
             xml.leaf("origin", &origin(part.pose.translation, part.pose.rotation));
             xml.open("geometry", &[]);
             xml.leaf("box", &[("size", triple(part.half * 2.0))]);
+            xml.close();
+            xml.close();
+        }
+        for part in &body.capsules {
+            let [a, b] = part.ends;
+            let (along, length) = ((b - a).normalize(), (b - a).length());
+            // The shortest turn from z; a capsule may be turned end for end.
+            let along = if along.z < 0.0 { -along } else { along };
+            let turn = Rotation::from_xyzw(-along.y, along.x, 0.0, 1.0 + along.z).normalize();
+            xml.open(purpose, &[]);
+            xml.leaf("origin", &origin((a + b) * 0.5, turn));
+            xml.open("geometry", &[]);
+            xml.leaf("capsule", &[("radius", part.radius.to_string()), ("length", length.to_string())]);
             xml.close();
             xml.close();
         }
