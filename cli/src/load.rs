@@ -7,7 +7,7 @@ use sim_core::environment::Environment;
 use sim_core::error::Invalid;
 use sim_core::job::{Job, JobSpec, Reference};
 use sim_core::limits;
-use sim_core::robot::RobotSpec;
+use sim_core::robot::{RobotSpec, exchange};
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub fn job(file: &JobFile) -> Result<Job, Error> {
     let mut environment_label = source.label.clone();
     if let Reference::Named(name) = &spec.robot {
         let found = follow("robot", name, catalogue::robots(), &source)?;
-        spec.robot = Reference::Inline(Box::new(parse(&found, |text| toml::from_str(text).map_err(Invalid::from))?));
+        spec.robot = Reference::Inline(Box::new(parse(&found, robot_spec)?));
         robot_label = found.label;
     }
     if let Reference::Named(name) = &spec.environment {
@@ -61,8 +61,14 @@ pub fn resolved_job(path: &Path) -> Result<(Job, String), Error> {
 /// Reads a robot: a path, or the name of one that ships. Also tells how to call it in messages.
 pub fn robot(name: &str) -> Result<(RobotSpec, String), Error> {
     let source = find("robot", name, catalogue::robots(), None)?;
-    let spec = parse(&source, |text| toml::from_str(text).map_err(Invalid::from))?;
+    let spec = parse(&source, robot_spec)?;
     Ok((spec, source.label))
+}
+
+/// A robot file; MJCF and URDF begin with "<", which no TOML does.
+fn robot_spec(text: &str) -> Result<RobotSpec, Invalid> {
+    let text = text.trim_start_matches('\u{feff}');
+    if text.trim_start().starts_with('<') { exchange::read(text) } else { Ok(toml::from_str(text)?) }
 }
 
 fn parse<T>(source: &Source, read: impl Fn(&str) -> Result<T, Invalid>) -> Result<T, Error> {
@@ -89,7 +95,7 @@ fn part(invalid: &Invalid) -> Part {
     };
     match invalid {
         Invalid::Overlap { .. } | Invalid::Disconnected { .. } | Invalid::AttachmentLoop { .. } => Part::Robot,
-        Invalid::PortTaken { .. } => Part::Robot,
+        Invalid::PortTaken { .. } | Invalid::Foreign { .. } => Part::Robot,
         Invalid::Misplaced { .. } => Part::Environment,
         Invalid::OutOfRange { field, .. }
         | Invalid::Unknown { field, .. }
@@ -120,7 +126,9 @@ fn find(
     relative_to: Option<&Path>,
 ) -> Result<Source, Error> {
     let path = relative_to.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
-    let looks_like_path = name.ends_with(".toml") || name.contains(std::path::MAIN_SEPARATOR) || name.contains('/');
+    let looks_like_path = [".toml", ".xml", ".mjcf", ".urdf"].iter().any(|ending| name.ends_with(ending))
+        || name.contains(std::path::MAIN_SEPARATOR)
+        || name.contains('/');
     if !looks_like_path && let Some(entry) = shipped.iter().find(|entry| entry.name == name) {
         let label = format!("{what} \"{name}\" that ships");
         return Ok(Source { text: entry.toml.to_owned(), label, folder: None });

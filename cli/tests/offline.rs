@@ -83,6 +83,42 @@ fn robots_are_drawn() {
 }
 
 #[test]
+fn robots_are_exported() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let printed = run(path, &["robot", "lizard", "--format", "mjcf", "--scale", "real"]).success();
+    assert!(printed.starts_with("<?xml") && printed.contains("gravity=\"0 0 -93.4\""), "{printed}");
+    let told = run(path, &["robot", "lizard", "--scale", "real", "--out", "lizard.xml"]).success();
+    assert!(told.contains("export    lizard.xml"), "{told}");
+    assert_eq!(fs::read_to_string(path.join("lizard.xml")).unwrap(), printed);
+    run(path, &["robot", "lizard", "--variant", "E1", "--out", "lizard.urdf", "--quiet"]).success();
+    let urdf = fs::read_to_string(path.join("lizard.urdf")).unwrap();
+    assert_eq!(urdf.matches("<joint ").count(), 7, "a stuck joint is none");
+}
+
+#[test]
+fn exported_robots_are_robots_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let shipped = run(path, &["robot", "quadropod", "--json"]).json();
+    for file in ["mine.xml", "mine.urdf"] {
+        run(path, &["robot", "quadropod", "--out", file, "--quiet"]).success();
+        let facts = run(path, &["robot", file, "--json"]).json();
+        for fact in ["name", "joints", "bodies", "mass"] {
+            assert_eq!(facts[fact], shipped[fact], "{file} {fact}");
+        }
+        run(path, &["robot", file, "--out", "mine.svg", "--quiet"]).success();
+        let job = SMALL_JOB.replace("robot = \"quadropod\"", &format!("robot = \"{file}\""));
+        fs::write(path.join("job.toml"), job).unwrap();
+        let valid = run(path, &["validate", "job.toml", "--no-estimate", "--json"]).json();
+        fs::write(path.join("resolved.toml"), valid["job_toml"].as_str().unwrap()).unwrap();
+        fs::remove_file(path.join(file)).unwrap();
+        let again = run(path, &["validate", "resolved.toml", "--no-estimate", "--json"]).json();
+        assert_eq!(again["job_digest"], valid["job_digest"], "a resolved job needs no other file");
+    }
+}
+
+#[test]
 fn a_reader_who_leaves_early_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = evogait(folder.path(), &["scenarios", "show", "quadropod-empty"]);

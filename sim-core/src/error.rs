@@ -108,6 +108,16 @@ pub enum Invalid {
         /// What is wrong there.
         wrong: String,
     },
+    /// Something in a robot of another format that a robot here can't have.
+    #[error("line {line}, {element}: {reason}")]
+    Foreign {
+        /// Where the element begins.
+        line: u32,
+        /// The element and its name, such as `<joint name="knee">`.
+        element: String,
+        /// Why not, and what is allowed.
+        reason: String,
+    },
     /// Two settings that can't stand together, or one that needs another.
     #[error("{field}: {reason}")]
     Conflict {

@@ -8,6 +8,12 @@ pub const MAX_DESCRIPTION_LENGTH: usize = 4096;
 pub const MAX_TOML_LENGTH: usize = 256 * 1024;
 /// Most modules of a robot.
 pub const MAX_MODULES: usize = 64;
+/// Most rigid bodies of a robot that is written out body by body.
+pub const MAX_BODIES: usize = 64;
+/// Most boxes and capsules of all its bodies.
+pub const MAX_SHAPES: usize = 256;
+/// Deepest nesting of elements in a robot's XML.
+pub const MAX_XML_DEPTH: usize = 128;
 /// Most obstacles, and most pieces of terrain, of an environment.
 pub const MAX_BOXES: usize = 256;
 /// Most gaits of a candidate, k.

@@ -9,6 +9,8 @@ pub use raw::{BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchRollo
 use crate::client::Url;
 use crate::error::Error;
 use clap::Parser as _;
+use sim_core::job::Scale;
+use sim_core::robot::exchange::Format;
 use std::path::{Path, PathBuf};
 
 /// A command with all that it needs to know.
@@ -135,8 +137,47 @@ pub struct Robot {
     /// A path, or the name of a robot that ships.
     pub robot: String,
     pub variant: Option<String>,
-    pub out: Option<(PathBuf, PictureFormat)>,
+    pub output: Option<RobotOutput>,
     pub json: bool,
+}
+
+/// What of a robot is written, and where to.
+#[derive(Debug, PartialEq)]
+pub enum RobotOutput {
+    Picture(PathBuf, PictureFormat),
+    /// In the format of others; to standard output if there is no file.
+    Export {
+        format: Format,
+        scale: Scale,
+        to: Option<PathBuf>,
+    },
+}
+
+impl RobotOutput {
+    /// A format that is not given follows from the file's name.
+    fn of(raw: &mut raw::Robot) -> Result<Option<Self>, Error> {
+        let given = raw.format.map(Format::from);
+        let ending = raw.out.as_deref().and_then(Path::extension).and_then(|e| e.to_str());
+        let format = given.or(match ending {
+            Some("xml" | "mjcf") => Some(Format::Mjcf),
+            Some("urdf") => Some(Format::Urdf),
+            _ => None,
+        });
+        let usage = |message: String| Err(Error::Usage { message });
+        match (format, raw.out.take()) {
+            (Some(_), None) if raw.json => {
+                usage("--json and --format both print to standard output: write one to a file with --out FILE".into())
+            }
+            (Some(format), to) => {
+                Ok(Some(Self::Export { format, scale: raw.scale.map_or(Scale::Paper, Scale::from), to }))
+            }
+            (None, _) if raw.scale.is_some() => {
+                usage("--scale is told to MJCF and URDF alone: add --format mjcf or --format urdf".into())
+            }
+            (None, Some(path)) => PictureFormat::of(&path).map(|format| Some(Self::Picture(path, format))),
+            (None, None) => Ok(None),
+        }
+    }
 }
 
 /// The pictures' formats.
@@ -152,7 +193,11 @@ impl PictureFormat {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
             _ => Err(Error::Usage {
-                message: format!("--out = \"{}\" is no picture's name: it must end in .svg or .png", path.display()),
+                message: format!(
+                    "--out = \"{}\" does not tell what to write: it must end in .svg or .png (a picture), .xml or .mjcf \
+                     (MJCF) or .urdf",
+                    path.display()
+                ),
             }),
         }
     }
@@ -211,10 +256,10 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             json: validate.json,
         }),
         raw::Command::Bench(bench) => Command::Bench(Bench::from(bench)),
-        raw::Command::Robot(robot) => Command::Robot(Robot {
+        raw::Command::Robot(mut robot) => Command::Robot(Robot {
+            output: RobotOutput::of(&mut robot)?,
             robot: robot.robot,
             variant: robot.variant,
-            out: robot.out.map(|path| PictureFormat::of(&path).map(|format| (path, format))).transpose()?,
             json: robot.json,
         }),
         raw::Command::Scenarios(scenarios) => Command::Scenarios {
@@ -276,5 +321,29 @@ mod tests {
         assert_eq!(folder_of("runs/a/result.json".into()), Path::new("runs/a"));
         assert_eq!(folder_of("result.json".into()), Path::new("."));
         assert_eq!(folder_of("runs/a".into()), Path::new("runs/a"));
+    }
+
+    #[test]
+    fn what_is_written_of_a_robot_follows_from_the_format_or_the_file_s_name() {
+        let output = |line: &str| {
+            let typed = ["evogait", "robot", "lizard"].into_iter().chain(line.split_whitespace());
+            match resolve(raw::Cli::try_parse_from(typed).unwrap()) {
+                Ok(Resolved { command: Command::Robot(robot), .. }) => Ok(robot.output),
+                Ok(_) => unreachable!("`evogait robot` is that command"),
+                Err(error) => Err(error.to_string()),
+            }
+        };
+        let export = |format, scale, to: Option<&str>| {
+            Ok(Some(RobotOutput::Export { format, scale, to: to.map(PathBuf::from) }))
+        };
+        assert_eq!(output(""), Ok(None));
+        assert_eq!(output("--out a.png"), Ok(Some(RobotOutput::Picture("a.png".into(), PictureFormat::Png))));
+        assert_eq!(output("--format mjcf"), export(Format::Mjcf, Scale::Paper, None));
+        assert_eq!(output("--out a.xml --scale real"), export(Format::Mjcf, Scale::Real, Some("a.xml")));
+        assert_eq!(output("--out a.urdf --json"), export(Format::Urdf, Scale::Paper, Some("a.urdf")));
+        assert_eq!(output("--out a.xml --format urdf"), export(Format::Urdf, Scale::Paper, Some("a.xml")));
+        assert!(output("--format urdf --json").unwrap_err().contains("--out FILE"));
+        assert!(output("--scale real").unwrap_err().contains("--format"));
+        assert!(output("--out a.stl").unwrap_err().contains(".urdf"));
     }
 }

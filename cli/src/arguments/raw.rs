@@ -7,6 +7,8 @@ pub use bench::{
 };
 
 use clap::{Args, Parser, Subcommand};
+use sim_core::job::Scale;
+use sim_core::robot::exchange::Format;
 use std::path::PathBuf;
 
 /// Where a coordinator listens unless told otherwise.
@@ -153,12 +155,19 @@ Examples:
 `evogait bench WHAT --help` says what is measured and how.")]
     Bench(Bench),
 
-    /// Show a robot: facts and picture
+    /// Show a robot: facts and picture; export it to MJCF or URDF
     #[command(after_help = "\
 Examples:
   evogait robot lizard
   evogait robot lizard --variant E1 --out lizard-e1.svg
-  evogait robot my-robot.toml --json")]
+  evogait robot my-robot.toml --json
+  evogait robot lizard --format mjcf --scale real > lizard.xml
+  evogait robot my-robot.urdf
+
+MJCF (MuJoCo) holds bodies, hinges, motors, friction, gravity and the ground;
+URDF has no place for gains, friction and gravity, so a comment tells them. One
+unit of length of either is 1 mu. What is read of them are trees of hinges from
+-90° to 90° with boxes and capsules; a job names such a file as its robot.")]
     Robot(Robot),
 
     /// List the robots, environments and jobs that ship, or print one
@@ -345,7 +354,7 @@ pub struct Validate {
 
 #[derive(Debug, Args)]
 pub struct Robot {
-    /// Name of a robot that ships, or a robot file
+    /// Name of a robot that ships, or a robot file: TOML, MJCF or URDF
     #[arg(value_name = "NAME|FILE")]
     pub robot: String,
 
@@ -353,13 +362,55 @@ pub struct Robot {
     #[arg(long, value_name = "VARIANT")]
     pub variant: Option<String>,
 
-    /// Draw it to this file, .svg or .png
+    /// Draw it to this file, .svg or .png; or export it, .xml or .mjcf (MJCF), .urdf
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+
+    /// Export it in this format, to standard output without --out [default: as --out ends]
+    #[arg(long, value_name = "FORMAT")]
+    pub format: Option<RobotFormat>,
+
+    /// Gravity and motors of the export: modules of 1 m, or of 0.105 m [default: paper]
+    #[arg(long, value_name = "SCALE")]
+    pub scale: Option<RobotScale>,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
     pub json: bool,
+}
+
+/// A format of robots, as `--format` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum RobotFormat {
+    Mjcf,
+    Urdf,
+}
+
+impl From<RobotFormat> for Format {
+    fn from(raw: RobotFormat) -> Self {
+        match raw {
+            RobotFormat::Mjcf => Self::Mjcf,
+            RobotFormat::Urdf => Self::Urdf,
+        }
+    }
+}
+
+/// A scale, as `--scale` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum RobotScale {
+    Paper,
+    Real,
+}
+
+impl From<RobotScale> for Scale {
+    fn from(raw: RobotScale) -> Self {
+        match raw {
+            RobotScale::Paper => Self::Paper,
+            RobotScale::Real => Self::Real,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

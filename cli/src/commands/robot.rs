@@ -1,6 +1,6 @@
 //! `evogait robot`: what a robot consists of, and what it looks like.
 
-use crate::arguments::{self, PictureFormat};
+use crate::arguments::{self, PictureFormat, RobotOutput};
 use crate::console;
 use crate::draw::{self, DrawnBox};
 use crate::error::Error;
@@ -8,12 +8,14 @@ use crate::load;
 use crate::output::{atomic, png};
 use serde::Serialize;
 use sim_core::robot::{Robot, RobotSpec};
+use sim_core::rollout::Physics;
 use std::collections::BTreeMap;
 
 #[derive(Serialize)]
 struct View {
     name: String,
     description: String,
+    /// 0 where bodies are written out; then what failed are hinges.
     modules: usize,
     failed_modules: Vec<String>,
     bodies: usize,
@@ -27,7 +29,7 @@ struct View {
     variants: BTreeMap<String, Vec<String>>,
 }
 
-/// Prints the facts; draws if asked to.
+/// Prints the facts; draws or exports if asked to.
 pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     let (mut spec, file) = load::robot(&args.robot)?;
     let invalid = |source| Error::Invalid { file: file.clone(), source };
@@ -36,14 +38,24 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
         spec = spec.variant(variant).map_err(invalid)?;
     }
     let robot = Robot::compile(&spec).map_err(invalid)?;
-    if let Some((path, format)) = &args.out {
-        let picture = draw::robot(&boxes(&robot), &spec.name);
-        let content = match format {
-            PictureFormat::Svg => picture.svg().into_bytes(),
-            PictureFormat::Png => png("the robot", &picture)?,
-        };
-        atomic::write_file(path, &content)?;
-    }
+    let written = match &args.output {
+        None => None,
+        Some(RobotOutput::Picture(path, format)) => {
+            let picture = draw::robot(&boxes(&robot), &spec.name);
+            let content = match format {
+                PictureFormat::Svg => picture.svg().into_bytes(),
+                PictureFormat::Png => png("the robot", &picture)?,
+            };
+            atomic::write_file(path, &content)?;
+            Some(format!("  picture   {}", path.display()))
+        }
+        Some(RobotOutput::Export { format, scale, to }) => {
+            let text = format.write(&robot, &Physics::of_scale(*scale));
+            let Some(path) = to else { return console::say(&text) };
+            atomic::write_file(path, text.as_bytes())?;
+            Some(format!("  export    {}", path.display()))
+        }
+    };
     let view = view(&spec, &robot, variants);
     if args.json {
         return console::say_json(&view);
@@ -51,12 +63,8 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     if quiet {
         return Ok(());
     }
-    let mut text = text(&view);
-    match &args.out {
-        Some((path, _)) => text += &format!("\n  picture   {}", path.display()),
-        None => text += &format!("\n  next      evogait robot {} --out {}.svg", args.robot, view.name),
-    }
-    console::say(&text)
+    let next = || format!("  next      evogait robot {} --out {}.svg", args.robot, view.name);
+    console::say(&format!("{}\n{}", text(&view), written.unwrap_or_else(next)))
 }
 
 fn boxes(robot: &Robot) -> Vec<DrawnBox> {
@@ -113,8 +121,12 @@ fn text(view: &View) -> String {
         lines.extend(view.description.lines().map(|line| format!("  {}", line.trim())));
     }
     let [x, y, z] = view.size;
+    if view.modules > 0 {
+        lines.push(format!("  modules   {} (failed: {})", view.modules, list(&view.failed_modules)));
+    } else if !view.failed_modules.is_empty() {
+        lines.push(format!("  failed    {}", list(&view.failed_modules)));
+    }
     lines.extend([
-        format!("  modules   {} (failed: {})", view.modules, list(&view.failed_modules)),
         format!("  bodies    {}", view.bodies),
         format!("  joints    {}: {}", view.joints.len(), list(&view.joints)),
         format!("  mass      {:.2} kg", view.mass),

@@ -9,8 +9,8 @@ use crate::environment::{Block, Environment};
 use crate::math::{Pose, Vector, about_z};
 use crate::robot::{Robot, State};
 use crate::rollout::{Rollout, Span};
-use rapier3d::parry::query::details::intersection_test_cuboid_cuboid;
-use rapier3d::parry::shape::Cuboid;
+use rapier3d::parry::query::details::{intersection_test_cuboid_cuboid, intersection_test_support_map_support_map};
+use rapier3d::parry::shape::{Capsule, Cuboid};
 
 /// Whether the pivot leaves the map on a rollout laid out from `place`.
 pub fn leaves_map(environment: &Environment, place: &Place, rollout: &Rollout) -> bool {
@@ -48,10 +48,17 @@ pub(crate) fn state_touches(robot: &Robot, block: &Block, place: &Place, state: 
     let block_pose = Pose::from_parts(center, about_z(block.yaw));
     let frame = place.frame();
     robot.body_poses(state).iter().zip(&robot.bodies).any(|(pose, body)| {
-        body.boxes.iter().any(|part| {
+        let touched = body.boxes.iter().any(|part| {
             let part_pose = frame * *pose * part.pose;
             intersection_test_cuboid_cuboid(&block_pose.inv_mul(&part_pose), &solid, &Cuboid::new(part.half))
-        })
+        });
+        touched || {
+            let pose = block_pose.inv_mul(&(frame * *pose));
+            body.capsules.iter().any(|part| {
+                let [a, b] = part.ends;
+                intersection_test_support_map_support_map(&pose, &solid, &Capsule::new(a, b, part.radius))
+            })
+        }
     })
 }
 

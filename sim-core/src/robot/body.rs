@@ -19,7 +19,7 @@ pub const JOINT_LIMIT: f32 = std::f32::consts::FRAC_PI_2;
 const MERGE_GAP: f64 = 0.03;
 
 /// Parts of different modules may overlap by this much in the neutral configuration, mu.
-const OVERLAP_TOLERANCE: f64 = 1e-3;
+pub(super) const OVERLAP_TOLERANCE: f64 = 1e-3;
 
 /// A compiled robot.
 #[derive(Clone, Debug)]
@@ -30,15 +30,19 @@ pub struct Robot {
     pub bodies: Vec<Body>,
     /// Hinge i carries body i + 1. Their order is the order of joints in genomes and states.
     pub hinges: Vec<Hinge>,
-    /// All parts as boxes in the neutral configuration, for pictures and exports.
+    /// All parts as boxes in the neutral configuration, for pictures.
     pub parts: Vec<PartBox>,
 }
 
 /// Parts that never move against each other.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// What collides, in the body's frame.
+    /// Its name, unique in the robot: that of the hinge that carries it, "pivot" for the pivot's.
+    pub name: String,
+    /// What collides, in the body's frame, together with the capsules.
     pub boxes: Vec<CollisionBox>,
+    /// What collides, in the body's frame. An engine that knows no capsules must refuse a robot that has any.
+    pub capsules: Vec<CollisionCapsule>,
     /// kg.
     pub mass: f32,
     /// Centre of mass in the body's frame, mu.
@@ -56,10 +60,19 @@ pub struct CollisionBox {
     pub half: Vector,
 }
 
+/// All within a radius of a line, in a body's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CollisionCapsule {
+    /// Ends of the line, mu.
+    pub ends: [Vector; 2],
+    /// mu.
+    pub radius: f32,
+}
+
 /// A joint between two bodies.
 #[derive(Clone, Debug)]
 pub struct Hinge {
-    /// The module it belongs to.
+    /// The module it belongs to; a name of its own where bodies are written out.
     pub name: String,
     /// Index of the body that carries.
     pub parent: usize,
@@ -72,9 +85,9 @@ pub struct Hinge {
 /// A part in the neutral configuration, relative to the pivot.
 #[derive(Clone, Debug)]
 pub struct PartBox {
-    /// Name of its module.
+    /// Name of its module, or of its body where bodies are written out.
     pub module: String,
-    /// Whether the module's joint is stuck.
+    /// Whether the joint of that is stuck.
     pub failed: bool,
     /// Centre, mu.
     pub center: [f64; 3],
@@ -82,8 +95,6 @@ pub struct PartBox {
     pub rotation: [f64; 4],
     /// Half of its sides, mu.
     pub half: [f64; 3],
-    /// kg.
-    pub mass: f64,
     /// The body it belongs to.
     pub body: usize,
 }
@@ -107,6 +118,9 @@ struct Joint {
 impl Robot {
     /// Compiles and validates a robot file.
     pub fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
+        if !spec.bodies.is_empty() {
+            return super::rigid::compile(spec);
+        }
         let placed = spec.assemble()?;
         let parts = parts_of(&placed);
         refuse_overlaps(spec, &parts)?;
@@ -144,7 +158,7 @@ impl Robot {
 
     /// Total mass, kg.
     pub fn mass(&self) -> f64 {
-        self.parts.iter().map(|p| p.mass).sum()
+        self.bodies.iter().map(|b| f64::from(b.mass)).sum()
     }
 
     /// Names of the joints, in their order in genomes and states.
@@ -222,12 +236,14 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
         }
         at += 1;
     }
+    let names = std::iter::once(pivot_name(&hinges)).chain(hinges.iter().map(|h| h.name.clone()));
     let bodies = order
         .iter()
         .zip(&origins)
-        .map(|(&g, origin)| {
+        .zip(names)
+        .map(|((&g, origin), name)| {
             let own: Vec<&Part> = parts.iter().zip(group).filter(|(_, pg)| **pg == g).map(|(p, _)| p).collect();
-            body(&own, origin)
+            body(name, &own, origin)
         })
         .collect();
     let parts = parts.iter().zip(group).map(|(p, g)| {
@@ -238,14 +254,22 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
             center: (p.center - origin).into(),
             rotation: [q.i, q.j, q.k, q.w],
             half: p.half.into(),
-            mass: p.mass,
             body: order.iter().position(|o| o == g).expect("every group is reached from the pivot"),
         }
     });
     Robot { name: spec.name.clone(), bodies, hinges, parts: parts.collect() }
 }
 
-fn body(parts: &[&Part], origin: &Vector3<f64>) -> Body {
+/// A name for the pivot's body that no hinge has.
+fn pivot_name(hinges: &[Hinge]) -> String {
+    let mut name = "pivot".to_owned();
+    while hinges.iter().any(|h| h.name == name) {
+        name.push('0');
+    }
+    name
+}
+
+fn body(name: String, parts: &[&Part], origin: &Vector3<f64>) -> Body {
     let mass: f64 = parts.iter().map(|p| p.mass).sum();
     let center = parts.iter().map(|p| (p.center - origin) * p.mass).sum::<Vector3<f64>>() / mass;
     let mut inertia = Matrix3::zeros();
@@ -266,7 +290,14 @@ fn body(parts: &[&Part], origin: &Vector3<f64>) -> Body {
         })
         .collect();
     let row = |i: usize| [inertia[(i, 0)] as f32, inertia[(i, 1)] as f32, inertia[(i, 2)] as f32];
-    Body { boxes, mass: mass as f32, center_of_mass: vector(center), inertia: [row(0), row(1), row(2)] }
+    Body {
+        name,
+        boxes,
+        capsules: Vec::new(),
+        mass: mass as f32,
+        center_of_mass: vector(center),
+        inertia: [row(0), row(1), row(2)],
+    }
 }
 
 type Cell = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);
@@ -312,7 +343,7 @@ fn union(a: &Cell, b: &Cell) -> Option<Cell> {
     Some((a.0, a.1 + a.0 * shift, half))
 }
 
-fn vector(v: Vector3<f64>) -> Vector {
+pub(super) fn vector(v: Vector3<f64>) -> Vector {
     Vector::new(v.x as f32, v.y as f32, v.z as f32)
 }
 

@@ -53,6 +53,12 @@ impl Robot {
                 low = low.min(placed.translation - reach);
                 high = high.max(placed.translation + reach);
             }
+            for capsule in &body.capsules {
+                for end in capsule.ends.map(|end| pose.transform_point(end)) {
+                    low = low.min(end - Vector::splat(capsule.radius));
+                    high = high.max(end + Vector::splat(capsule.radius));
+                }
+            }
         }
         (low, high)
     }

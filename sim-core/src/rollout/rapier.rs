@@ -86,6 +86,13 @@ impl<'a> Simulation<'a> {
                     .friction(self.physics.friction);
                 self.world.insert_collider(shape, Some(handle));
             }
+            for capsule in &body.capsules {
+                let [a, b] = capsule.ends;
+                let shape = ColliderBuilder::new(SharedShape::capsule(a, b, capsule.radius))
+                    .density(0.0)
+                    .friction(self.physics.friction);
+                self.world.insert_collider(shape, Some(handle));
+            }
             self.bodies.push(handle);
         }
         self.joints = Joints::insert(&mut self.world, self.robot, self.physics, &self.bodies, start);

@@ -1,0 +1,190 @@
+//! Our side of `tests/peers`: random gaits of a robot as tables of joint targets, and what our engine makes of them at
+//! any number of settings, as JSON on standard output.
+//!
+//! Lengths are in mu, angles in rad, times in s. Tables have a row every 5 ms, linear between, held at the end.
+
+use clap::Parser;
+use serde::Serialize;
+use sim_core::catalogue;
+use sim_core::control::{TICK, Targets, controller};
+use sim_core::job::{ControllerKind, EngineKind, Scale};
+use sim_core::math::heading;
+use sim_core::random::{Purpose, Stream};
+use sim_core::robot::{Robot, State};
+use sim_core::rollout::{Outcome, Physics, Request, engine, settle};
+use std::time::Instant;
+
+#[derive(Parser)]
+struct Arguments {
+    /// Name of a robot that ships
+    robot: String,
+    /// Number of random gaits of a Hopf oscillator a joint
+    #[arg(long, default_value_t = 10)]
+    gaits: u64,
+    /// Where their parameters come from
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Length of a gait, s
+    #[arg(long, default_value_t = 10.0)]
+    duration: f64,
+    /// Gravity and motors of scale "real" instead of "paper"
+    #[arg(long)]
+    real: bool,
+    /// Steps a second and substeps, such as 60x8; may be given several times
+    #[arg(long = "setting", value_parser = setting)]
+    settings: Vec<(u32, u32)>,
+    /// Print the tables of joint targets
+    #[arg(long)]
+    tables: bool,
+}
+
+fn setting(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    parts.filter(|(a, b)| *a > 0 && *b > 0).ok_or_else(|| "a setting is STEPSxSUBSTEPS, such as 60x8".to_owned())
+}
+
+#[derive(Serialize)]
+struct Answer {
+    robot: String,
+    scale: Scale,
+    /// Steps a second and substeps that a job gets unless it says otherwise.
+    default_setting: (u32, u32),
+    gravity: f32,
+    joints: Vec<String>,
+    bodies: Vec<BodyFacts>,
+    start: Pose,
+    free_fall: Drop,
+    limp: Drop,
+    tick: f64,
+    duration: f64,
+    /// A gait, a tick, a joint.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    tables: Vec<Vec<Vec<f32>>>,
+    runs: Vec<Run>,
+}
+
+#[derive(Serialize)]
+struct BodyFacts {
+    name: String,
+    mass: f32,
+    center_of_mass: [f32; 3],
+    /// About the centre of mass, in the axes of the neutral configuration.
+    inertia: [[f32; 3]; 3],
+    boxes: usize,
+}
+
+#[derive(Serialize)]
+struct Pose {
+    position: [f32; 3],
+    /// x, y, z, w.
+    rotation: [f32; 4],
+    yaw: f64,
+    joints: Vec<f32>,
+}
+
+impl Pose {
+    fn of(state: &State) -> Self {
+        let (p, q) = (state.pivot.translation, state.pivot.rotation);
+        Self { position: p.to_array(), rotation: q.to_array(), yaw: heading(q), joints: state.joints.clone() }
+    }
+}
+
+/// The robot let go above its settled start.
+#[derive(Serialize)]
+struct Drop {
+    lift: f32,
+    seconds: f64,
+    /// Height of the pivot at the end.
+    height: f32,
+}
+
+#[derive(Serialize)]
+struct Run {
+    setting: (u32, u32),
+    /// s of this clock and of simulated time, all gaits together, one after the other on one core.
+    wall: f64,
+    simulated: f64,
+    ends: Vec<Option<Pose>>,
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments = Arguments::parse();
+    let entry = catalogue::find(catalogue::robots(), &arguments.robot).ok_or("no robot of that name ships")?;
+    let robot = Robot::compile(&toml::from_str(entry.toml)?)?;
+    let scale = if arguments.real { Scale::Real } else { Scale::Paper };
+    let physics = Physics::of_scale(scale);
+    let rapier = engine(EngineKind::Rapier);
+    let start = settle(rapier, &robot, &physics)?;
+
+    let gaits: Vec<Targets> =
+        (0..arguments.gaits).map(|i| gait(&robot, arguments.seed, i, arguments.duration)).collect();
+    let runs = arguments.settings.iter().map(|&(steps_per_second, substeps)| {
+        let physics = Physics { steps_per_second, substeps, ..physics };
+        let requests: Vec<Request<'_>> = gaits.iter().map(|targets| Request { start: &start, targets }).collect();
+        let clock = Instant::now();
+        let rollouts = rapier.run(&robot, &physics, &[], &requests);
+        let wall = clock.elapsed().as_secs_f64();
+        let simulated = rollouts.iter().map(|r| r.simulated_ms as f64 / 1000.0).sum();
+        let ends = rollouts.iter().map(|r| (r.outcome == Outcome::Completed).then(|| Pose::of(&r.end)));
+        Run { setting: (steps_per_second, substeps), wall, simulated, ends: ends.collect() }
+    });
+    let runs = runs.collect();
+
+    let let_go = |lift: f32, seconds: f64, physics: &Physics| {
+        let mut above = start.clone();
+        above.pivot.translation.z += lift;
+        let targets = Targets::zero(robot.hinges.len(), seconds);
+        let request = Request { start: &above, targets: &targets };
+        let end = rapier.run(&robot, physics, &[], &[request]).swap_remove(0).end;
+        Drop { lift, seconds, height: end.pivot.translation.z }
+    };
+    let fine = Physics { steps_per_second: 240, ..physics };
+    // A free fall over 10 mu, whatever the gravity; ticks are whole, and it ends in the air.
+    let fall = 0.005 * (200.0 * (20.0 / f64::from(physics.gravity)).sqrt()).floor();
+    let answer = Answer {
+        robot: robot.name.clone(),
+        scale,
+        default_setting: (physics.steps_per_second, physics.substeps),
+        gravity: physics.gravity,
+        joints: robot.joint_names(),
+        bodies: robot.bodies.iter().map(facts).collect(),
+        start: Pose::of(&start),
+        free_fall: let_go(15.0, fall, &fine),
+        limp: let_go(0.5, 4.0, &Physics { stiffness: 0.0, ..fine }),
+        tick: TICK,
+        duration: arguments.duration,
+        tables: if arguments.tables { gaits.iter().map(rows).collect() } else { Vec::new() },
+        runs,
+    };
+    println!("{}", serde_json::to_string(&answer)?);
+    Ok(())
+}
+
+fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Targets {
+    let hopf = controller(ControllerKind::Hopf);
+    let mut stream = Stream::new(seed, Purpose::Sample, 0, index as u32, 0);
+    let mut genome = Vec::new();
+    for _ in 0..robot.hinges.len() {
+        genome.extend(hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
+    }
+    hopf.compile(&genome, robot.hinges.len(), duration)
+}
+
+fn rows(targets: &Targets) -> Vec<Vec<f32>> {
+    let row = |tick: usize| {
+        let mut row = vec![0.0; targets.joints()];
+        targets.at(tick as f64 * TICK, &mut row);
+        row
+    };
+    (0..Targets::ticks(targets.duration())).map(row).collect()
+}
+
+fn facts(body: &sim_core::robot::Body) -> BodyFacts {
+    BodyFacts {
+        name: body.name.clone(),
+        mass: body.mass,
+        center_of_mass: body.center_of_mass.to_array(),
+        inertia: body.inertia,
+        boxes: body.boxes.len(),
+    }
+}

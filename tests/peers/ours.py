@@ -1,0 +1,50 @@
+"""Our side: the exported robot, and gaits run by our engine."""
+
+import json
+import subprocess
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass
+class Ends:
+    """Where gaits end, one a row: x, y (mu), yaw (rad); NaN where a simulation broke."""
+
+    pose: np.ndarray
+    wall: float
+    simulated: float
+
+    @property
+    def distance(self):
+        return np.hypot(self.pose[:, 0], self.pose[:, 1])
+
+
+class Ours:
+    def __init__(self, arguments, robot):
+        self.arguments, self.robot = arguments, robot
+
+    def export(self, format):
+        scale = "real" if self.arguments.real else "paper"
+        command = [self.arguments.evogait, "robot", self.robot, "--format", format, "--scale", scale]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+    def _ask(self, gaits, settings, more=()):
+        command = [self.arguments.rollouts, self.robot, "--gaits", str(gaits), "--seed", str(self.arguments.seed)]
+        command += ["--duration", str(self.arguments.duration), *more]
+        command += ["--real"] if self.arguments.real else []
+        for steps, substeps in settings:
+            command += ["--setting", f"{steps}x{substeps}"]
+        return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+    def facts(self):
+        """Robot, settled start and tables of joint targets (gait, tick, joint)."""
+        facts = self._ask(self.arguments.gaits, [], ["--tables"])
+        facts["tables"] = np.array(facts["tables"])
+        return facts
+
+    def run(self, setting, gaits):
+        run = self._ask(gaits, [setting])["runs"][0]
+        broken = (np.nan,) * 3
+        pose = [(*end["position"][:2], end["yaw"]) if end else broken for end in run["ends"]]
+        return Ends(np.array(pose), run["wall"], run["simulated"])

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# The same gaits on the same robots in our engine and in MuJoCo: speed, fidelity, agreement. See README.md beside this.
+#
+#   tests/peers/run.sh                      measure the quadropod and the lizard (some minutes; a quiet machine, please)
+#   tests/peers/run.sh ROBOT …              measure these robots that ship
+#   tests/peers/run.sh --quick              only check that the two engines have the same robots (CI)
+#   tests/peers/run.sh --help               all options
+#
+# PEERS_PROFILE=dev uses an unoptimised build of our command: good for correctness, not for speeds.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+cd "$here/../.."
+target=${CARGO_TARGET_DIR:-target}
+profile=${PEERS_PROFILE:-release}
+venv=$target/peers/venv
+
+fail() { echo "tests/peers: $*" >&2; exit 1; }
+
+python=$(command -v python3) || fail "python3 is missing: install Python 3.11 or newer"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "$("$python" --version) is too old: 3.11 or newer is needed"
+
+# The environment is made once, and again when the pinned versions change.
+if ! cmp -s "$here/requirements.txt" "$venv/requirements.txt"; then
+    rm -rf "$venv"
+    mkdir -p "$(dirname "$venv")"
+    "$python" -m venv "$venv" || fail "python3 can't make an environment: install its venv module (python3-venv)"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$here/requirements.txt" ||
+        fail "a pinned package can't be installed: see above and $here/requirements.txt"
+    cp "$here/requirements.txt" "$venv/requirements.txt"
+fi
+
+case $profile in
+    release) folder=release ;;
+    dev) folder=debug ;;
+    *) fail "PEERS_PROFILE = \"$profile\" is unknown: release or dev" ;;
+esac
+cargo build --locked --quiet --profile "$profile" -p cli --bin evogait --example peer_rollouts
+exec "$venv/bin/python" -B "$here/compare.py" \
+    --evogait "$target/$folder/evogait" --rollouts "$target/$folder/examples/peer_rollouts" --work "$target/peers" "$@"
