@@ -3,7 +3,7 @@
 use sim_core::catalogue;
 use sim_core::control::{Targets, controller};
 use sim_core::identity::Digest;
-use sim_core::job::{ControllerKind, EngineKind, Scale};
+use sim_core::job::{ControllerKind, EngineKind, JointKind, Scale};
 use sim_core::math::{Pose, Vector, about_z};
 use sim_core::random::{Purpose, Stream};
 use sim_core::robot::{Robot, State};
@@ -58,6 +58,31 @@ fn golden_rollouts_have_their_recorded_bits() {
     l-shape fe845f59ef94
     h-shape 50e4c752e404
     t-shape 8b2ae2440815
+    ");
+}
+
+/// The same for joints in reduced coordinates, and from the rest that they come to by themselves.
+#[test]
+fn multibody_joints_settle_and_have_their_recorded_bits() {
+    let physics = Physics { joints: JointKind::Multibody, ..Physics::of_scale(Scale::Paper) };
+    let engine = engine(EngineKind::Rapier);
+    let robots = robots();
+    let recorded = robots.iter().map(|robot| {
+        let start = settle(engine, robot, &physics).unwrap();
+        let gaits = [gait(robot, 1, 2.0), gait(robot, 2, 2.0)];
+        let requests = gaits.each_ref().map(|targets| Request { start: &start, targets });
+        let together = engine.run(robot, &physics, &[], &requests);
+        let alone = engine.run(robot, &physics, &[], &requests[..1]).swap_remove(0);
+        assert_eq!(alone.outcome, Outcome::Completed, "{}", robot.name);
+        assert_eq!(bits(&together[0]), bits(&alone), "{}: what else is in the batch changes no bit", robot.name);
+        format!("{} {}", robot.name, Digest::of("golden", &bits(&alone)).short())
+    });
+    insta::assert_snapshot!(recorded.collect::<Vec<_>>().join("\n"), @r"
+    quadropod e14662fc712d
+    lizard b1bc2efe0e90
+    l-shape d3f84355986a
+    h-shape 1e4086a31c69
+    t-shape 8f64e4e4565a
     ");
 }
 

@@ -51,9 +51,9 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
     }
-    let (job, stored) = subject_of(&args)?;
+    let (job, own, stored) = subject_of(&args)?;
     let duration = job.spec().gaits.duration;
-    let settings = if args.settings.is_empty() { vec![own(&args, stored.as_deref())?] } else { args.settings.clone() };
+    let settings = if args.settings.is_empty() { vec![own] } else { args.settings.clone() };
     let reference = Setting::of(job.physics());
     let halved = halves(reference)?;
     subject::check(&settings, duration)?;
@@ -94,12 +94,14 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
 }
 
-/// The job that says robot, physics (the reference's) and gaits; with the stored winner's gaits if a folder was given.
-fn subject_of(args: &BenchFidelity) -> Result<(Job, Option<Vec<Genome>>), Error> {
+/// The job that says robot, physics (the reference's) and gaits; the setting that it would have by itself; and the stored
+/// winner's gaits if a folder was given.
+fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genome>>), Error> {
     let Some(folder) = &args.gaits else {
         let reference = args.reference.unwrap_or_else(|| finest(args.subject.scale.into()));
         subject::check(&[reference], args.duration)?;
-        return Ok((subject::job(&args.subject, reference, args.duration, args.seed)?, None));
+        let job = subject::job(&args.subject, reference, args.duration, args.seed)?;
+        return Ok((job, subject::own(&args.subject), None));
     };
     let stored = Stored::read(folder)?;
     let Some(winner) = &stored.result.winner else { return Err(Error::NoWinner { folder: folder.clone() }) };
@@ -112,15 +114,7 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Option<Vec<Genome>>), Error>
     let job = Job::new(spec).map_err(|source| Error::Invalid { file: folder.display().to_string(), source })?;
     let genome: Vec<f64> = winner.genome.iter().map(|p| p.value).collect();
     let gaits = genome.chunks(gaits::length(&job)).map(<[f64]>::to_vec).collect();
-    Ok((job, Some(gaits)))
-}
-
-/// The setting that is compared unless others are given.
-fn own(args: &BenchFidelity, stored: Option<&[Genome]>) -> Result<Setting, Error> {
-    match (&args.gaits, stored) {
-        (Some(folder), Some(_)) => Ok(Setting::of(Stored::read(folder)?.job.physics())),
-        _ => Ok(subject::own(&args.subject)),
-    }
+    Ok((job, Setting::of(stored.job.physics()), Some(gaits)))
 }
 
 /// What is fine enough to be a reference, as a rule; the halved steps tell whether it is.
