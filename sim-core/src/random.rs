@@ -26,6 +26,8 @@ pub enum Purpose {
     Rescore = 6,
     /// Gaits drawn for tests and benchmarks.
     Sample = 7,
+    /// q_rand of the planner when the finish scores candidates on the reference setting.
+    Reference = 9,
 }
 
 /// A stream of random numbers for one decision.
