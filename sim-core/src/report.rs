@@ -6,6 +6,7 @@ mod record;
 use crate::evaluate::{Stopped, Trial, grow, search_streams};
 use crate::finish::{Done, Found, Plan, Question, scores};
 use crate::job::Job;
+use crate::optimise::archive::Archive;
 use crate::score::{Counts, Scored, mean};
 use serde::{Deserialize, Serialize};
 
@@ -205,8 +206,9 @@ pub fn report(plan: &Plan, found: Found, winner: Scored, done: &[Done], traces: 
 impl Report {
     /// What the search found, as far as the report tells: enough to do all examinations again.
     pub fn found(&self, plan: &Plan) -> Found {
-        let mut archive = plan.new_archive();
-        archive.generation(self.archive.iter().map(|a| a.candidate.clone()));
+        let entries = self.archive.iter().map(|a| a.candidate.clone()).collect();
+        // Back in the order of the search.
+        let archive = Archive::restore(plan.direction, plan.archive, entries, Vec::new());
         Found {
             first: self.first.clone(),
             best: self.best.clone(),
