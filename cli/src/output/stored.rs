@@ -28,13 +28,9 @@ impl Stored {
         }
         let result: ResultFile = read_json(&result_path)?;
         let (job, _) = load::resolved_job(&folder.join(JOB))?;
-        let expected = job.bounds().0.len();
-        for candidate in [&result.winner, &result.first].into_iter().flatten() {
-            if candidate.genome.len() != expected {
-                let found = candidate.genome.len();
-                let reason = format!("a genome has {found} parameters, those of {JOB} have {expected}");
-                return Err(Error::Damaged { path: result_path, reason });
-            }
+        let mut candidates = [&result.winner, &result.first].into_iter().flatten();
+        if let Some(reason) = candidates.find_map(|c| wrong_genome(&job, c.genome.len())) {
+            return Err(Error::Damaged { path: result_path, reason });
         }
         Ok(Self { folder: folder.to_owned(), job, result })
     }
@@ -44,8 +40,22 @@ impl Stored {
         if self.result.winner.is_none() {
             return Err(Error::NoWinner { folder: self.folder.clone() });
         }
-        read_json(&self.folder.join(REPORT))
+        let path = self.folder.join(REPORT);
+        let report: Report = read_json(&path)?;
+        let candidates = [&report.winner, &report.first, &report.best].into_iter();
+        let candidates = candidates.chain(report.archive.iter().map(|a| &a.candidate));
+        let mut candidates = candidates.chain(report.audits.iter().map(|a| &a.candidate));
+        match candidates.find_map(|c| wrong_genome(&self.job, c.genome.len())) {
+            None => Ok(report),
+            Some(reason) => Err(Error::Damaged { path, reason }),
+        }
     }
+}
+
+/// Why a genome of this length can't be one of the job, if so.
+fn wrong_genome(job: &Job, found: usize) -> Option<String> {
+    let expected = job.bounds().0.len();
+    (found != expected).then(|| format!("a genome has {found} parameters, those of {JOB} have {expected}"))
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {

@@ -8,7 +8,7 @@ const POPULATIONS: [u32; 3] = [1, 5, 13];
 const GENERATIONS: u32 = 3;
 const WORKERS: u8 = 3;
 /// One of them reports on the search's best, the others have an archive and audits.
-const NAMES: [&str; 3] = ["job0", "bare1", "job2"];
+const NAMES: [&str; 3] = ["bare0", "job1", "job2"];
 
 #[derive(Clone, Debug)]
 enum Step {
