@@ -13,7 +13,7 @@ fn job(more: &str) -> Job {
         robot = "quadropod"
         environment = "empty"
         gaits = {{ count = 2, duration = 2.0 }}
-        fitness = {{ kind = "coverage", cell = 0.5 }}
+        fitness = {{ kind = "coverage", cell = 0.05 }}
         optimiser = {{ kind = "pso", particles = 4, generations = 2 }}
         {more}
         "#

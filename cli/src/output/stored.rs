@@ -28,8 +28,8 @@ impl Stored {
         }
         let result: ResultFile = read_json(&result_path)?;
         let (job, _) = load::resolved_job(&folder.join(JOB))?;
-        let mut candidates = [&result.winner, &result.first].into_iter().flatten();
-        if let Some(reason) = candidates.find_map(|c| wrong_genome(&job, c.genome.len())) {
+        let lengths = [&result.winner, &result.first].map(|c| c.as_ref().map(|c| c.genome.len()));
+        if let Some(reason) = wrong_genome(&job, lengths.into_iter().flatten()) {
             return Err(Error::Damaged { path: result_path, reason });
         }
         Ok(Self { folder: folder.to_owned(), job, result })
@@ -44,18 +44,19 @@ impl Stored {
         let report: Report = read_json(&path)?;
         let candidates = [&report.winner, &report.first, &report.best].into_iter();
         let candidates = candidates.chain(report.archive.iter().map(|a| &a.candidate));
-        let mut candidates = candidates.chain(report.audits.iter().map(|a| &a.candidate));
-        match candidates.find_map(|c| wrong_genome(&self.job, c.genome.len())) {
+        let candidates = candidates.chain(report.audits.iter().map(|a| &a.candidate));
+        match wrong_genome(&self.job, candidates.map(|c| c.genome.len())) {
             None => Ok(report),
             Some(reason) => Err(Error::Damaged { path, reason }),
         }
     }
 }
 
-/// Why a genome of this length can't be one of the job, if so.
-fn wrong_genome(job: &Job, found: usize) -> Option<String> {
+/// What is wrong with genomes of these lengths, if one can't be of the job.
+fn wrong_genome(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option<String> {
     let expected = job.bounds().0.len();
-    (found != expected).then(|| format!("a genome has {found} parameters, those of {JOB} have {expected}"))
+    let found = lengths.into_iter().find(|found| *found != expected)?;
+    Some(format!("a genome has {found} parameters, those of {JOB} have {expected}"))
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
