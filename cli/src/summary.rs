@@ -111,7 +111,7 @@ fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
     }
     if let Some(audits) = &result.audits {
         lines.push(format!(
-            "  audit              {} new bests lose {} without reuse in the median, {} at worst",
+            "  audit              {} new bests, score with reuse − without: median {}, worst {}",
             audits.bests.len(),
             with_unit(audits.median_gap),
             with_unit(audits.worst_gap)

@@ -8,7 +8,7 @@
 
 mod examine;
 
-pub use examine::{Answer, Examination, Question, examine};
+pub use examine::{Answer, Examination, FRICTION_STEP, Question, examine};
 
 use crate::job::Job;
 use crate::optimise::archive::Archive;
