@@ -32,14 +32,20 @@ fn pictures() -> Vec<(&'static str, Picture)> {
     let tree = tree(&column, &moves(&three), 150);
     let many = gaits(14);
     vec![
-        ("convergence", draw::convergence(&history(150), "quadropod-empty: convergence", "coverage, %")),
-        ("convergence-one", draw::convergence(&history(1), "One generation", "coverage, %")),
-        ("convergence-none", draw::convergence(&[], "No generation", "coverage, %")),
+        (
+            "convergence",
+            draw::convergence(&history(150), &audits(&history(150)), "quadropod-empty: convergence", "coverage, %"),
+        ),
+        ("convergence-one", draw::convergence(&history(1), &[], "One generation", "coverage, %")),
+        ("convergence-none", draw::convergence(&[], &[], "No generation", "coverage, %")),
         (
             "convergence-equal",
-            draw::convergence(&[flat(0, 5.0), flat(1, 5.0), flat(2, 5.0)], "All equal", "distance, mu"),
+            draw::convergence(&[flat(0, 5.0), flat(1, 5.0), flat(2, 5.0)], &[[0.0, 5.0]], "All equal", "distance, mu"),
         ),
-        ("convergence-gaps", draw::convergence(&gappy(), "With generations that failed", "distance to the goal, mu")),
+        (
+            "convergence-gaps",
+            draw::convergence(&gappy(), &[], "With generations that failed", "distance to the goal, mu"),
+        ),
         ("map", draw::map(&column, &tree, "quadropod-column: the winner's tree", "coverage 23.4 %")),
         ("map-none", draw::map(&environment(false), &TreeRecord::default(), "An empty tree", "coverage 0 %")),
         ("map-stairs", draw::map(&stairs(), &TreeRecord::default(), "Stairs", "")),
@@ -54,6 +60,20 @@ fn pictures() -> Vec<(&'static str, Picture)> {
         ("robot-turned", draw::robot(&turned(), "Boxes at odd angles")),
         ("robot-none", draw::robot(&[], "No robot")),
     ]
+}
+
+/// Global bests whose scores fall by a twentieth without reuse.
+fn audits(history: &[HistoryRow]) -> Vec<[f64; 2]> {
+    let rows = history.iter().filter_map(|r| Some((f64::from(r.generation), r.best_so_far?)));
+    let mut best = f64::NEG_INFINITY;
+    let mut marks = Vec::new();
+    for (generation, score) in rows {
+        if score > best {
+            best = score;
+            marks.push([generation, 0.95 * score]);
+        }
+    }
+    marks
 }
 
 fn history(generations: u32) -> Vec<HistoryRow> {

@@ -157,6 +157,10 @@ impl Progress {
                     self.draw(self.done == self.total);
                 }
             }
+            Some(Event::Progress(progress)) if progress.generation >= self.generations => {
+                let state = event.job.as_ref().map(|job| job.state()).unwrap_or_default();
+                self.examined(&watch::phase(state, progress.done, progress.total), (progress.done, progress.total));
+            }
             Some(Event::Progress(progress)) => {
                 let before = u64::from(progress.generation) * self.population;
                 self.done = (before + u64::from(progress.done)).max(self.done);
@@ -164,8 +168,11 @@ impl Progress {
                     self.draw(false);
                 }
             }
+            Some(Event::StateChanged(state)) if *state == i32::from(JobState::Finishing) => {
+                self.say("search done: scoring its best on the reference setting, auditing its bests without reuse");
+            }
             Some(Event::StateChanged(state)) if *state == i32::from(JobState::Reporting) => {
-                self.say("search done: scoring the winner on fresh seeds, tracing its gaits")
+                self.say("winner chosen: scoring it on fresh seeds, tracing its gaits");
             }
             _ => {}
         }
@@ -174,6 +181,24 @@ impl Progress {
     /// Ends the display.
     pub fn finish(&self) {
         self.display.finish();
+    }
+
+    /// Examinations after the search: (done, of how many).
+    fn examined(&mut self, text: &str, (done, total): (u32, u32)) {
+        match &mut self.display {
+            Display::Hidden => {}
+            Display::Bar(bar) => {
+                bar.set_length(total.into());
+                bar.set_position(done.into());
+                bar.set_message(text.to_owned());
+            }
+            Display::Lines { last } => {
+                if last.is_none_or(|then| then.elapsed() >= LINE_EVERY) {
+                    *last = Some(Instant::now());
+                    console::note(text);
+                }
+            }
+        }
     }
 
     fn say(&self, text: &str) {

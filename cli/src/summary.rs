@@ -1,51 +1,20 @@
 //! A result in a few lines, for people.
 
 use crate::console::{self, count, score, score_with};
-use crate::output::ResultFile;
+use crate::output::{Candidate, ResultFile};
 use sim_core::score::Direction;
 use std::path::Path;
 
 /// What came out, where it is and what to do with it.
 pub fn text(result: &ResultFile, folder: &Path) -> String {
-    let unit = &result.score.unit;
-    let with_unit = |value: Option<f64>| score_with(value, unit);
     let mut lines = Vec::new();
     match &result.winner {
         None => lines.push(format!("{}: every evaluation failed, so there is no winner", result.name)),
-        Some(winner) => {
-            lines.push(format!(
-                "{}: {} {} (generation {}, candidate {})",
-                result.name,
-                result.score.name,
-                with_unit(Some(winner.fitness)),
-                winner.generation,
-                winner.candidate
-            ));
-            let fresh = match (winner.fresh_mean, winner.fresh_deviation) {
-                (Some(mean), Some(deviation)) => {
-                    format!("{} ± {} (mean ± standard deviation)", score(mean), with_unit(Some(deviation)))
-                }
-                (mean, _) => with_unit(mean),
-            };
-            lines.push(format!("  on {} fresh seeds   {fresh}", winner.fresh.len()));
-            if let Some(first) = &result.first {
-                let ratio = result.fresh_ratio.map_or_else(String::new, |r| {
-                    let sense = match result.score.direction {
-                        Direction::Maximise => "",
-                        Direction::Minimise => ", less is better",
-                    };
-                    format!(": the winner has {} times that{sense}", score(r))
-                });
-                lines.push(format!("  first generation   {} on the same seeds{ratio}", with_unit(first.fresh_mean)));
-            }
-            if winner.without_reuse.is_some() {
-                lines.push(format!("  without reuse      {}", with_unit(winner.without_reuse)));
-            }
-        }
+        Some(winner) => lines.extend(scores(result, winner)),
     }
     let counts = &result.counts;
     lines.push(format!(
-        "  took               {}: {} evaluations{}, {} rollouts, {} of simulated time",
+        "  took               {}: {} evaluations{}, {} rollouts, {} of simulated time; finish {} rollouts",
         console::seconds(result.wall_seconds),
         count(counts.evaluations),
         if counts.failed_evaluations > 0 {
@@ -55,6 +24,7 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
         },
         count(counts.rollouts),
         console::seconds(counts.simulated_seconds),
+        count(result.finish.rollouts),
     ));
     lines.push(format!("  result digest      {}", result.result_digest));
     let folder = folder.display();
@@ -62,9 +32,10 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
         lines.push(format!(
             "  files              {folder}: result.json, history.csv, gaits.json, trajectories/, tree.json,"
         ));
-        lines.push(
-            "                     report.json; pictures map, gaits, convergence, primitives (.svg, .png)".to_owned(),
-        );
+        let tables = if result.archive.is_empty() { "" } else { "archive.csv, " };
+        lines.push(format!(
+            "                     {tables}report.json; pictures map, gaits, convergence, primitives (.svg, .png)"
+        ));
         lines.push(format!("  next               look at {folder}/map.png"));
         lines.push(format!("                     evogait replay {folder} --gait 1"));
         lines.push(format!("                     evogait verify {folder}"));
@@ -75,4 +46,76 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
         );
     }
     lines.join("\n")
+}
+
+/// The winner's scores beside those of the first generation's best, and what else the finish found.
+fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
+    let unit = &result.score.unit;
+    let with_unit = |value: Option<f64>| score_with(value, unit);
+    let spread = |mean: Option<f64>, deviation: Option<f64>| match (mean, deviation) {
+        (Some(mean), Some(deviation)) => format!("{} ± {}", score(mean), with_unit(Some(deviation))),
+        (mean, _) => with_unit(mean),
+    };
+    let times = |ratio: Option<f64>| {
+        let sense = match result.score.direction {
+            Direction::Maximise => "",
+            Direction::Minimise => ", less is better",
+        };
+        ratio.map_or_else(String::new, |r| format!("{} times{sense}", score(r)))
+    };
+    let first = result.first.as_ref();
+    // What is told of both, in columns; a cell that nobody asked for stays empty.
+    let row = |what: &str, of: &dyn Fn(&Candidate) -> String, ratio: Option<f64>| {
+        let line = format!("  {what:18} {:18} {:18} {}", of(winner), first.map(of).unwrap_or_default(), times(ratio));
+        line.trim_end().to_owned()
+    };
+    let known = |value: Option<f64>| if value.is_some() { with_unit(value) } else { String::new() };
+
+    let mut lines = vec![
+        format!(
+            "{}: {} {} (generation {}, candidate {})",
+            result.name,
+            result.score.name,
+            with_unit(Some(winner.fitness)),
+            winner.generation,
+            winner.candidate
+        ),
+        format!("  {:18} {:18} {:18}", "", "winner", "first generation").trim_end().to_owned(),
+        row("search", &|c| with_unit(Some(c.fitness)), None),
+        row(
+            &format!("{} fresh seeds", winner.fresh.len()),
+            &|c| spread(c.fresh_mean, c.fresh_deviation),
+            result.fresh_ratio,
+        ),
+    ];
+    if winner.reference.is_some() {
+        lines.push(row("reference", &|c| spread(c.reference, c.reference_deviation), result.reference_ratio));
+    }
+    lines.push(row("without reuse", &|c| known(c.without_reuse), None));
+    if winner.less_friction.is_some() || winner.more_friction.is_some() {
+        let (less, more) = (with_unit(winner.less_friction), with_unit(winner.more_friction));
+        lines.push(format!("  friction ± 10 %    {less} with less, {more} with more, on the reference"));
+    }
+    if !result.archive.is_empty() {
+        let best = result.archive.iter().find(|row| Some(row.search) == result.best_fitness);
+        let chosen = match best {
+            Some(best) if best.rank > 1 => format!(
+                "; the search's best, {}, has {} there, rank {}",
+                with_unit(Some(best.search)),
+                with_unit(best.reference),
+                best.rank
+            ),
+            _ => "; it is the search's best, too".to_owned(),
+        };
+        lines.push(format!("  chosen             best of {} on the reference{chosen}", result.archive.len()));
+    }
+    if let Some(audits) = &result.audits {
+        lines.push(format!(
+            "  audit              {} new bests, score with reuse − without: median {}, worst {}",
+            audits.bests.len(),
+            with_unit(audits.median_gap),
+            with_unit(audits.worst_gap)
+        ));
+    }
+    lines
 }

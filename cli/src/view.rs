@@ -16,6 +16,8 @@ pub struct JobView {
     engine_digest: String,
     generations_done: u32,
     generations_total: u32,
+    /// Tasks of the round at hand, a generation or the examinations of the finish; `null` once the job has ended.
+    round: Option<RoundView>,
     population: u32,
     best: Option<BestView>,
     evaluations: u64,
@@ -29,6 +31,12 @@ pub struct JobView {
     submitted_at_ms: Option<i64>,
     started_at_ms: Option<i64>,
     ended_at_ms: Option<i64>,
+}
+
+#[derive(Serialize)]
+struct RoundView {
+    done: u32,
+    total: u32,
 }
 
 #[derive(Serialize)]
@@ -51,6 +59,7 @@ impl JobView {
             engine_digest: hex(&job.engine_digest),
             generations_done: job.generations_done,
             generations_total: job.generations_total,
+            round: (job.round_total > 0).then_some(RoundView { done: job.round_done, total: job.round_total }),
             population: job.population,
             best: job.best.as_ref().map(|b| BestView {
                 generation: b.generation,

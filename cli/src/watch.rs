@@ -104,10 +104,19 @@ pub fn word(state: JobState) -> &'static str {
         JobState::Unspecified => "unknown",
         JobState::Queued => "queued",
         JobState::Running => "running",
+        JobState::Finishing => "finishing",
         JobState::Reporting => "reporting",
         JobState::Succeeded => "succeeded",
         JobState::Failed => "failed",
         JobState::Cancelled => "cancelled",
+    }
+}
+
+/// How far a job is in the round at hand, such as "finishing 7/24"; the state alone where it has none.
+pub fn phase(state: JobState, done: u32, total: u32) -> String {
+    match total {
+        0 => word(state).to_owned(),
+        _ => format!("{} {done}/{total}", word(state)),
     }
 }
 

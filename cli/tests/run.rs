@@ -18,7 +18,9 @@ fn result(folder: &Path) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(folder.join("result.json")).unwrap()).unwrap()
 }
 
-const RESULT_FILES: [&str; 14] = [
+const RESULT_FILES: [&str; 16] = [
+    "archive.csv",
+    "audits.csv",
     "convergence.png",
     "convergence.svg",
     "gaits.json",
@@ -58,6 +60,29 @@ fn a_run_leaves_its_files_and_a_second_one_says_that_it_is_done() {
     assert_eq!(history.lines().count(), 1 + 2, "a head and two generations:\n{history}");
     let best: f64 = history.lines().last().unwrap().split(',').nth(7).unwrap().parse().unwrap();
     assert_eq!(Some(best), printed["best_fitness"].as_f64());
+
+    // The published winner is the best of the archive on the reference setting; every new best was audited.
+    let archive = fs::read_to_string(out.join("archive.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = archive.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    let of = |what: &str| printed["winner"][what].to_string();
+    assert_eq!(rows[0][1..3], [of("generation"), of("candidate")]);
+    let reference: Vec<f64> = rows.iter().map(|row| row[4].parse().unwrap()).collect();
+    assert!(reference.len() == 3 && reference.is_sorted_by(|a, b| a >= b), "{archive}");
+    assert_eq!(printed["winner"]["reference"], reference[0]);
+    assert!(printed["first"]["reference"].is_f64() && printed["first"]["without_reuse"].is_f64());
+    assert!(printed["winner"]["less_friction"].is_f64() && printed["winner"]["more_friction"].is_f64());
+    let audits = printed["audits"]["bests"].as_array().unwrap();
+    assert_eq!(audits.last().unwrap()["with_reuse"], printed["best_fitness"]);
+    for audit in audits {
+        let [with, without, gap] = ["with_reuse", "without_reuse", "gap"].map(|f| audit[f].as_f64().unwrap());
+        assert_eq!(with - without, gap);
+    }
+    let summary = run(path, &["run", "job.toml", "--out", "out"]).success();
+    for told in
+        ["reference", "20 fresh seeds", "without reuse", "friction ± 10 %", "best of 3 on the reference", "audit"]
+    {
+        assert!(summary.contains(told), "{told}:\n{summary}");
+    }
 
     let second = run(path, &["run", "job.toml", "--out", "out", "--json"]);
     assert!(second.err.contains("already done, in out"), "{}", second.err);
@@ -110,6 +135,19 @@ fn a_result_verifies_until_it_is_touched() {
     let damaged = run(path, &["verify", "out"]);
     assert_eq!(damaged.code, 1);
     assert!(damaged.err.starts_with("error: out/result.json is damaged: "), "{}", damaged.err);
+}
+
+#[test]
+fn the_papers_bare_procedure_publishes_the_searchs_best() {
+    let folder = folder(&SMALL_JOB.replace("archive = 3", "kind = \"none\""));
+    let path = folder.path();
+    let result = run(path, &["run", "job.toml", "--out", "out", "--json"]).json();
+    assert_eq!(result["winner"]["fitness"], result["best_fitness"]);
+    assert!(result["winner"]["reference"].is_null() && result["audits"].is_null());
+    assert_eq!(result["winner"]["fresh"].as_array().unwrap().len(), 20);
+    assert!(result["winner"]["without_reuse"].is_f64());
+    assert!(!path.join("out/archive.csv").exists() && !path.join("out/audits.csv").exists());
+    run(path, &["verify", "out", "--full"]).success();
 }
 
 #[cfg(unix)]

@@ -39,9 +39,9 @@ pub(crate) enum Command {
     Workers {
         reply: oneshot::Sender<Vec<v1::WorkerInfo>>,
     },
-    WaitsFor {
+    Standing {
         ids: Vec<JobId>,
-        reply: oneshot::Sender<Vec<Option<String>>>,
+        reply: oneshot::Sender<Vec<Standing>>,
     },
     Connect {
         greeting: Greeting,
@@ -72,6 +72,14 @@ pub(crate) enum Command {
         reply: oneshot::Sender<Verdict>,
     },
     Stop,
+}
+
+/// What is known of an active job beside its record.
+pub(crate) struct Standing {
+    /// Why nothing gets done, if so.
+    pub waits_for: Option<String>,
+    /// Tasks of the round at hand that are done, and how many it has.
+    pub round: Option<(u32, u32)>,
 }
 
 type Reply = Box<dyn FnOnce() + Send>;
@@ -164,9 +172,10 @@ impl Actor {
                 later(replies, reply, record);
             }
             Command::Workers { reply } => later(replies, reply, self.scheduler.workers()),
-            Command::WaitsFor { ids, reply } => {
-                let reasons = ids.iter().map(|id| self.scheduler.waits_for(id)).collect();
-                later(replies, reply, reasons);
+            Command::Standing { ids, reply } => {
+                let standing =
+                    |id| Standing { waits_for: self.scheduler.waits_for(id), round: self.scheduler.round(id) };
+                later(replies, reply, ids.iter().map(standing).collect());
             }
             Command::Connect { greeting, outbox, reply } => {
                 let worker = greeting.worker.clone();
@@ -278,13 +287,15 @@ fn to_wire(content: Message) -> v1::CoordinatorMessage {
             job_toml: toml.map(|t| t.to_string()).unwrap_or_default(),
             task: Some(match task {
                 Task::Evaluate { range, genomes } => assign::Task::Evaluate(v1::EvaluateTask {
-                    generation: range.generation,
+                    generation: range.round,
                     first: range.first,
-                    genomes: range.candidates().map(|i| v1::Genome { values: genomes[i as usize].clone() }).collect(),
+                    genomes: range.indexes().map(|i| v1::Genome { values: genomes[i as usize].clone() }).collect(),
                 }),
-                Task::Report { winner, first } => assign::Task::Report(v1::ReportTask {
-                    winner: Some((&winner).into()),
-                    first: Some((&first).into()),
+                Task::Examine { range, examination } => assign::Task::Examine(v1::ExamineTask {
+                    round: range.round,
+                    index: range.first,
+                    question: v1::Question::from(examination.question).into(),
+                    candidate: Some((&examination.candidate).into()),
                 }),
             }),
         }),

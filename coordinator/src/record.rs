@@ -68,10 +68,12 @@ pub struct JobRecord {
     pub generations_total: u32,
     /// 1 to 100.
     pub priority: u32,
-    /// Best of all sealed generations.
+    /// Best of all sealed generations, by the search's own scores.
     pub best: Option<Scored>,
     /// Best of generation 0; of the first generation with a success if all of generation 0 failed.
     pub first: Option<Scored>,
+    /// The published winner; there once it is chosen.
+    pub winner: Option<Scored>,
     /// Sum over the evaluations of sealed generations.
     pub counts: Counts,
     /// Evaluations in sealed generations.
@@ -88,9 +90,9 @@ pub struct JobRecord {
     pub ended_at_ms: i64,
     /// Sequence number of the newest event.
     pub last_event: u64,
-    /// Over the scores of the sealed generations.
+    /// Over the scores of the sealed rounds.
     pub scores_digest: ResultDigest,
-    /// The result digest; there once the search is over.
+    /// The result digest; there once the job succeeded.
     pub result_digest: Option<Digest>,
 }
 
@@ -116,6 +118,9 @@ impl JobRecord {
             ended_at_ms: self.ended_at_ms,
             last_event: self.last_event,
             priority: self.priority,
+            // Only the scheduler knows of the round at hand.
+            round_done: 0,
+            round_total: 0,
         }
     }
 
@@ -127,6 +132,7 @@ impl JobRecord {
             request_id: self.request_id.clone(),
             request_digest: self.request_digest.0.to_vec(),
             first: self.first.as_ref().map(Into::into),
+            winner: self.winner.as_ref().map(Into::into),
             scores_digest: self.scores_digest.value().0.to_vec(),
             result_digest: self.result_digest.map(|d| d.0.to_vec()).unwrap_or_default(),
         }
@@ -150,6 +156,7 @@ impl JobRecord {
             priority: job.priority,
             best: job.best.map(Scored::try_from).transpose()?,
             first: stored.first.map(Scored::try_from).transpose()?,
+            winner: stored.winner.map(Scored::try_from).transpose()?,
             counts: job.counts.map(Counts::from).unwrap_or_default(),
             evaluations: job.evaluations,
             failed_evaluations: job.failed_evaluations,
@@ -184,4 +191,6 @@ pub(crate) struct StoredRecord {
     scores_digest: Vec<u8>,
     #[prost(bytes = "vec", tag = "7")]
     result_digest: Vec<u8>,
+    #[prost(message, optional, tag = "8")]
+    winner: Option<v1::ScoredCandidate>,
 }

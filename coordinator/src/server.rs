@@ -9,6 +9,7 @@ use crate::store::{self, Store, StoreError, StoreUrl, StoredJob};
 use proto::limits::MAX_MESSAGE;
 use proto::v1::job_service_server::JobServiceServer;
 use proto::v1::worker_service_server::WorkerServiceServer;
+use sim_core::finish::Plan;
 use sim_core::job::Job;
 use std::collections::HashMap;
 use std::io;
@@ -265,10 +266,11 @@ async fn run(
 
 /// Reads a stored job again, or says why it can't go on.
 fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
-    let StoredJob { record, toml, optimiser: state, results, last_scores } = stored;
+    let StoredJob { record, toml, search, results, last_scores } = stored;
     match Job::from_toml(&toml) {
         Ok(job) if job.digest() == record.job_digest => {
-            Ok(Resumed { record, toml, optimiser: job.optimiser(), state, results, last_scores })
+            let (optimiser, finish) = (job.optimiser(), Plan::of(&job));
+            Ok(Resumed { record, toml, optimiser, finish, search, results, last_scores })
         }
         Ok(job) => {
             let reason = format!(

@@ -1,6 +1,7 @@
 //! Wire types to sim-core types and back. Floating-point numbers keep their bits, NaN payloads and -0 too.
 
 use crate::v1;
+use sim_core::finish::{Examination, Question};
 use sim_core::identity::Digest;
 use sim_core::limits::{MAX_GENOME, MAX_POPULATION};
 use sim_core::score::{Counts, Evaluation, Scored};
@@ -29,6 +30,12 @@ pub enum ConvertError {
         field: &'static str,
         /// How many there are.
         found: usize,
+    },
+    /// A question that this version does not know.
+    #[error("question {found} is not known")]
+    Question {
+        /// Its number.
+        found: i32,
     },
     /// A range of candidates that is empty or reaches beyond the largest population.
     #[error(
@@ -93,6 +100,39 @@ impl From<&Evaluation> for v1::EvaluationResult {
     fn from(evaluation: &Evaluation) -> Self {
         Self { score: evaluation.score, counts: Some(evaluation.counts.into()) }
     }
+}
+
+impl From<Question> for v1::Question {
+    fn from(question: Question) -> Self {
+        match question {
+            Question::Fresh => Self::Fresh,
+            Question::Reference => Self::Reference,
+            Question::LessFriction => Self::LessFriction,
+            Question::MoreFriction => Self::MoreFriction,
+            Question::WithoutReuse => Self::WithoutReuse,
+            Question::Traces => Self::Traces,
+        }
+    }
+}
+
+/// The examination that a task asks for.
+pub fn examination(task: v1::ExamineTask) -> Result<Examination, ConvertError> {
+    let question = match v1::Question::try_from(task.question) {
+        Ok(v1::Question::Fresh) => Question::Fresh,
+        Ok(v1::Question::Reference) => Question::Reference,
+        Ok(v1::Question::LessFriction) => Question::LessFriction,
+        Ok(v1::Question::MoreFriction) => Question::MoreFriction,
+        Ok(v1::Question::WithoutReuse) => Question::WithoutReuse,
+        Ok(v1::Question::Traces) => Question::Traces,
+        Ok(v1::Question::Unspecified) | Err(_) => return Err(ConvertError::Question { found: task.question }),
+    };
+    let candidate = task.candidate.ok_or(ConvertError::Missing { field: "candidate" })?.try_into()?;
+    Ok(Examination { question, candidate })
+}
+
+/// Scores as the wire and the store have them.
+pub fn scores(scores: &[Option<f64>]) -> Vec<v1::Score> {
+    scores.iter().map(|&score| v1::Score { score }).collect()
 }
 
 /// The evaluations of a result, each with its index in the generation.
@@ -160,6 +200,32 @@ mod tests {
             assert_eq!((e.candidate, bits(e.score), e.counts), (10 + i as u32, bits(*s), counts));
         }
         assert_eq!(back.len(), scores.len());
+    }
+
+    #[test]
+    fn examinations_keep_their_question_and_their_bits() {
+        let candidate = Scored { generation: 2, candidate: 4, score: f64::from_bits(ODD[2]), genome: vec![-0.0] };
+        for question in [
+            Question::Fresh,
+            Question::Reference,
+            Question::LessFriction,
+            Question::MoreFriction,
+            Question::WithoutReuse,
+            Question::Traces,
+        ] {
+            let wire = v1::Question::from(question).into();
+            let task = v1::ExamineTask { round: 9, index: 1, question: wire, candidate: Some((&candidate).into()) };
+            let back = examination(over_the_wire(&task)).unwrap();
+            assert!(back.is(question, &candidate));
+            assert_eq!(back.candidate.score.to_bits(), ODD[2]);
+            assert!(back.candidate.genome[0].is_sign_negative());
+        }
+        let later = v1::ExamineTask { question: 77, ..Default::default() };
+        assert_eq!(examination(later), Err(ConvertError::Question { found: 77 }));
+        let odd = ODD.map(f64::from_bits).map(Some);
+        let result = v1::ExamineResult { scores: scores(&[odd.as_slice(), &[None]].concat()), ..Default::default() };
+        let back: Vec<_> = over_the_wire(&result).scores.iter().map(|s| s.score.map(f64::to_bits)).collect();
+        assert_eq!(back, [ODD.map(Some).as_slice(), &[None]].concat());
     }
 
     #[test]

@@ -4,7 +4,7 @@
 mod convert;
 pub mod limits;
 
-pub use convert::{ConvertError, digest, evaluations, range_length};
+pub use convert::{ConvertError, digest, evaluations, examination, range_length, scores};
 
 /// Version 1 of the protocol, generated from `proto/evogait/v1`.
 #[allow(missing_docs, clippy::all)]
@@ -16,4 +16,4 @@ pub mod v1 {
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/evogait.v1.bin"));
 
 /// Version of the worker protocol: both sides of a session must have the same.
-pub const PROTOCOL: u32 = 1;
+pub const PROTOCOL: u32 = 2;

@@ -74,7 +74,8 @@ impl<'de> Deserialize<'de> for Digest {
     }
 }
 
-/// The running digest of a job's scores, generation by generation, sealed with the winner: the *result digest*.
+/// The running digest of a job's scores, generation by generation and then examination by examination, sealed with the
+/// published winner: the *result digest*.
 ///
 /// Two runs of jobs with the same job digest must end with the same result digest, whatever workers there were.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,7 +102,12 @@ impl ResultDigest {
         self.0 = Digest::of("evogait generation 1", &(self.0.0, generation, scores));
     }
 
-    /// Folds in the winner and ends.
+    /// Folds in the scores of a round of the finish, in the order of its examinations, each with one score a tree.
+    pub fn examinations(&mut self, round: u32, scores: &[Vec<Option<f64>>]) {
+        self.0 = Digest::of("evogait examinations 1", &(self.0.0, round, scores));
+    }
+
+    /// Folds in the published winner with its score in the search, and ends.
     pub fn seal(self, genome: &[f64], score: f64) -> Digest {
         Digest::of("evogait winner 1", &(self.0.0, genome, score))
     }

@@ -8,6 +8,7 @@ pub mod control;
 pub mod environment;
 pub mod error;
 pub mod evaluate;
+pub mod finish;
 pub mod fitness;
 pub mod identity;
 pub mod job;

@@ -28,6 +28,10 @@ pub const MAX_POPULATION: u32 = 10_000;
 pub const MAX_GENERATIONS: u32 = 1_000_000;
 /// Most trees of an evaluation.
 pub const MAX_REPEATS: u32 = 1_000;
+/// Most genomes in a search's archive.
+pub const MAX_ARCHIVE: u32 = 1_000;
+/// Most fresh seeds a candidate of the finish is scored on.
+pub const MAX_FINISH_SEEDS: u32 = 1_000;
 /// Largest side of a map, mu.
 pub const MAX_MAP_SIZE: f64 = 10_000.0;
 /// Most cells of a coverage grid.

@@ -28,6 +28,8 @@ pub enum Purpose {
     Sample = 7,
     /// Resamples of a bootstrap interval.
     Bootstrap = 8,
+    /// q_rand of the planner when the finish scores candidates on the reference setting.
+    Reference = 9,
 }
 
 /// A stream of random numbers for one decision.

@@ -1,38 +1,92 @@
-//! What a finished job tells of its winner: computed by a worker as the job's last task, stored with the job, drawn by
-//! the command line.
+//! What a finished job tells of its winner: examined by workers once the search is over, put together by the
+//! coordinator, stored with the job, drawn by the command line.
 
 mod record;
 
 use crate::evaluate::{Stopped, Trial, grow, search_streams};
+use crate::finish::{Done, Found, Plan, Question, scores};
 use crate::job::Job;
-use crate::random::{Purpose, Stream};
-use crate::score::{Counts, Scored};
+use crate::optimise::archive::Archive;
+use crate::score::{Counts, Scored, mean};
 use serde::{Deserialize, Serialize};
 
-/// How many fresh RRT seeds the winner and the best of the first generation are scored on again.
-pub const FRESH_SEEDS: u32 = 20;
-
-/// The report. Lengths in mu, angles in rad, times in s.
+/// The report. Lengths in mu, angles in rad, times in s. Scores are `null` where an evaluation failed; lists of scores are
+/// empty where the job's finish does not ask for them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// The best of the whole search.
+    /// The published winner.
     pub winner: Scored,
+    /// Its scores beside the search's.
+    pub winner_scores: Rescored,
     /// The best of generation 0.
     pub first: Scored,
-    /// The winner's scores on fresh seeds; `null` where an evaluation failed.
-    pub winner_fresh: Vec<Option<f64>>,
-    /// The first generation's best on the same seeds.
-    pub first_fresh: Vec<Option<f64>>,
-    /// The score of the winner's recorded tree with every expansion simulated (no reuse), same random stream.
-    pub winner_without_reuse: Option<f64>,
+    /// Its scores beside the search's.
+    pub first_scores: Rescored,
+    /// The best of the search, by the search's own score.
+    pub best: Scored,
+    /// The archive, best on the reference setting first.
+    pub archive: Vec<Archived>,
+    /// Every global best of the search, scored again without reuse, as they came.
+    pub audits: Vec<Audit>,
     /// Each of the winner's gaits, applied at the start.
     pub gaits: Vec<GaitTrace>,
     /// The winner's tree, as the search scored it (its first, where a candidate has several).
     pub tree: TreeRecord,
     /// The tree's best path, run three ways.
     pub paths: Vec<PathTrace>,
-    /// What the report itself took.
+    /// What the whole finish took.
     pub counts: Counts,
+}
+
+/// Scores of one candidate, one a tree.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Rescored {
+    /// On fresh RRT seeds, on the search's setting.
+    pub fresh: Vec<Option<f64>>,
+    /// On fresh RRT seeds, on the reference setting.
+    pub reference: Vec<Option<f64>>,
+    /// The trees of the search with every expansion simulated, none reused.
+    pub without_reuse: Vec<Option<f64>>,
+    /// As on the reference setting, with friction × 0.9.
+    pub less_friction: Vec<Option<f64>>,
+    /// As on the reference setting, with friction × 1.1.
+    pub more_friction: Vec<Option<f64>>,
+}
+
+/// A genome of the archive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Archived {
+    /// With its score in the search.
+    pub candidate: Scored,
+    /// Its scores on the reference setting.
+    pub reference: Vec<Option<f64>>,
+}
+
+/// A global best of the search, scored again without reuse.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Audit {
+    /// With its score in the search.
+    pub candidate: Scored,
+    /// The same trees with every expansion simulated.
+    pub without_reuse: Vec<Option<f64>>,
+}
+
+impl Audit {
+    /// Score with reuse minus score without; `None` if that failed.
+    pub fn gap(&self) -> Option<f64> {
+        mean(&self.without_reuse).map(|without| self.candidate.score - without)
+    }
+}
+
+/// What is recorded of a winner: the part of the report that no score tells.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Traces {
+    /// See [`Report::gaits`].
+    pub gaits: Vec<GaitTrace>,
+    /// See [`Report::tree`].
+    pub tree: TreeRecord,
+    /// See [`Report::paths`].
+    pub paths: Vec<PathTrace>,
 }
 
 /// One gait from the settled start.
@@ -116,34 +170,65 @@ pub enum PathMode {
     Continuous,
 }
 
-/// Makes the report of a job's winner. `stop` is asked now and then.
-pub fn report(job: &Job, winner: &Scored, first: &Scored, stop: &dyn Fn() -> bool) -> Result<Report, Stopped> {
-    let tolerance = job.spec().planner.reuse_tolerance;
-    let streams = || search_streams(job, winner.generation, winner.candidate);
-    let mut trials = [
-        Trial::new(job, &winner.genome, tolerance, streams()),
-        Trial::new(job, &winner.genome, tolerance, fresh_streams(job)),
-        Trial::new(job, &first.genome, tolerance, fresh_streams(job)),
-        Trial::new(job, &winner.genome, 0.0, streams()),
-    ];
-    grow(job, &mut trials, stop)?;
-    let mut counts = Counts::default();
-    trials.iter().for_each(|t| counts += t.counts());
-    let [search, winner_fresh, first_fresh, literal] = &trials;
-    let tree = record::tree(job, search);
-    let paths = record::paths(job, search, &tree.best_path, &mut counts);
-    let gaits = record::gaits(job, winner, &search.targets, &mut counts);
-    Ok(Report {
-        winner: winner.clone(),
-        first: first.clone(),
-        winner_fresh: winner_fresh.scores(job).into_iter().map(Some).collect(),
-        first_fresh: first_fresh.scores(job).into_iter().map(Some).collect(),
-        winner_without_reuse: Some(literal.score(job)),
+/// Puts the report together from the answers of both rounds. `counts`: what they took.
+pub fn report(plan: &Plan, found: Found, winner: Scored, done: &[Done], traces: Traces, counts: Counts) -> Report {
+    let rescored = |candidate: &Scored| {
+        let scores = |question| scores(done, question, candidate);
+        Rescored {
+            fresh: scores(Question::Fresh),
+            reference: scores(Question::Reference),
+            without_reuse: scores(Question::WithoutReuse),
+            less_friction: scores(Question::LessFriction),
+            more_friction: scores(Question::MoreFriction),
+        }
+    };
+    let archived = |(candidate, reference): (&Scored, _)| Archived { candidate: candidate.clone(), reference };
+    let archive = plan.ranked(&found, done).into_iter().map(archived).collect();
+    let audit =
+        |best: &Scored| Audit { candidate: best.clone(), without_reuse: scores(done, Question::WithoutReuse, best) };
+    let audits = if plan.audit { found.bests.iter().map(audit).collect() } else { Vec::new() };
+    let Traces { gaits, tree, paths } = traces;
+    Report {
+        winner_scores: rescored(&winner),
+        first_scores: rescored(&found.first),
+        winner,
+        first: found.first,
+        best: found.best,
+        archive,
+        audits,
         gaits,
         tree,
         paths,
         counts,
-    })
+    }
+}
+
+impl Report {
+    /// What the search found, as far as the report tells: enough to do all examinations again.
+    pub fn found(&self, plan: &Plan) -> Found {
+        let entries = self.archive.iter().map(|a| a.candidate.clone()).collect();
+        // Back in the order of the search.
+        let archive = Archive::restore(plan.direction, plan.archive, entries, Vec::new());
+        Found {
+            first: self.first.clone(),
+            best: self.best.clone(),
+            archive: archive.entries().to_vec(),
+            bests: self.audits.iter().map(|a| a.candidate.clone()).collect(),
+        }
+    }
+}
+
+/// A candidate's gaits, its tree and the tree's best path, with what that took. `stop` is asked now and then.
+///
+/// # Panics
+/// If the genome's length does not fit the job.
+pub fn traces(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(Traces, Counts), Stopped> {
+    let trial = grown(job, candidate, stop)?;
+    let mut counts = trial.counts();
+    let tree = record::tree(job, &trial);
+    let paths = record::paths(job, &trial, &tree.best_path, &mut counts);
+    let gaits = record::gaits(job, candidate, &trial.targets, &mut counts);
+    Ok((Traces { gaits, tree, paths }, counts))
 }
 
 /// Each gait of a candidate, applied at the start: what [`Report::gaits`] holds.
@@ -161,16 +246,17 @@ pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
 /// # Panics
 /// If the genome's length does not fit the job.
 pub fn plan(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(TreeRecord, Vec<PathTrace>), Stopped> {
-    let streams = search_streams(job, candidate.generation, candidate.candidate);
-    let mut trials = [Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, streams)];
-    grow(job, &mut trials, stop)?;
-    let tree = record::tree(job, &trials[0]);
-    let paths = record::paths(job, &trials[0], &tree.best_path, &mut Counts::default());
+    let trial = grown(job, candidate, stop)?;
+    let tree = record::tree(job, &trial);
+    let paths = record::paths(job, &trial, &tree.best_path, &mut Counts::default());
     Ok((tree, paths))
 }
 
-/// The random streams of the fresh trees that a finished job's candidates are scored on.
-pub fn fresh_streams(job: &Job) -> impl Iterator<Item = Stream> {
-    let seed = job.spec().seed;
-    (0..FRESH_SEEDS).map(move |repeat| Stream::new(seed, Purpose::Rescore, 0, 0, repeat))
+/// A candidate's trees as the search scored them.
+fn grown(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<Trial, Stopped> {
+    let streams = search_streams(job, candidate.generation, candidate.candidate);
+    let mut trials = [Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, streams)];
+    grow(job, &mut trials, stop)?;
+    let [trial] = trials;
+    Ok(trial)
 }

@@ -54,6 +54,12 @@ pub struct Scored {
     pub genome: Genome,
 }
 
+/// Mean of the scores that did not fail; `None` if all did.
+pub fn mean(scores: &[Option<f64>]) -> Option<f64> {
+    let present = scores.iter().flatten().count();
+    (present > 0).then(|| scores.iter().flatten().sum::<f64>() / present as f64)
+}
+
 /// What an evaluation did. All of it follows from the job and the candidate alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {

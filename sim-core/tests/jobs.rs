@@ -79,6 +79,12 @@ fn names_and_descriptions_are_no_part_of_a_jobs_identity_but_settings_are() {
         "physics = { friction = 0.81 }",
         "physics = { scale = \"real\" }",
         "physics = { joints = \"multibody\" }",
+        "finish = { kind = \"none\" }",
+        "finish = { archive = 19 }",
+        "finish = { seeds = 19 }",
+        "finish = { audit = false }",
+        "finish = { steps_per_second = 120 }",
+        "finish = { substeps = 17 }",
     ] {
         assert_ne!(base, digest(text(change)), "{change}");
     }
@@ -105,4 +111,46 @@ fn the_kind_of_joint_survives_being_written_and_a_kind_that_is_none_is_refused()
     assert_eq!(default.digest(), Job::from_toml(&text("")).unwrap().digest());
     let refused = Job::from_toml(&text("physics = { joints = \"glue\" }")).unwrap_err().to_string();
     assert!(refused.contains("glue") && refused.contains("impulse") && refused.contains("multibody"), "{refused}");
+}
+
+#[test]
+fn a_finish_is_written_out_with_the_reference_of_its_scale() {
+    for (scale, steps, substeps) in [("paper", 60, 16), ("real", 120, 32)] {
+        let job = Job::from_toml(&text(&format!("physics = {{ scale = \"{scale}\" }}"))).unwrap();
+        let written: JobSpec = toml::from_str(&job.to_toml()).unwrap();
+        assert_eq!(
+            (written.finish.archive, written.finish.seeds, written.finish.audit),
+            (Some(20), Some(20), Some(true))
+        );
+        assert_eq!((written.finish.steps_per_second, written.finish.substeps), (Some(steps), Some(substeps)));
+        let reference = job.reference().unwrap();
+        assert_eq!((reference.physics().steps_per_second, reference.physics().substeps), (steps, substeps));
+        let same = |job: &Job| (job.physics().gravity, job.physics().friction, job.physics().max_torque);
+        assert_eq!(same(reference), same(&job));
+        assert!(reference.finish().is_none() && reference.reference().is_none());
+    }
+    let bare = Job::from_toml(&text("finish = { kind = \"none\" }")).unwrap();
+    assert!(bare.to_toml().contains("[finish]\nkind = \"none\"\n"), "{}", bare.to_toml());
+    assert!(bare.reference().is_none());
+    assert_eq!(bare.fresh_seeds(), 20);
+}
+
+#[test]
+fn a_finish_that_can_not_be_is_refused_with_the_field_and_what_is_allowed() {
+    for (finish, said) in [
+        ("archive = 0", "finish.archive = 0 is out of range: allowed is 1 to 1000"),
+        ("seeds = 1001", "finish.seeds = 1001 is out of range: allowed is 1 to 1000"),
+        ("substeps = 0", "finish.substeps = 0 is out of range: allowed is 1 to 1000"),
+        ("steps_per_second = 10001", "finish.steps_per_second = 10001 is out of range: allowed is 1 to 10000"),
+        ("kind = \"none\", audit = false", "finish.audit: a finish of kind \"none\" has no settings"),
+        ("kind = \"best\"", "unknown variant `best`, expected `reference` or `none`"),
+        ("trees = 3", "unknown field `trees`"),
+    ] {
+        let error = Job::from_toml(&text(&format!("finish = {{ {finish} }}"))).unwrap_err().to_string();
+        assert!(error.contains(said), "{finish}: {error}");
+    }
+    // 30 steps a second divide gaits of 0.1 s, 64 do not.
+    let short = text("finish = { steps_per_second = 64 }").replace("count = 2", "count = 2, duration = 0.1");
+    let error = Job::from_toml(&short).unwrap_err().to_string();
+    assert!(error.starts_with("finish.steps_per_second: 0.1 s is not a whole number"), "{error}");
 }

@@ -182,6 +182,7 @@ pub fn tiny_job(seed: u32, generations: u32) -> String {
     format!(
         "name = \"tiny-{seed}\"\nseed = {seed}\nrobot = \"quadropod\"\nenvironment = \"empty\"\n\
          [gaits]\ncount = 2\nduration = 2.0\n[planner]\niterations = 10\n[fitness]\nkind = \"coverage\"\n\
-         [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = {generations}\n"
+         [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = {generations}\n\
+         [finish]\narchive = 3\nseeds = 2\n"
     )
 }

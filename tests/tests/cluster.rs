@@ -24,6 +24,8 @@ async fn digest_with_workers(seed: u32, generations: u32, workers: usize) -> Vec
     assert_eq!(result.history.len(), generations as usize);
     let report: serde_json::Value = serde_json::from_slice(&result.report_json).expect("the report is JSON");
     assert_eq!(report["winner"]["score"].as_f64(), result.winner.and_then(|w| w.score));
+    assert_eq!(report["archive"].as_array().map(Vec::len), Some(3));
+    assert_eq!(report["winner"], report["archive"][0]["candidate"]);
     result.result_digest
 }
 
@@ -79,6 +81,45 @@ async fn a_killed_coordinator_goes_on_where_it_was_and_changes_no_bit() {
     }
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(4, 6).await);
     drop(coordinator);
+}
+
+/// A job that spends most of its time after the search.
+fn long_finish(seed: u32) -> String {
+    tiny_job(seed, 2).replace("archive = 3\nseeds = 2", "archive = 10\nseeds = 2\nsteps_per_second = 240")
+}
+
+#[tokio::test]
+async fn whoever_is_killed_in_the_finish_changes_no_bit() {
+    let mut sandbox = Sandbox::new();
+    let mut coordinator = sandbox.coordinator();
+    let mut worker = sandbox.worker(2);
+    let job = sandbox.submit("r", &long_finish(14)).await;
+    // The coordinator, the worker, and both of them.
+    for (done, dies) in [(2, [true, false]), (4, [false, true]), (6, [true, true])] {
+        let half = |job: &proto::v1::Job| job.state() == JobState::Finishing && job.round_done >= done;
+        let before = sandbox.until(&job.id, half).await;
+        if dies[0] {
+            coordinator.kill_9();
+            coordinator = sandbox.coordinator();
+        }
+        if dies[1] {
+            worker.kill_9();
+            worker = sandbox.worker(1);
+        }
+        let after = sandbox.job(&job.id).await;
+        assert!(after.round_done >= before.round_done, "what was told was stored");
+    }
+    sandbox.until(&job.id, |job| job.state() == JobState::Reporting && job.round_done >= 1).await;
+    coordinator.kill_9();
+    let _coordinator = sandbox.coordinator();
+    let digest = sandbox.result(&job.id).await.result_digest;
+
+    let mut undisturbed = Sandbox::new();
+    let _other = undisturbed.coordinator();
+    let _worker = undisturbed.worker(1);
+    let job = undisturbed.submit("r", &long_finish(14)).await;
+    assert_eq!(undisturbed.result(&job.id).await.result_digest, digest);
+    drop(worker);
 }
 
 #[tokio::test]

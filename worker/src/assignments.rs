@@ -1,8 +1,9 @@
 //! What this worker is working on, from the moment it is assigned until its result is answered.
 
 use proto::v1::RunningAssignment;
+use sim_core::finish::Examination;
 use sim_core::job::Job;
-use sim_core::score::{Genome, Scored};
+use sim_core::score::Genome;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,8 +13,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(crate) enum Task {
     /// Score candidates: (index in the generation, genome).
     Evaluate { generation: u32, first: u32, candidates: Vec<(u32, Genome)> },
-    /// Make the report.
-    Report { winner: Scored, first: Scored },
+    /// Answer a question about a candidate.
+    Examine { round: u32, index: u32, examination: Examination },
 }
 
 /// Work for one slot.
@@ -39,10 +40,9 @@ impl Assignment {
     fn to_wire(&self) -> RunningAssignment {
         let (generation, first, count) = match &self.task {
             Task::Evaluate { generation, first, candidates } => (*generation, *first, candidates.len() as u32),
-            Task::Report { .. } => (0, 0, 0),
+            Task::Examine { round, index, .. } => (*round, *index, 1),
         };
-        let report = matches!(self.task, Task::Report { .. });
-        RunningAssignment { assignment_id: self.id, job_id: self.job_id.clone(), generation, first, count, report }
+        RunningAssignment { assignment_id: self.id, job_id: self.job_id.clone(), generation, first, count }
     }
 }
 

@@ -14,7 +14,6 @@ use proto::v1::{
     coordinator_message, worker_message,
 };
 use proto::{ConvertError, PROTOCOL};
-use sim_core::score::Scored;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
@@ -162,7 +161,7 @@ impl Session {
         let parameters = job.bounds().0.len();
         let fits = match &task {
             Task::Evaluate { candidates, .. } => candidates.iter().all(|(_, genome)| genome.len() == parameters),
-            Task::Report { winner, first } => [winner, first].iter().all(|s| s.genome.len() == parameters),
+            Task::Examine { examination, .. } => examination.candidate.genome.len() == parameters,
         };
         if !fits {
             let result = Some(complete_request::Result::Failure(format!(
@@ -187,9 +186,9 @@ fn read(task: Option<assign::Task>) -> Result<Task, ConvertError> {
             let candidates = (evaluate.first..).zip(evaluate.genomes.into_iter().map(|g| g.values)).collect();
             Ok(Task::Evaluate { generation: evaluate.generation, first: evaluate.first, candidates })
         }
-        assign::Task::Report(report) => {
-            let scored = |field, value: Option<_>| Scored::try_from(value.ok_or(ConvertError::Missing { field })?);
-            Ok(Task::Report { winner: scored("winner", report.winner)?, first: scored("first", report.first)? })
+        assign::Task::Examine(task) => {
+            let (round, index) = (task.round, task.index);
+            Ok(Task::Examine { round, index, examination: proto::examination(task)? })
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::assignments::{Assignment, Task};
 use proto::v1::complete_request::Result as Outcome;
-use proto::v1::{CompleteRequest, EvaluateResult};
+use proto::v1::{CompleteRequest, EvaluateResult, ExamineResult};
 use sim_core::evaluate::{Stopped, evaluate};
-use sim_core::report::report;
+use sim_core::finish::{Answer, examine};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
@@ -41,12 +41,14 @@ fn compute(assignment: &Assignment) -> Result<Outcome, Stopped> {
                 evaluations: evaluations.iter().map(Into::into).collect(),
             }))
         }
-        Task::Report { winner, first } => {
-            let report = report(&assignment.job, winner, first, &stop)?;
-            Ok(match serde_json::to_vec(&report) {
-                Ok(json) => Outcome::ReportJson(json),
-                Err(error) => Outcome::Failure(format!("the report can't be written as JSON: {error}")),
-            })
+        Task::Examine { round, index, examination } => {
+            let Answer { scores, counts, traces } = examine(&assignment.job, examination, &stop)?;
+            let traces_json = match traces.as_ref().map(serde_json::to_vec).transpose() {
+                Ok(json) => json.unwrap_or_default(),
+                Err(error) => return Ok(Outcome::Failure(format!("the traces can't be written as JSON: {error}"))),
+            };
+            let (round, index, scores) = (*round, *index, proto::scores(&scores));
+            Ok(Outcome::Examine(ExamineResult { round, index, scores, counts: Some(counts.into()), traces_json }))
         }
     }
 }
@@ -59,14 +61,20 @@ fn message(panic: &(dyn Any + Send)) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sim_core::finish::{Examination, Question};
     use sim_core::job::Job;
+    use sim_core::score::Scored;
     use std::sync::Arc;
 
     fn assignment(candidates: Vec<(u32, Vec<f64>)>) -> Assignment {
+        assigned(Task::Evaluate { generation: 0, first: 3, candidates })
+    }
+
+    fn assigned(task: Task) -> Assignment {
         let text = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
-                    [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\n";
+                    [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\n[finish]\nseeds = 2\n";
         let job = Arc::new(Job::from_toml(text).expect("a valid job"));
-        Assignment::new(7, "j".to_owned(), job, Task::Evaluate { generation: 0, first: 3, candidates })
+        Assignment::new(7, "j".to_owned(), job, task)
     }
 
     #[test]
@@ -77,6 +85,19 @@ mod tests {
         let Some(Outcome::Evaluate(result)) = done.result else { panic!("{:?}", done.result) };
         assert_eq!((result.first, result.evaluations.len(), done.assignment_id), (3, 2, 7));
         assert!(done.compute_us > 0);
+    }
+
+    #[test]
+    fn an_examination_brings_a_score_a_tree_and_traces_where_they_are_asked_for() {
+        let genome = assignment(Vec::new()).job.optimiser().ask().remove(0);
+        let candidate = Scored { generation: 0, candidate: 0, score: 1.0, genome };
+        for (question, scores) in [(Question::Reference, 2), (Question::WithoutReuse, 1), (Question::Traces, 0)] {
+            let examination = Examination::new(question, &candidate);
+            let done = carry_out(&assigned(Task::Examine { round: 9, index: 4, examination })).expect("not stopped");
+            let Some(Outcome::Examine(result)) = done.result else { panic!("{:?}", done.result) };
+            assert_eq!((result.round, result.index, result.scores.len()), (9, 4, scores));
+            assert_eq!(result.traces_json.is_empty(), question != Question::Traces);
+        }
     }
 
     #[test]

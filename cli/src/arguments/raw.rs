@@ -58,6 +58,8 @@ Files in the output folder:
   result.json              best score, genome with names, digests, counts, seed
   job.toml                 the job with every setting; `evogait run` takes it
   history.csv              scores by generation: min, quartiles, max, mean, best
+  archive.csv, audits.csv  the best genomes on the reference setting; every new
+                           best scored again without reuse
   gaits.json               the winner's gaits: parameters, where each leads
   trajectories/gait-N.csv  time (s), joint targets and angles (rad), pivot pose
                            (mu): for hardware or pandas
@@ -132,8 +134,9 @@ Examples:
   evogait verify runs/quadropod-empty-3f2a9c01d4e5
   evogait verify runs/quadropod-empty-3f2a9c01d4e5 --full
 
-Exit code 0 if every compared number has the same bits, 1 if not. --full also
-recomputes the report: fresh seeds, score without reuse, gaits, tree, paths.")]
+Recomputes the winner's score in the search and on the reference setting; --full
+all the report has: archive, audits, fresh seeds, friction, gaits, tree, paths.
+Exit code 0 if every compared number has the same bits, 1 if not.")]
     Verify(Verify),
 
     /// Check a job file, and estimate what it costs
@@ -254,6 +257,7 @@ pub struct Submit {
 pub enum State {
     Queued,
     Running,
+    Finishing,
     Reporting,
     Succeeded,
     Failed,
@@ -329,7 +333,7 @@ pub struct Verify {
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
 
-    /// Recompute the whole report too: fresh seeds, no reuse, gaits, tree, paths
+    /// Recompute the whole report: archive, audits without reuse, fresh seeds, gaits, paths
     #[arg(long)]
     pub full: bool,
 

@@ -5,7 +5,7 @@ use crate::client::Client;
 use crate::console::{self, table};
 use crate::error::Error;
 use crate::view::{JobView, running_time};
-use crate::watch::{best, word};
+use crate::watch::{best, phase};
 use proto::v1::JobState;
 
 /// Prints the jobs, newest first.
@@ -25,7 +25,7 @@ pub async fn run(args: List) -> Result<(), Error> {
             vec![
                 job.id.clone(),
                 job.name.clone(),
-                word(job.state()).to_owned(),
+                phase(job.state(), job.round_done, job.round_total),
                 format!("{}/{}", job.generations_done, job.generations_total),
                 console::score_with(best(job), ""),
                 running_time(job),
@@ -41,6 +41,7 @@ fn wire(state: State) -> JobState {
     match state {
         State::Queued => JobState::Queued,
         State::Running => JobState::Running,
+        State::Finishing => JobState::Finishing,
         State::Reporting => JobState::Reporting,
         State::Succeeded => JobState::Succeeded,
         State::Failed => JobState::Failed,

@@ -6,7 +6,7 @@ use crate::console::{self, count};
 use crate::error::Error;
 use crate::progress::Label;
 use crate::view::{JobView, hex, running_time};
-use crate::watch::word;
+use crate::watch::phase;
 use proto::v1::JobState;
 
 /// Prints a job's facts, or its file.
@@ -31,7 +31,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
     );
     let mut lines = vec![
         format!("{} ({})", job.name, job.id),
-        format!("  state          {}{because}", word(job.state())),
+        format!("  state          {}{because}", phase(job.state(), job.round_done, job.round_total)),
         format!(
             "  generations    {} of {}, {} candidates each",
             job.generations_done, job.generations_total, job.population
@@ -51,7 +51,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
     ];
     match job.state() {
         JobState::Succeeded => lines.push(format!("  next           evogait fetch {}", job.id)),
-        JobState::Queued | JobState::Running | JobState::Reporting => {
+        JobState::Queued | JobState::Running | JobState::Finishing | JobState::Reporting => {
             lines.push(format!("  next           evogait watch {}", job.id));
         }
         _ => {}

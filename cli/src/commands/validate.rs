@@ -54,7 +54,7 @@ struct Estimate {
 }
 
 const ASSUMPTIONS: &str = "later generations cost as much as candidates of the first; all cores are free; a generation \
-                           is shared evenly; the final report is not counted";
+                           is shared evenly; the finish is not counted";
 
 /// Checks and tells.
 pub fn run(args: Validate) -> Result<(), Error> {

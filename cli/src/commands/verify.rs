@@ -6,9 +6,14 @@ use crate::error::Error;
 use crate::output::{ResultFile, Stored};
 use serde::Serialize;
 use sim_core::evaluate::evaluate;
+use sim_core::finish::{Answer, Done, Examination, Plan, Question, examine, total};
 use sim_core::identity::Digest;
+use sim_core::job::Job;
 use sim_core::report::{Report, report};
+use sim_core::score::mean;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 #[derive(Serialize)]
 struct View {
@@ -68,26 +73,74 @@ fn checks(stored: &Stored, full: bool) -> Result<Vec<Check>, Error> {
         .map_err(|_| Error::Interrupted { hint: String::new() })?;
     let score = again.first().and_then(|evaluation| evaluation.score);
     checks.push(compare_score("the winner's score", Some(winner.score), score));
+    let kept = stored.report()?;
+    checks.push(same("the winner in the report", &winner, &kept.winner));
+    let told = result.winner.as_ref().ok_or_else(no_winner)?;
     if full {
-        let first = result.first.as_ref().ok_or_else(no_winner)?.scored();
-        let kept = stored.report()?;
-        let made =
-            report(&stored.job, &winner, &first, &|| false).map_err(|_| Error::Interrupted { hint: String::new() })?;
+        let made = report_again(&stored.job, &kept)?;
         checks.extend(compare_reports(&kept, &made));
-        let fresh = &result.winner.as_ref().ok_or_else(no_winner)?.fresh;
-        checks.push(same("fresh scores in result.json", fresh, &kept.winner_fresh));
+        checks.push(same("fresh scores in result.json", &told.fresh, &kept.winner_scores.fresh));
+    } else if stored.job.reference().is_some() {
+        let answers = examine_all(&stored.job, &[Examination::new(Question::Reference, &winner)])?;
+        let made = answers.first().and_then(|answer| mean(&answer.scores));
+        checks.push(compare_score("the winner's score on the reference setting", told.reference, made));
     }
     Ok(checks)
 }
 
+/// Does all examinations of a report again, from what it says that the search found.
+fn report_again(job: &Job, kept: &Report) -> Result<Report, Error> {
+    let plan = Plan::of(job);
+    let found = kept.found(&plan);
+    let round = |examinations: Vec<Examination>| -> Result<(Vec<Done>, Vec<Answer>), Error> {
+        let answers = examine_all(job, &examinations)?;
+        let scores = answers.iter().map(|answer| answer.scores.clone());
+        Ok((examinations.into_iter().zip(scores).collect(), answers))
+    };
+    let (mut done, mut answers) = round(plan.finishing(&found))?;
+    let winner = plan.winner(&found, &done);
+    let (reported, more) = round(plan.reporting(&found, &winner, &done))?;
+    done.extend(reported);
+    answers.extend(more);
+    let counts = total(answers.iter().map(|answer| &answer.counts));
+    let traces = answers.into_iter().find_map(|answer| answer.traces).unwrap_or_default();
+    Ok(report(&plan, found, winner, &done, traces, counts))
+}
+
+/// Answers by index, on all cores.
+fn examine_all(job: &Job, examinations: &[Examination]) -> Result<Vec<Answer>, Error> {
+    let next = AtomicUsize::new(0);
+    let answers: Mutex<Vec<(usize, Answer)>> = Mutex::default();
+    let work = || {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(examination) = examinations.get(index) else { return Ok(()) };
+            let answer =
+                examine(job, examination, &|| false).map_err(|_| Error::Interrupted { hint: String::new() })?;
+            answers.lock().unwrap_or_else(PoisonError::into_inner).push((index, answer));
+        }
+    };
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(examinations.len());
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        threads.into_iter().try_for_each(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })?;
+    let mut answers = answers.into_inner().unwrap_or_else(PoisonError::into_inner);
+    answers.sort_by_key(|(index, _)| *index);
+    Ok(answers.into_iter().map(|(_, answer)| answer).collect())
+}
+
 fn compare_reports(kept: &Report, made: &Report) -> Vec<Check> {
     vec![
-        same("the winner's scores on fresh seeds", &kept.winner_fresh, &made.winner_fresh),
-        same("the first generation's scores on fresh seeds", &kept.first_fresh, &made.first_fresh),
-        compare_score("the winner's score without reuse", kept.winner_without_reuse, made.winner_without_reuse),
+        same("the choice of the winner", &kept.winner, &made.winner),
+        same("the archive's scores on the reference setting", &kept.archive, &made.archive),
+        same("the audits without reuse", &kept.audits, &made.audits),
+        same("the winner's scores", &kept.winner_scores, &made.winner_scores),
+        same("the first generation's scores", &kept.first_scores, &made.first_scores),
         same("the gaits' trajectories", &kept.gaits, &made.gaits),
         same("the tree", &kept.tree, &made.tree),
         same("the paths", &kept.paths, &made.paths),
+        same("what the finish took", &kept.counts, &made.counts),
     ]
 }
 

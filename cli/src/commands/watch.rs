@@ -26,7 +26,7 @@ struct EventView {
 enum What {
     State { state: &'static str },
     Generation { generation: u32, min: f64, median: f64, max: f64, mean: f64, best_so_far: Option<f64>, failed: u32 },
-    Progress { generation: u32, done: u32, total: u32 },
+    Progress { state: &'static str, generation: u32, done: u32, total: u32 },
 }
 
 /// Follows the job to its end.
@@ -59,7 +59,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             }
             let best = console::score_with(watch::best(&job), &label.unit);
             console::say(&format!(
-                "{}: {} {best} after {} generations\n  next  evogait fetch {}",
+                "{}: the search's best {} is {best} after {} generations\n  next  evogait fetch {}",
                 job.name, label.name, job.generations_done, job.id
             ))
         }
@@ -81,7 +81,12 @@ fn view(event: &JobEvent) -> Option<EventView> {
             best_so_far: g.best_so_far,
             failed: g.failed,
         },
-        Event::Progress(p) => What::Progress { generation: p.generation, done: p.done, total: p.total },
+        Event::Progress(p) => What::Progress {
+            state: word(event.job.as_ref().map(|job| job.state()).unwrap_or_default()),
+            generation: p.generation,
+            done: p.done,
+            total: p.total,
+        },
     };
     Some(EventView { sequence: event.sequence, at_ms: event.at_ms, what })
 }

@@ -3,7 +3,7 @@
 use super::axes::{Frame, Range, number};
 use super::canvas::{Canvas, Type, fill, stroke};
 use super::legend::{Key, heading, legend};
-use super::palette::{ACCENT, BASE};
+use super::palette::{ACCENT, BASE, INK};
 use super::{HistoryRow, Picture};
 
 const WIDTH: f64 = 880.0;
@@ -11,9 +11,10 @@ const HEIGHT: f64 = 500.0;
 /// More generations than this are thinned out before drawing: a sheet has no more columns.
 const MOST_ROWS: usize = 1500;
 
-/// Best so far, median, quartile band and range of the scores over generations. `label` names the score with its unit,
+/// Best so far, median, quartile band and range of the scores over generations. `audited` are (generation, score without
+/// reuse) of the global bests, drawn as crosses. `label` names the score with its unit,
 /// such as "coverage, %". Values that are not finite are left out, and interrupt lines and bands.
-pub fn convergence(history: &[HistoryRow], title: &str, label: &str) -> Picture {
+pub fn convergence(history: &[HistoryRow], audited: &[[f64; 2]], title: &str, label: &str) -> Picture {
     let rows = thinned(history);
     let mut canvas = Canvas::new();
     let range_paint = format!("{} fill-opacity=\"0.10\"", fill(BASE));
@@ -21,17 +22,24 @@ pub fn convergence(history: &[HistoryRow], title: &str, label: &str) -> Picture 
     let (median_paint, best_paint) = (stroke(BASE, 1.75), stroke(ACCENT, 2.75));
 
     let top = heading(&mut canvas, title, "", WIDTH);
-    let keys = [
+    let cross_paint = stroke(INK, 1.5);
+    let mut keys = vec![
         Key::line("best so far", best_paint.clone()),
         Key::line("median of the generation", median_paint.clone()),
         Key::area("its middle half (quartiles)", quartile_paint.clone()),
         Key::area("all of it (min to max)", range_paint.clone()),
     ];
+    if !audited.is_empty() {
+        let paint = cross_paint.clone();
+        let sample = move |canvas: &mut Canvas, at| canvas.polylines(&cross(at), &paint);
+        keys.insert(1, Key::new("a new best, scored without reuse", sample));
+    }
     let top = legend(&mut canvas, &keys, top, WIDTH) + 6.0;
 
     let values = rows
         .iter()
-        .flat_map(|r| [r.min, r.lower_quartile, r.median, r.upper_quartile, r.max, r.best_so_far.unwrap_or(f64::NAN)]);
+        .flat_map(|r| [r.min, r.lower_quartile, r.median, r.upper_quartile, r.max, r.best_so_far.unwrap_or(f64::NAN)])
+        .chain(audited.iter().map(|[_, score]| *score));
     let found = Range::of(values);
     let y = found.map_or(Range { low: 0.0, high: 1.0 }, |r| {
         let padded = r.with_near_zero().padded(0.05);
@@ -58,6 +66,10 @@ pub fn convergence(history: &[HistoryRow], title: &str, label: &str) -> Picture 
     let best = |r: &HistoryRow| r.best_so_far.unwrap_or(f64::NAN);
     series(&mut canvas, &frame, steps(rows.iter().map(|r| [generation(r), best(r)])), ACCENT, &best_paint);
 
+    for [generation, score] in audited.iter().filter(|at| at.iter().all(|v| v.is_finite())) {
+        canvas.polylines(&cross(frame.at(*generation, *score)), &cross_paint);
+    }
+
     if let Some(last) = rows.last().filter(|r| best(r).is_finite()) {
         let [px, py] = frame.at(generation(last), best(last));
         canvas.text([px + 8.0, py + 4.5], &number(best(last)), Type::LABEL.bold().coloured(ACCENT).halo());
@@ -75,6 +87,12 @@ pub fn convergence(history: &[HistoryRow], title: &str, label: &str) -> Picture 
 fn thinned(history: &[HistoryRow]) -> Vec<&HistoryRow> {
     let every = history.len().div_ceil(MOST_ROWS).max(1);
     history.iter().enumerate().filter(|(i, _)| i % every == 0 || i + 1 == history.len()).map(|(_, r)| r).collect()
+}
+
+/// A small cross around a place on the sheet.
+fn cross([x, y]: [f64; 2]) -> [Vec<[f64; 2]>; 2] {
+    let r = 4.0;
+    [vec![[x - r, y - r], [x + r, y + r]], vec![[x - r, y + r], [x + r, y - r]]]
 }
 
 /// A value holds until the next one: a staircase.

@@ -71,6 +71,7 @@ fn frontier_set(speeds: &[f64]) -> FrontierSet {
 /// Every picture from sound data, none, one point, equal points, and numbers that are none.
 fn all() -> Vec<Picture> {
     let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 1e-300, -0.0];
+    let odd_marks: Vec<[f64; 2]> = odd.iter().map(|v| [0.0, *v]).collect();
     let odd_rows: Vec<HistoryRow> = odd.iter().enumerate().map(|(i, v)| row(i as u32, *v)).collect();
     let sound = TreeRecord {
         nodes: vec![
@@ -91,10 +92,10 @@ fn all() -> Vec<Picture> {
     let mut trees = vec![TreeRecord::default(), sound.clone(), broken];
     trees.push(TreeRecord { nodes: sound.nodes[..1].to_vec(), best_path: vec![0] });
     let mut pictures = vec![
-        convergence(&[], "none", "coverage, %"),
-        convergence(&[row(0, 3.0)], "one", "coverage, %"),
-        convergence(&[row(0, 3.0), row(1, 3.0)], "equal", "coverage, %"),
-        convergence(&odd_rows, "odd <&> \u{1} \"title\"", "what?"),
+        convergence(&[], &[], "none", "coverage, %"),
+        convergence(&[row(0, 3.0)], &[[0.0, 2.5]], "one", "coverage, %"),
+        convergence(&[row(0, 3.0), row(1, 3.0)], &[[0.0, 3.0]], "equal", "coverage, %"),
+        convergence(&odd_rows, &odd_marks, "odd <&> \u{1} \"title\"", "what?"),
         gait_traces(&[], "none"),
         gait_traces(&[trace(0.0)], "at rest"),
         gait_traces(&odd.map(trace), "odd"),

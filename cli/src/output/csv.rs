@@ -1,5 +1,6 @@
 //! Tables for pandas, spreadsheets and hardware. Numbers are written so that they read back to the same bits.
 
+use super::result::{ArchiveRow, AuditRow};
 use proto::v1::GenerationSealed;
 use sim_core::report::{GaitTrace, PathMode, PathTrace};
 use std::fmt::Write as _;
@@ -8,12 +9,35 @@ use std::fmt::Write as _;
 pub fn history(history: &[GenerationSealed]) -> String {
     let mut out = "generation,min,lower_quartile,median,upper_quartile,max,mean,best_so_far,failed\n".to_owned();
     for g in history {
-        let best = g.best_so_far.map_or_else(String::new, |best| best.to_string());
+        let best = cell(g.best_so_far);
         let numbers = [g.min, g.lower_quartile, g.median, g.upper_quartile, g.max, g.mean].map(|v| v.to_string());
         // Writing to a String can't fail.
         let _ = writeln!(out, "{},{},{best},{}", g.generation, numbers.join(","), g.failed);
     }
     out
+}
+
+/// archive.csv: a row a genome, best on the reference setting first. `reference` is empty where it could not be scored.
+pub fn archive(rows: &[ArchiveRow]) -> String {
+    let mut out = "rank,generation,candidate,search,reference\n".to_owned();
+    for ArchiveRow { rank, generation, candidate, search, reference } in rows {
+        let _ = writeln!(out, "{rank},{generation},{candidate},{search},{}", cell(*reference));
+    }
+    out
+}
+
+/// audits.csv: a row a global best of the search, scored with reuse of transitions and without.
+pub fn audits(rows: &[AuditRow]) -> String {
+    let mut out = "generation,candidate,with_reuse,without_reuse,gap\n".to_owned();
+    for AuditRow { generation, candidate, with_reuse, without_reuse, gap } in rows {
+        let _ = writeln!(out, "{generation},{candidate},{with_reuse},{},{}", cell(*without_reuse), cell(*gap));
+    }
+    out
+}
+
+/// Empty where there is no number.
+fn cell(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |v| v.to_string())
 }
 
 /// A gait's samples: time (s), joint targets and angles (rad), pivot position (mu), rotation (unit quaternion), yaw (rad).

@@ -13,7 +13,7 @@ pub use csv::{gait as gait_csv, mode as mode_word, paths as paths_csv};
 pub use folder::Folder;
 pub use gaits::displacement;
 pub use pictures::png;
-pub use result::ResultFile;
+pub use result::{Candidate, ResultFile};
 pub use stored::Stored;
 pub use write::write;
 

@@ -5,14 +5,16 @@ use crate::error::Error;
 use crate::progress::Label;
 use proto::v1::GenerationSealed;
 use sim_core::job::Job;
-use sim_core::report::Report;
+use sim_core::report::{Audit, Report};
+use sim_core::score::mean;
 
 /// (file name, content) of every picture that a job has: without a report only that of its history.
 pub fn all(job: &Job, history: &[GenerationSealed], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let name = &job.spec().name;
     let Label { name: score, unit } = Label::of_job(job);
     let label = if unit.is_empty() { score } else { format!("{score}, {unit}") };
-    let mut pictures = vec![("convergence", draw::convergence(&rows(history), name, &label))];
+    let audited: Vec<[f64; 2]> = report.map(audited).unwrap_or_default();
+    let mut pictures = vec![("convergence", draw::convergence(&rows(history), &audited, name, &label))];
     if let Some(report) = report {
         let fitness = format!("{label}: {}", crate::console::score(report.winner.score));
         pictures.push(("map", draw::map(job.environment(), &report.tree, name, &fitness)));
@@ -30,6 +32,12 @@ pub fn all(job: &Job, history: &[GenerationSealed], report: Option<&Report>) -> 
 /// A picture's PNG.
 pub fn png(what: &str, picture: &Picture) -> Result<Vec<u8>, Error> {
     picture.png().map_err(|e| Error::Draw { what: what.to_owned(), reason: e.to_string() })
+}
+
+/// (generation, score without reuse) of the global bests.
+fn audited(report: &Report) -> Vec<[f64; 2]> {
+    let mark = |audit: &Audit| Some([f64::from(audit.candidate.generation), mean(&audit.without_reuse)?]);
+    report.audits.iter().filter_map(mark).collect()
 }
 
 fn rows(history: &[GenerationSealed]) -> Vec<HistoryRow> {

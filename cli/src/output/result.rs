@@ -5,13 +5,13 @@ use proto::v1;
 use serde::{Deserialize, Serialize};
 use sim_core::identity::Digest;
 use sim_core::job::Job;
-use sim_core::report::Report;
+use sim_core::report::{Archived, Audit, Report, Rescored};
 use sim_core::rollout::NUMERIC_CRATES;
-use sim_core::score::{Direction, Scored};
+use sim_core::score::{Direction, Scored, mean};
 use std::collections::BTreeMap;
 
 /// Version of the file's layout.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// What a job found, in a file. Numbers are written so that they read back to the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,7 +24,7 @@ pub struct ResultFile {
     pub seed: u64,
     /// The job digest.
     pub job_digest: Digest,
-    /// The result digest: bits of all scores and of the winner.
+    /// The result digest: bits of all scores, of search and finish, and the winner.
     pub result_digest: Digest,
     /// Digest of the engine that made it.
     pub engine_digest: Digest,
@@ -32,14 +32,22 @@ pub struct ResultFile {
     pub score: Score,
     /// Best score of the search; `null` if every evaluation failed.
     pub best_fitness: Option<f64>,
-    /// The winner; `null` if every evaluation failed.
+    /// The published winner; `null` if every evaluation failed.
     pub winner: Option<Candidate>,
     /// The best of the first generation.
     pub first: Option<Candidate>,
     /// The winner's mean on fresh seeds, divided by that of the first generation's best.
     pub fresh_ratio: Option<f64>,
-    /// Sums over the whole job.
+    /// The same on the reference setting; `null` if the job's finish has none.
+    pub reference_ratio: Option<f64>,
+    /// The archive, best on the reference setting first; empty if the job's finish has none.
+    pub archive: Vec<ArchiveRow>,
+    /// The global bests of the search, scored again without reuse; `null` if the job's finish has no audits.
+    pub audits: Option<Audits>,
+    /// Sums over the search.
     pub counts: Counts,
+    /// Examinations of the finish, and sums over them.
+    pub finish: FinishCounts,
     /// s from the first evaluation handed out to the end, pauses included.
     pub wall_seconds: f64,
     /// What wrote this.
@@ -72,11 +80,68 @@ pub struct Candidate {
     pub fresh_mean: Option<f64>,
     /// Their standard deviation.
     pub fresh_deviation: Option<f64>,
-    /// The score of the same tree with every expansion simulated, none reused; of the winner only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Mean score on fresh seeds on the reference setting; `null` if the job's finish has none.
+    pub reference: Option<f64>,
+    /// Their standard deviation.
+    pub reference_deviation: Option<f64>,
+    /// The score of the same trees with every expansion simulated, none reused; `null` where it was not asked for.
     pub without_reuse: Option<f64>,
+    /// As on the reference setting, with friction × 0.9; of the winner only.
+    pub less_friction: Option<f64>,
+    /// As on the reference setting, with friction × 1.1; of the winner only.
+    pub more_friction: Option<f64>,
     /// Its parameters.
     pub genome: Vec<Parameter>,
+}
+
+/// A genome of the archive; `report.json` has its parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ArchiveRow {
+    /// From 1, by `reference`.
+    pub rank: usize,
+    /// Generation, from 0.
+    pub generation: u32,
+    /// Index in its generation, from 0.
+    pub candidate: u32,
+    /// Its score in the search.
+    pub search: f64,
+    /// Its mean score on the reference setting.
+    pub reference: Option<f64>,
+}
+
+/// How far reuse of transitions flattered the search.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Audits {
+    /// The gap that flatters most: the greatest where more is better, the least where less is better.
+    pub worst_gap: Option<f64>,
+    /// The middle gap.
+    pub median_gap: Option<f64>,
+    /// Every global best, as they came.
+    pub bests: Vec<AuditRow>,
+}
+
+/// A global best of the search.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AuditRow {
+    /// Generation, from 0.
+    pub generation: u32,
+    /// Index in its generation, from 0.
+    pub candidate: u32,
+    /// Its score in the search, with reuse.
+    pub with_reuse: f64,
+    /// The mean of the same trees without.
+    pub without_reuse: Option<f64>,
+    /// With minus without.
+    pub gap: Option<f64>,
+}
+
+/// What the finish took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FinishCounts {
+    /// Rollouts simulated.
+    pub rollouts: u64,
+    /// Simulated time, s.
+    pub simulated_seconds: f64,
 }
 
 /// A number of a genome.
@@ -128,20 +193,28 @@ impl ResultFile {
         report: Option<&Report>,
     ) -> Self {
         let names = job.parameter_names();
-        let candidate = |scored: &Scored, fresh: Option<&[Option<f64>]>, without_reuse| Candidate {
+        let none = Rescored::default();
+        let candidate = |scored: &Scored, scores: &Rescored| Candidate {
             generation: scored.generation,
             candidate: scored.candidate,
             fitness: scored.score,
-            fresh: fresh.unwrap_or_default().to_vec(),
-            fresh_mean: mean(fresh.unwrap_or_default()),
-            fresh_deviation: deviation(fresh.unwrap_or_default()),
-            without_reuse,
+            fresh: scores.fresh.clone(),
+            fresh_mean: mean(&scores.fresh),
+            fresh_deviation: deviation(&scores.fresh),
+            reference: mean(&scores.reference),
+            reference_deviation: deviation(&scores.reference),
+            without_reuse: mean(&scores.without_reuse),
+            less_friction: mean(&scores.less_friction),
+            more_friction: mean(&scores.more_friction),
             genome: names.iter().zip(&scored.genome).map(|(n, &value)| Parameter { name: n.clone(), value }).collect(),
         };
-        let without_reuse = report.and_then(|r| r.winner_without_reuse);
-        let winner = winner.as_ref().map(|w| candidate(w, report.map(|r| &r.winner_fresh[..]), without_reuse));
-        let first = first.as_ref().map(|f| candidate(f, report.map(|r| &r.first_fresh[..]), None));
-        let means = (winner.as_ref().and_then(|w| w.fresh_mean), first.as_ref().and_then(|f| f.fresh_mean));
+        let winner = winner.as_ref().map(|w| candidate(w, report.map_or(&none, |r| &r.winner_scores)));
+        let first = first.as_ref().map(|f| candidate(f, report.map_or(&none, |r| &r.first_scores)));
+        let ratio =
+            |of: fn(&Candidate) -> Option<f64>| match (winner.as_ref().and_then(of), first.as_ref().and_then(of)) {
+                (Some(winner), Some(first)) if first != 0.0 => Some(winner / first),
+                _ => None,
+            };
         let counts = status.counts.unwrap_or_default();
         let Label { name, unit } = Label::of_job(job);
         Self {
@@ -152,13 +225,14 @@ impl ResultFile {
             result_digest,
             engine_digest: job.engine_digest(),
             score: Score { name, unit, direction: job.direction() },
-            best_fitness: winner.as_ref().map(|w| w.fitness),
-            fresh_ratio: match means {
-                (Some(winner), Some(first)) if first != 0.0 => Some(winner / first),
-                _ => None,
-            },
+            best_fitness: status.best.as_ref().and_then(|b| b.score),
+            fresh_ratio: ratio(|c| c.fresh_mean),
+            reference_ratio: ratio(|c| c.reference),
             winner,
             first,
+            archive: report.map(archive).unwrap_or_default(),
+            audits: report.and_then(|r| audits(r, job.direction())),
+            finish: finish(report.map(|r| r.counts).unwrap_or_default()),
             counts: Counts {
                 evaluations: status.evaluations,
                 failed_evaluations: status.failed_evaluations,
@@ -190,9 +264,43 @@ impl Candidate {
     }
 }
 
-fn mean(scores: &[Option<f64>]) -> Option<f64> {
-    let present: Vec<f64> = scores.iter().flatten().copied().collect();
-    (!present.is_empty()).then(|| present.iter().sum::<f64>() / present.len() as f64)
+fn archive(report: &Report) -> Vec<ArchiveRow> {
+    let row = |(i, archived): (usize, &Archived)| ArchiveRow {
+        rank: i + 1,
+        generation: archived.candidate.generation,
+        candidate: archived.candidate.candidate,
+        search: archived.candidate.score,
+        reference: mean(&archived.reference),
+    };
+    report.archive.iter().enumerate().map(row).collect()
+}
+
+fn audits(report: &Report, direction: Direction) -> Option<Audits> {
+    let row = |audit: &Audit| AuditRow {
+        generation: audit.candidate.generation,
+        candidate: audit.candidate.candidate,
+        with_reuse: audit.candidate.score,
+        without_reuse: mean(&audit.without_reuse),
+        gap: audit.gap(),
+    };
+    let bests: Vec<AuditRow> = report.audits.iter().map(row).collect();
+    let mut gaps: Vec<f64> = bests.iter().filter_map(|b| b.gap).collect();
+    gaps.sort_by(f64::total_cmp);
+    let worst_gap = match direction {
+        Direction::Maximise => gaps.last(),
+        Direction::Minimise => gaps.first(),
+    };
+    (!bests.is_empty()).then(|| Audits { worst_gap: worst_gap.copied(), median_gap: median(&gaps), bests })
+}
+
+fn finish(counts: sim_core::score::Counts) -> FinishCounts {
+    FinishCounts { rollouts: counts.rollouts, simulated_seconds: counts.simulated_ms as f64 / 1000.0 }
+}
+
+/// Of sorted values; between the middle two if there are two.
+fn median(sorted: &[f64]) -> Option<f64> {
+    let n = sorted.len();
+    (n > 0).then(|| (sorted[(n - 1) / 2] + sorted[n / 2]) / 2.0)
 }
 
 /// Sample standard deviation.
@@ -206,6 +314,12 @@ fn deviation(scores: &[Option<f64>]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_median_is_the_middle() {
+        assert_eq!((median(&[]), median(&[1.0]), median(&[1.0, 4.0])), (None, Some(1.0), Some(2.5)));
+        assert_eq!(median(&[1.0, 2.0, 9.0]), Some(2.0));
+    }
 
     #[test]
     fn failed_evaluations_take_no_part_in_mean_and_deviation() {

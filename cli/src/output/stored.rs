@@ -28,13 +28,9 @@ impl Stored {
         }
         let result: ResultFile = read_json(&result_path)?;
         let (job, _) = load::resolved_job(&folder.join(JOB))?;
-        let expected = job.bounds().0.len();
-        for candidate in [&result.winner, &result.first].into_iter().flatten() {
-            if candidate.genome.len() != expected {
-                let found = candidate.genome.len();
-                let reason = format!("a genome has {found} parameters, those of {JOB} have {expected}");
-                return Err(Error::Damaged { path: result_path, reason });
-            }
+        let lengths = [&result.winner, &result.first].map(|c| c.as_ref().map(|c| c.genome.len()));
+        if let Some(reason) = wrong_genome(&job, lengths.into_iter().flatten()) {
+            return Err(Error::Damaged { path: result_path, reason });
         }
         Ok(Self { folder: folder.to_owned(), job, result })
     }
@@ -44,8 +40,23 @@ impl Stored {
         if self.result.winner.is_none() {
             return Err(Error::NoWinner { folder: self.folder.clone() });
         }
-        read_json(&self.folder.join(REPORT))
+        let path = self.folder.join(REPORT);
+        let report: Report = read_json(&path)?;
+        let candidates = [&report.winner, &report.first, &report.best].into_iter();
+        let candidates = candidates.chain(report.archive.iter().map(|a| &a.candidate));
+        let candidates = candidates.chain(report.audits.iter().map(|a| &a.candidate));
+        match wrong_genome(&self.job, candidates.map(|c| c.genome.len())) {
+            None => Ok(report),
+            Some(reason) => Err(Error::Damaged { path, reason }),
+        }
     }
+}
+
+/// What is wrong with genomes of these lengths, if one can't be of the job.
+fn wrong_genome(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option<String> {
+    let expected = job.bounds().0.len();
+    let found = lengths.into_iter().find(|found| *found != expected)?;
+    Some(format!("a genome has {found} parameters, those of {JOB} have {expected}"))
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {

@@ -31,6 +31,12 @@ pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &
         batch.add(REPORT, &answer.report_json)?;
         batch.add("gaits.json", console::json(&gaits::file(job, report))?.as_bytes())?;
         batch.add("tree.json", console::json(&report.tree)?.as_bytes())?;
+        if !result.archive.is_empty() {
+            batch.add("archive.csv", csv::archive(&result.archive).as_bytes())?;
+        }
+        if let Some(audits) = &result.audits {
+            batch.add("audits.csv", csv::audits(&audits.bests).as_bytes())?;
+        }
         for (i, gait) in report.gaits.iter().enumerate() {
             batch.add(&gaits::trajectory_name(i), csv::gait(gait).as_bytes())?;
         }

@@ -94,4 +94,7 @@ cell = 0.5
 kind = "pso"
 particles = 3
 generations = 2
+
+[finish]
+archive = 3
 "#;

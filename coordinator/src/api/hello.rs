@@ -54,8 +54,7 @@ pub(super) fn check(hello: v1::Hello, address: String, engines: &[(&'static str,
         .into_iter()
         .filter(|running| running.job_id.len() <= MAX_ID)
         .map(|running| {
-            let range = Range { generation: running.generation, first: running.first, count: running.count };
-            let range = (!running.report).then_some(range);
+            let range = Range { round: running.generation, first: running.first, count: running.count };
             (AssignmentId(running.assignment_id), JobId::from(running.job_id.as_str()), range)
         })
         .collect();
@@ -93,7 +92,7 @@ mod tests {
 
         let message = refused(v1::Hello { protocol: PROTOCOL + 1, ..hello() });
         assert!(message.contains("evogait 9.9.9") && message.contains(VERSION), "{message}");
-        assert!(message.contains("protocol 2") && message.contains("protocol 1"), "{message}");
+        assert!(message.contains("protocol 3") && message.contains("protocol 2"), "{message}");
 
         let message = refused(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() });
         assert!(message.contains("080808080808") && message.contains("rapier 070707070707"), "{message}");

@@ -12,6 +12,7 @@ use proto::v1::{
     JobEvent, ListJobsRequest, ListJobsResponse, ListWorkersRequest, ListWorkersResponse, SubmitJobRequest,
     SubmitJobResponse, WatchJobRequest,
 };
+use sim_core::finish::Plan;
 use sim_core::identity::Digest;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
@@ -23,22 +24,23 @@ impl Api {
         job.ok_or_else(|| Status::not_found(format!("there is no job {text}")))
     }
 
-    /// Jobs as the API tells them, with what they wait for.
+    /// Jobs as the API tells them, with what they wait for and how far their round is.
     async fn tell(&self, records: Vec<JobRecord>) -> Result<Vec<Job>, Status> {
         let active: Vec<JobId> = records.iter().filter(|r| !ended(r.state)).map(|r| r.id.clone()).collect();
-        let mut reasons = Vec::new();
+        let mut standings = Vec::new();
         if !active.is_empty() {
-            reasons = self.ask(|reply| Command::WaitsFor { ids: active, reply }).await?;
+            standings = self.ask(|reply| Command::Standing { ids: active, reply }).await?;
         }
-        let mut reasons = reasons.into_iter();
+        let mut standings = standings.into_iter();
         Ok(records
             .iter()
             .map(|record| {
                 let mut job = record.to_wire();
                 if !ended(record.state)
-                    && let Some(reason) = reasons.next().flatten()
+                    && let Some(standing) = standings.next()
                 {
-                    job.reason = reason;
+                    job.reason = standing.waits_for.unwrap_or_default();
+                    (job.round_done, job.round_total) = standing.round.unwrap_or_default();
                 }
                 job
             })
@@ -63,6 +65,7 @@ fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Res
         engine_digest: job.engine_digest(),
         generations: job.spec().optimiser.generations(),
         optimiser: job.optimiser(),
+        finish: Plan::of(&job),
         // Resolved, so that workers need no files and a later version no other defaults.
         toml: job.to_toml().into(),
     })
@@ -185,7 +188,7 @@ impl JobService for Api {
             job: Some(record.to_wire()),
             job_toml,
             result_digest: record.result_digest.map(|d| d.0.to_vec()).unwrap_or_default(),
-            winner: record.best.as_ref().map(Into::into),
+            winner: record.winner.as_ref().map(Into::into),
             first: record.first.as_ref().map(Into::into),
             history: result.history,
             report_json: result.report,

@@ -11,6 +11,7 @@ use proto::v1::{
     CompleteRequest, CompleteResponse, CoordinatorMessage, WorkerMessage, complete_request, complete_response,
     worker_message,
 };
+use sim_core::score::Counts;
 use std::pin::Pin;
 use std::time::Duration;
 use tokio::sync::mpsc;
@@ -109,14 +110,23 @@ fn completed(request: CompleteRequest) -> Result<Completed, Status> {
             outcomes: proto::evaluations(&result)
                 .map_err(invalid)?
                 .into_iter()
-                .map(|e| Outcome { score: e.score, counts: e.counts })
+                .map(|e| Outcome::evaluation(e.score, e.counts))
                 .collect(),
         },
-        Some(complete_request::Result::ReportJson(json)) => {
-            if serde_json::from_slice::<serde::de::IgnoredAny>(&json).is_err() {
-                return Err(Status::invalid_argument("report_json is not JSON"));
+        Some(complete_request::Result::Examine(result)) => {
+            if !result.traces_json.is_empty() {
+                let traces = serde_json::from_slice::<sim_core::report::Traces>(&result.traces_json);
+                traces.map_err(|e| Status::invalid_argument(format!("traces_json can't be read: {e}")))?;
             }
-            Delivery::Report(json)
+            Delivery::Examination {
+                round: result.round,
+                index: result.index,
+                outcome: Outcome {
+                    scores: result.scores.iter().map(|s| s.score).collect(),
+                    counts: result.counts.map(Counts::from).unwrap_or_default(),
+                    traces: result.traces_json,
+                },
+            }
         }
         Some(complete_request::Result::Failure(reason)) => Delivery::Failure(shortened(reason)),
     };

@@ -4,13 +4,14 @@
 //! next. A job that had nothing to hand out for a while may catch up on a bounded part of it: what it misses while the last
 //! candidates of a generation are out, but not hours of waiting.
 
-use super::job::{ActiveJob, Report};
-use super::lease::{AssignmentId, Lease, Leased, Task};
+use super::job::ActiveJob;
+use super::lease::{AssignmentId, Lease, Task};
+use super::round::Work;
 use super::sizing::{may_prefetch, range_size};
 use super::worker::{Worker, WorkerId};
 use super::{Action, Message, Now, Scheduler};
 use crate::record::JobId;
-use proto::limits::{DEFAULT_PRIORITY, MAX_ASSIGNMENT_GENOMES};
+use proto::limits::DEFAULT_PRIORITY;
 
 /// Slot time of an evaluation nobody has measured yet, s.
 const UNKNOWN_COST: f64 = 1.0;
@@ -69,20 +70,20 @@ impl Scheduler {
         next.map(|(_, _, id, size)| (id.clone(), size))
     }
 
-    /// How many candidates this job would give to this worker; `None` if nothing.
+    /// How many tasks this job would give to this worker; `None` if nothing.
     fn offer(&self, worker: &Worker, id: &JobId, job: &ActiveJob, fill: Fill) -> Option<u32> {
         let engine = &job.record.engine_digest;
         if !job.has_pending() || !worker.engines.contains(engine) || worker.refused.contains_key(id) {
             return None;
         }
-        match &job.generation {
-            Some(generation) => {
-                let bytes = generation.genomes.first().map_or(1, |g| 8 * g.len().max(1));
-                let most = (MAX_ASSIGNMENT_GENOMES / bytes) as u32;
-                let size = range_size(generation.pending(), self.slots_for(engine), job.cost, most);
+        let round = &job.round;
+        let most = round.work.most_at_once();
+        match round.work {
+            Work::Candidates(_) => {
+                let size = range_size(round.pending(), self.slots_for(engine), job.cost, most);
                 (fill == Fill::FreeSlots || may_prefetch(size, job.cost)).then_some(size)
             }
-            None => (fill == Fill::FreeSlots).then_some(1),
+            Work::Examinations(_) => (fill == Fill::FreeSlots).then_some(most),
         }
     }
 
@@ -90,29 +91,20 @@ impl Scheduler {
         let (Some(worker), Some(job)) = (self.workers.get_mut(worker_id), self.jobs.get_mut(job_id)) else { return };
         let Some(session) = worker.session else { return };
         let assignment = AssignmentId(self.next_assignment);
-        let (task, work, count) = match (&mut job.generation, &job.record.best, &job.record.first) {
-            (Some(generation), ..) => match generation.cut(size, assignment) {
-                Some(range) => {
-                    let genomes = generation.genomes.clone();
-                    (Task::Evaluate { range, genomes }, Leased::Range(range), range.count)
-                }
-                None => return,
-            },
-            (None, Some(winner), Some(first)) => {
-                job.report = Report::Leased(assignment);
-                (Task::Report { winner: winner.clone(), first: first.clone() }, Leased::Report, 1)
-            }
-            _ => return,
+        let Some(range) = job.round.cut(size, assignment) else { return };
+        let task = match &job.round.work {
+            Work::Candidates(genomes) => Task::Evaluate { range, genomes: genomes.clone() },
+            Work::Examinations(all) => Task::Examine { range, examination: all[range.first as usize].clone() },
         };
         self.next_assignment += 1;
 
-        let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(count) / f64::from(job.record.priority);
+        let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(range.count) / f64::from(job.record.priority);
         let tag = job.finish_tag.max(self.virtual_time - CREDIT);
         self.virtual_time = self.virtual_time.max(tag);
         job.finish_tag = tag + charged;
 
         let since = now.since_start;
-        let lease = Lease { worker: worker_id.clone(), job: job_id.clone(), work, since, charged };
+        let lease = Lease { worker: worker_id.clone(), job: job_id.clone(), range, since, charged };
         self.leases.insert(assignment, lease);
         worker.held.insert(assignment);
         let toml = worker.known_jobs.insert(job_id.clone()).then(|| job.toml.clone());

@@ -1,14 +1,17 @@
-//! A job while it runs: the optimiser, the generation at hand, the report.
+//! A job while it runs: generation after generation, and then the finish.
 
-use super::generation::{Generation, Outcome, Range};
-use super::lease::AssignmentId;
+use super::round::{Outcome, Range, Round, Work};
+use super::search::{decode_search, encode_search};
 use super::statistics::statistics;
 use super::{Now, PROGRESS_EVERY};
 use crate::record::{JobId, JobRecord, JobState};
 use crate::store::{SealedGeneration, Write};
 use proto::v1::{self, job_event::Event};
+use sim_core::finish::{Done, Found, Plan, Question, total};
 use sim_core::identity::{Digest, ResultDigest};
+use sim_core::optimise::archive::Archive;
 use sim_core::optimise::{BadState, Optimiser};
+use sim_core::report::{Traces, report};
 use sim_core::score::{Counts, Scored};
 use std::sync::Arc;
 use std::time::Duration;
@@ -33,6 +36,8 @@ pub struct NewJob {
     pub optimiser: Box<dyn Optimiser>,
     /// How many generations to score, at least 1.
     pub generations: u32,
+    /// What is done once they are.
+    pub finish: Plan,
 }
 
 /// A job from the store.
@@ -43,37 +48,41 @@ pub struct Resumed {
     pub toml: Arc<str>,
     /// Fresh: its state is taken from `state`.
     pub optimiser: Box<dyn Optimiser>,
-    /// The optimiser's stored state.
-    pub state: Vec<u8>,
-    /// Results of the current generation: (index of the first, outcomes).
-    pub results: Vec<(u32, Vec<Outcome>)>,
+    /// What is done once the search is over.
+    pub finish: Plan,
+    /// The stored state of the search: optimiser and archive.
+    pub search: Vec<u8>,
+    /// Results of rounds that are not sealed for good: (round, index of the first, outcomes).
+    pub results: Vec<(u32, u32, Vec<Outcome>)>,
     /// Scores of the generation sealed last.
     pub last_scores: Option<Vec<Option<f64>>>,
-}
-
-/// Where a report stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Report {
-    NotYet,
-    Pending,
-    Leased(AssignmentId),
 }
 
 pub(super) struct ActiveJob {
     pub record: JobRecord,
     pub toml: Arc<str>,
     optimiser: Box<dyn Optimiser>,
-    /// `None` once the search is over.
-    pub generation: Option<Generation>,
+    plan: Plan,
+    archive: Archive,
+    /// What is worked on.
+    pub round: Round,
+    /// The round of examinations before it, if there was one.
+    pub examined: Option<Round>,
     /// Scores of the generation sealed last, to tell a repeated result from a wrong one.
     pub last_scores: Option<Vec<Option<f64>>>,
-    pub report: Report,
-    pub report_attempts: u32,
     /// Virtual finish time in the fair queue.
     pub finish_tag: f64,
-    /// Measured cost of an evaluation, s.
+    /// Measured cost of a task, s.
     pub cost: Option<f64>,
     last_progress: Option<Duration>,
+}
+
+/// How a job ends.
+pub(super) enum End {
+    /// The report is there.
+    Succeeded,
+    /// For this reason.
+    Failed(String),
 }
 
 impl ActiveJob {
@@ -95,6 +104,7 @@ impl ActiveJob {
             priority: new.priority,
             best: None,
             first: None,
+            winner: None,
             counts: Counts::default(),
             evaluations: 0,
             failed_evaluations: 0,
@@ -110,27 +120,24 @@ impl ActiveJob {
             record,
             toml: new.toml,
             optimiser: new.optimiser,
-            generation: Some(Generation::new(0, genomes)),
+            plan: new.finish,
+            archive: new.finish.new_archive(),
+            round: Round::generation(0, genomes),
+            examined: None,
             last_scores: None,
-            report: Report::NotYet,
-            report_attempts: 0,
             finish_tag: virtual_time,
             cost: None,
             last_progress: None,
         };
         let event = event(&mut job.record, now, Event::StateChanged(JobState::Queued.into()));
-        let write = Write::Submit {
-            record: job.record.clone(),
-            toml: job.toml.clone(),
-            optimiser: job.optimiser.save(),
-            event,
-        };
+        let write = Write::Submit { record: job.record.clone(), toml: job.toml.clone(), search: job.search(), event };
         (job, write)
     }
 
     /// A job from the store.
     pub fn resumed(resumed: Resumed, virtual_time: f64) -> Result<Self, BadState> {
-        let Resumed { record, toml, mut optimiser, state, results, last_scores } = resumed;
+        let Resumed { record, toml, mut optimiser, finish: plan, search, mut results, last_scores } = resumed;
+        let (state, archive) = decode_search(&plan, &search)?;
         optimiser.restore(&state)?;
         if optimiser.generation() != record.generations_done {
             return Err(BadState(format!(
@@ -139,43 +146,57 @@ impl ActiveJob {
                 record.generations_done
             )));
         }
-        let generation = if record.generations_done < record.generations_total {
-            let genomes = optimiser.ask();
-            if genomes.len() != record.population as usize {
-                return Err(BadState(format!("{} candidates instead of {}", genomes.len(), record.population)));
-            }
-            let mut generation = Generation::new(record.generations_done, genomes);
-            for (first, outcomes) in results {
-                let range = Range { generation: generation.number, first, count: outcomes.len() as u32 };
-                if !generation.contains(&range) {
-                    return Err(BadState(format!("results of candidates {:?} don't fit", range.candidates())));
-                }
-                for (candidate, outcome) in range.candidates().zip(outcomes) {
-                    generation.record(candidate, outcome);
-                }
-            }
-            Some(generation)
-        } else {
-            None
-        };
-        let report = if generation.is_none() { Report::Pending } else { Report::NotYet };
-        Ok(Self {
+        let genomes = optimiser.ask();
+        if genomes.len() != record.population as usize {
+            return Err(BadState(format!("{} candidates instead of {}", genomes.len(), record.population)));
+        }
+        let round = Round::generation(record.generations_done, genomes);
+        let mut job = Self {
             record,
             toml,
             optimiser,
-            generation,
+            plan,
+            archive,
+            round,
+            examined: None,
             last_scores,
-            report,
-            report_attempts: 0,
             finish_tag: virtual_time,
             cost: None,
             last_progress: None,
-        })
+        };
+        if job.record.generations_done >= job.record.generations_total {
+            job.resume_finish(&mut results)?;
+        }
+        take_up(&mut job.round, &mut results)?;
+        match results.first() {
+            None => Ok(job),
+            Some((round, first, _)) => Err(BadState(format!("results of round {round} from {first} on don't fit"))),
+        }
+    }
+
+    /// Takes up the round of examinations that the record says.
+    fn resume_finish(&mut self, results: &mut Vec<(u32, u32, Vec<Outcome>)>) -> Result<(), BadState> {
+        let found = self.found().ok_or_else(|| BadState("the search is over without a best".to_owned()))?;
+        let finishing = self.finishing(&found);
+        match (self.record.state, finishing, self.record.winner.clone()) {
+            (JobState::Finishing, Some(round), None) => self.round = round,
+            (JobState::Reporting, finishing, Some(winner)) => {
+                self.examined = finishing;
+                if let Some(round) = &mut self.examined {
+                    take_up(round, results)?;
+                }
+                let done = self.examined.as_ref().map_or(Some(Vec::new()), Round::answers);
+                let done = done.ok_or_else(|| BadState("there is a winner before all is examined".to_owned()))?;
+                self.round = self.reporting(&found, &winner, &done);
+            }
+            (state, ..) => return Err(BadState(format!("the search is over and the job {}", state.as_str_name()))),
+        }
+        Ok(())
     }
 
     /// Whether there is something to hand out.
     pub fn has_pending(&self) -> bool {
-        self.report == Report::Pending || self.generation.as_ref().is_some_and(|g| g.pending() > 0)
+        self.round.pending() > 0
     }
 
     /// The first work is handed out. `None` if that was before.
@@ -188,16 +209,32 @@ impl ActiveJob {
         })
     }
 
-    /// Seals the generation if all its candidates are done: folds the scores by index into digest and optimiser, and
-    /// goes on to the next generation, or to the report. `None` while candidates are missing.
+    /// Seals the round at hand if all its tasks are done, and goes on to the next. `None` while some are missing.
     ///
-    /// The second part of the answer is the reason why the job can't go on, if so.
-    pub fn seal(&mut self, now: Now) -> Option<(Write, Option<String>)> {
-        let generation = self.generation.as_ref()?;
-        let outcomes = generation.outcomes()?;
-        let number = generation.number;
-        let genomes = generation.genomes.clone();
-        let scores: Vec<Option<f64>> = outcomes.iter().map(|o| o.score).collect();
+    /// The second part of the answer says how the job ends, if so; one that fails is yet to be told so.
+    pub fn seal(&mut self, now: Now) -> Option<(Option<Write>, Option<End>)> {
+        let Some(answers) = self.round.answers() else {
+            return if self.round.is_generation() { self.seal_generation(now) } else { None };
+        };
+        let Some(found) = self.found() else {
+            return Some((None, Some(End::Failed("the search is over without a best".to_owned()))));
+        };
+        Some(match self.record.winner.clone() {
+            None => (Some(self.choose_winner(now, &found, &answers)), None),
+            Some(winner) => match self.make_report(now, found, winner, &answers) {
+                Ok(write) => (Some(write), Some(End::Succeeded)),
+                Err(reason) => (None, Some(End::Failed(reason))),
+            },
+        })
+    }
+
+    /// Folds a generation's scores by index into digest, archive and optimiser.
+    fn seal_generation(&mut self, now: Now) -> Option<(Option<Write>, Option<End>)> {
+        let Work::Candidates(genomes) = &self.round.work else { return None };
+        let (number, genomes) = (self.round.number, genomes.clone());
+        let outcomes = self.round.outcomes()?;
+        let scores: Vec<Option<f64>> = outcomes.iter().map(|o| o.score()).collect();
+        let counts = total(outcomes.iter().map(|o| &o.counts));
         let failed = scores.iter().filter(|s| s.is_none()).count() as u32;
         let direction = self.optimiser.direction();
 
@@ -205,9 +242,17 @@ impl ActiveJob {
         record.scores_digest.generation(number, &scores);
         record.evaluations += scores.len() as u64;
         record.failed_evaluations += u64::from(failed);
-        outcomes.iter().for_each(|o| record.counts += o.counts);
+        record.counts += counts;
+        let scored = |(i, score): (usize, f64)| Scored {
+            generation: number,
+            candidate: i as u32,
+            score,
+            genome: genomes[i].clone(),
+        };
+        let succeeded = scores.iter().enumerate().filter_map(|(i, s)| s.map(|s| (i, s)));
+        self.archive.generation(succeeded.map(scored));
         if let Some((i, score)) = direction.best(&scores) {
-            let best = Scored { generation: number, candidate: i as u32, score, genome: genomes[i].clone() };
+            let best = scored((i, score));
             if record.first.is_none() {
                 record.first = Some(best.clone());
             }
@@ -221,50 +266,111 @@ impl ActiveJob {
         let best_so_far = self.record.best.as_ref().map(|b| b.score);
         let statistics = statistics(number, &scores, best_so_far);
         let mut events = vec![event(&mut self.record, now, Event::GenerationSealed(statistics))];
-        let mut dead_end = None;
+        let mut end = None;
         if self.record.generations_done < self.record.generations_total {
-            self.generation = Some(Generation::new(number + 1, self.optimiser.ask()));
+            self.round = Round::generation(number + 1, self.optimiser.ask());
+        } else if let Some(found) = self.found() {
+            self.cost = None;
+            let state = match self.finishing(&found) {
+                Some(round) => {
+                    self.round = round;
+                    JobState::Finishing
+                }
+                None => self.report_on(&found, &[]),
+            };
+            self.record.state = state;
+            events.push(event(&mut self.record, now, Event::StateChanged(state.into())));
         } else {
-            self.generation = None;
-            match &self.record.best {
-                Some(winner) => {
-                    self.record.result_digest = Some(self.record.scores_digest.seal(&winner.genome, winner.score));
-                    self.report = Report::Pending;
-                    self.record.state = JobState::Reporting;
-                    events.push(event(&mut self.record, now, Event::StateChanged(JobState::Reporting.into())));
-                }
-                None => {
-                    dead_end = Some(format!(
-                        "all {} evaluations failed (the robot was unstable at its start): there is no winner; check the \
-                         robot, the start and the [physics] table",
-                        self.record.evaluations
-                    ));
-                }
-            }
+            end = Some(End::Failed(format!(
+                "all {} evaluations failed (the robot was unstable at its start): there is no winner; check the \
+                 robot, the start and the [physics] table",
+                self.record.evaluations
+            )));
         }
         let sealed = SealedGeneration { scores: scores.clone(), statistics };
         self.last_scores = Some(scores);
-        let write = Write::Seal { record: self.record.clone(), sealed, optimiser: self.optimiser.save(), events };
-        Some((write, dead_end))
+        let write = Write::Seal { record: self.record.clone(), sealed, search: self.search(), events };
+        Some((Some(write), end))
     }
 
-    /// The report is there: the job succeeded.
-    pub fn finish(&mut self, now: Now, report: Vec<u8>) -> Write {
+    /// The archive is examined: the winner follows, and the questions about it.
+    fn choose_winner(&mut self, now: Now, found: &Found, answers: &[Done]) -> Write {
+        self.fold(answers);
+        let before = self.round.clone();
+        let state = self.report_on(found, answers);
+        self.examined = Some(before);
+        self.record.state = state;
+        let event = event(&mut self.record, now, Event::StateChanged(state.into()));
+        Write::Change { record: self.record.clone(), event }
+    }
+
+    /// All questions are answered.
+    fn make_report(&mut self, now: Now, found: Found, winner: Scored, answers: &[Done]) -> Result<Write, String> {
+        self.fold(answers);
+        let rounds = || self.examined.iter().chain([&self.round]);
+        let outcomes: Vec<&Outcome> = rounds().filter_map(Round::outcomes).flatten().collect();
+        let counts = total(outcomes.iter().map(|o| &o.counts));
+        let done: Vec<Done> = rounds().filter_map(Round::answers).flatten().collect();
+        let traces = done.iter().position(|(e, _)| e.is(Question::Traces, &winner)).map(|at| &outcomes[at].traces);
+        let unusable = |e: serde_json::Error| format!("the report can't be put together: {e}");
+        let traces: Traces = serde_json::from_slice(traces.map_or(&[], Vec::as_slice)).map_err(unusable)?;
+        let report = report(&self.plan, found, winner.clone(), &done, traces, counts);
+        let report = serde_json::to_vec(&report).map_err(unusable)?;
+
+        self.record.result_digest = Some(self.record.scores_digest.seal(&winner.genome, winner.score));
         self.record.ended_at_ms = now.unix_ms;
         self.record.state = JobState::Succeeded;
         let event = event(&mut self.record, now, Event::StateChanged(JobState::Succeeded.into()));
-        Write::Report { record: self.record.clone(), report, event }
+        Ok(Write::Report { record: self.record.clone(), report, event })
     }
 
-    /// How far the generation is, at most every [`PROGRESS_EVERY`].
+    /// Sets the winner and the round of questions about it.
+    fn report_on(&mut self, found: &Found, answers: &[Done]) -> JobState {
+        let winner = self.plan.winner(found, answers);
+        self.round = self.reporting(found, &winner, answers);
+        self.record.winner = Some(winner);
+        JobState::Reporting
+    }
+
+    fn fold(&mut self, answers: &[Done]) {
+        let scores: Vec<Vec<Option<f64>>> = answers.iter().map(|(_, scores)| scores.clone()).collect();
+        self.record.scores_digest.examinations(self.round.number, &scores);
+    }
+
+    /// What the search found, if any of its evaluations succeeded.
+    fn found(&self) -> Option<Found> {
+        Some(Found {
+            first: self.record.first.clone()?,
+            best: self.record.best.clone()?,
+            archive: self.archive.entries().to_vec(),
+            bests: self.archive.bests().to_vec(),
+        })
+    }
+
+    /// The first round after the search, numbered on from the generations; `None` if it would be empty.
+    fn finishing(&self, found: &Found) -> Option<Round> {
+        let examinations = self.plan.finishing(found);
+        (!examinations.is_empty()).then(|| Round::examinations(self.record.generations_total, examinations))
+    }
+
+    /// The last round.
+    fn reporting(&self, found: &Found, winner: &Scored, done: &[Done]) -> Round {
+        Round::examinations(self.record.generations_total + 1, self.plan.reporting(found, winner, done))
+    }
+
+    /// The state of the search, for the store.
+    fn search(&self) -> Vec<u8> {
+        encode_search(self.optimiser.save(), &self.archive)
+    }
+
+    /// How far the round is, at most every [`PROGRESS_EVERY`].
     pub fn progress(&mut self, now: Now) -> Option<v1::JobEvent> {
-        let generation = self.generation.as_ref()?;
         if self.last_progress.is_some_and(|last| now.since_start < last + PROGRESS_EVERY) {
             return None;
         }
         self.last_progress = Some(now.since_start);
-        let progress =
-            v1::Progress { generation: generation.number, done: generation.done(), total: generation.population() };
+        let generation = self.record.generations_done;
+        let progress = v1::Progress { generation, done: self.round.done(), total: self.round.size() };
         Some(v1::JobEvent {
             sequence: self.record.last_event,
             at_ms: now.unix_ms,
@@ -272,6 +378,21 @@ impl ActiveJob {
             job: Some(self.record.to_wire()),
         })
     }
+}
+
+/// Records the stored results of a round and takes them out of the list.
+fn take_up(round: &mut Round, results: &mut Vec<(u32, u32, Vec<Outcome>)>) -> Result<(), BadState> {
+    let number = round.number;
+    for (_, first, outcomes) in results.extract_if(.., |(of, ..)| *of == number) {
+        let range = Range { round: number, first, count: outcomes.len() as u32 };
+        if !round.contains(&range) {
+            return Err(BadState(format!("results of tasks {:?} of round {number} don't fit", range.indexes())));
+        }
+        for (index, outcome) in range.indexes().zip(&outcomes) {
+            round.record(index, outcome);
+        }
+    }
+    Ok(())
 }
 
 /// A job ends without success: how it stands then, and the write that says so.

@@ -1,10 +1,11 @@
 //! Work that a worker has been given.
 
-use super::generation::Range;
+use super::round::Range;
 use super::worker::WorkerId;
-use super::{Action, Message, Now, Scheduler, job};
+use super::{Action, Message, Now, Scheduler};
 use crate::record::{JobId, JobState};
-use sim_core::score::{Genome, Scored};
+use sim_core::finish::Examination;
+use sim_core::score::Genome;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,27 +24,20 @@ pub enum Task {
         /// The genomes of the whole generation, by index.
         genomes: Arc<[Genome]>,
     },
-    /// Make the report.
-    Report {
-        /// The best of the search.
-        winner: Scored,
-        /// The best of generation 0.
-        first: Scored,
+    /// Answer a question about a candidate.
+    Examine {
+        /// Its place in its round: a range of one.
+        range: Range,
+        /// What is asked, about whom.
+        examination: Examination,
     },
-}
-
-/// What a lease is about.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Leased {
-    Range(Range),
-    Report,
 }
 
 #[derive(Clone, Debug)]
 pub(super) struct Lease {
     pub worker: WorkerId,
     pub job: JobId,
-    pub work: Leased,
+    pub range: Range,
     pub since: Duration,
     /// What the job's fair-queue tag was charged for it.
     pub charged: f64,
@@ -58,17 +52,8 @@ impl Scheduler {
         }
         if let Some(job) = self.jobs.get_mut(&lease.job) {
             job.finish_tag -= lease.charged;
-            match lease.work {
-                Leased::Range(range) => {
-                    if let Some(generation) = job.generation.as_mut().filter(|g| g.contains(&range)) {
-                        generation.release(&range, id);
-                    }
-                }
-                Leased::Report => {
-                    if job.report == job::Report::Leased(id) {
-                        job.report = job::Report::Pending;
-                    }
-                }
+            if job.round.contains(&lease.range) {
+                job.round.release(&lease.range, id);
             }
         }
         Some(lease)
@@ -78,21 +63,13 @@ impl Scheduler {
     /// alone too often fails the job.
     pub(super) fn blame(&mut self, now: Now, lease: &Lease, why: &str) {
         let Some(job) = self.jobs.get_mut(&lease.job) else { return };
-        let (attempts, what) = match lease.work {
-            Leased::Range(range) => match job.generation.as_mut().filter(|g| g.contains(&range)) {
-                // Done meanwhile by somebody else: not to blame.
-                Some(generation) if generation.is_done(&range) => return,
-                Some(generation) => (
-                    generation.blame(&range),
-                    format!("the evaluation of candidate {} of generation {}", range.first, range.generation),
-                ),
-                None => return,
-            },
-            Leased::Report => {
-                job.report_attempts += 1;
-                (job.report_attempts, "the report".to_owned())
-            }
-        };
+        let range = &lease.range;
+        // Done meanwhile by somebody else: not to blame.
+        if !job.round.contains(range) || job.round.is_done(range) {
+            return;
+        }
+        let attempts = job.round.blame(range);
+        let what = job.round.work.describe(range.round, range.first);
         if attempts >= super::MAX_ATTEMPTS {
             let reason = format!("{what} failed {attempts} times; the last time: {why}");
             self.end_job(now, &lease.job, JobState::Failed, reason);

@@ -5,23 +5,25 @@
 //! nothing is acknowledged that the store does not hold. If a commit fails the state in memory is ahead of the store,
 //! and the coordinator has to stop and start again from the store.
 //!
-//! Candidates go PENDING → LEASED → DONE; a lease that is lost makes its candidates PENDING again. How candidates are cut
-//! into ranges, who evaluates them and in which order results arrive never touches a result: scores are folded by index
-//! once all of a generation are there.
+//! A job is a row of rounds: its generations, and after the search one or two rounds of examinations, from which the
+//! published winner and the report follow. The tasks of a round go PENDING → LEASED → DONE; a lease that is lost makes
+//! its tasks PENDING again. How they are cut into ranges, who works on them and in which order results arrive never
+//! touches a result: scores are folded by index once all of a round are there.
 
 mod fair;
-mod generation;
 mod job;
 mod lease;
 mod results;
+mod round;
+mod search;
 mod sizing;
 mod statistics;
 mod worker;
 
-pub use generation::{Outcome, Range};
 pub use job::{NewJob, Resumed};
 pub use lease::{AssignmentId, Task};
 pub use results::{Completed, Delivery, Verdict};
+pub use round::{Outcome, Range};
 pub use worker::{Greeting, SessionId, Welcome, WorkerId};
 
 use crate::record::{JobId, JobRecord, JobState};
@@ -36,7 +38,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use worker::Worker;
 
-/// After how many crashes or failures of a candidate that was evaluated alone its job fails.
+/// After how many crashes or failures of a task that was worked on alone its job fails.
 pub const MAX_ATTEMPTS: u32 = 3;
 /// Progress of a job is told at most this often.
 const PROGRESS_EVERY: Duration = Duration::from_millis(100);
@@ -158,6 +160,11 @@ impl Scheduler {
         } else {
             None
         }
+    }
+
+    /// Tasks of the round at hand that are done, and how many it has; nothing for a job that ended.
+    pub fn round(&self, id: &JobId) -> Option<(u32, u32)> {
+        self.jobs.get(id).map(|job| (job.round.done(), job.round.size()))
     }
 
     /// A client submits a job. The caller has checked that its request id is new.

@@ -1,8 +1,8 @@
 //! Results come in: on time, late, twice, wrong, or for something long over.
 
-use super::generation::{Outcome, Range, same_bits};
-use super::job::Report;
-use super::lease::{AssignmentId, Leased};
+use super::job::End;
+use super::lease::AssignmentId;
+use super::round::{Outcome, Range, Recorded, same_bits};
 use super::worker::WorkerId;
 use super::{Action, Now, Scheduler};
 use crate::record::{JobId, JobState};
@@ -39,8 +39,15 @@ pub enum Delivery {
         /// By index from `first` on.
         outcomes: Vec<Outcome>,
     },
-    /// The report as JSON.
-    Report(Vec<u8>),
+    /// The answer to a question.
+    Examination {
+        /// The round.
+        round: u32,
+        /// Its index there.
+        index: u32,
+        /// The answer.
+        outcome: Outcome,
+    },
     /// It could not be carried out.
     Failure(String),
 }
@@ -87,32 +94,39 @@ impl Scheduler {
                 }
                 Verdict::Accepted
             }
-            Delivery::Report(report) => {
-                if job.report == Report::NotYet {
-                    return Verdict::Unknown;
-                }
-                self.take_report(now, &id, report);
-                Verdict::Accepted
-            }
             Delivery::Evaluations { generation, first, outcomes } => {
                 let Ok(count) = u32::try_from(outcomes.len()) else { return Verdict::Unknown };
-                let range = Range { generation, first, count };
+                let range = Range { round: generation, first, count };
                 let fits = first.checked_add(count).is_some_and(|end| count > 0 && end <= job.record.population);
                 if !fits || generation > job.record.generations_done || generation >= job.record.generations_total {
                     return Verdict::Unknown;
                 }
                 if generation < job.record.generations_done {
-                    return self.compare_with_sealed(&id, &range, &outcomes);
+                    return self.compare_with_generation(&id, &range, &outcomes);
                 }
                 if own {
                     self.settle(assignment, count, compute);
                 }
-                self.take_evaluations(now, &id, range, outcomes, &worker)
+                self.take_outcomes(now, &id, range, outcomes, &worker)
+            }
+            Delivery::Examination { round, index, outcome } => {
+                let range = Range { round, first: index, count: 1 };
+                if let Some(sealed) = job.examined.iter().find(|r| r.contains(&range)) {
+                    let same = sealed.outcome(index) == Some(&outcome);
+                    return if same { Verdict::Duplicate } else { Verdict::Conflict };
+                }
+                if job.round.is_generation() || !job.round.contains(&range) {
+                    return Verdict::Unknown;
+                }
+                if own {
+                    self.settle(assignment, 1, compute);
+                }
+                self.take_outcomes(now, &id, range, vec![outcome], &worker)
             }
         }
     }
 
-    fn take_evaluations(
+    fn take_outcomes(
         &mut self,
         now: Now,
         id: &JobId,
@@ -120,18 +134,18 @@ impl Scheduler {
         outcomes: Vec<Outcome>,
         worker: &WorkerId,
     ) -> Verdict {
-        let Some(job) = self.jobs.get_mut(id) else { return Verdict::Unknown };
-        let Some(generation) = job.generation.as_mut().filter(|g| g.contains(&range)) else { return Verdict::Unknown };
+        let Some(job) = self.jobs.get_mut(id).filter(|j| j.round.contains(&range)) else { return Verdict::Unknown };
         // What is new, in ranges without a break.
         let mut ranges: Vec<(u32, Vec<Outcome>)> = Vec::new();
         let mut conflict = false;
-        for (candidate, outcome) in range.candidates().zip(outcomes) {
-            match generation.record(candidate, outcome) {
-                None => match ranges.last_mut() {
-                    Some((first, run)) if *first + run.len() as u32 == candidate => run.push(outcome),
-                    _ => ranges.push((candidate, vec![outcome])),
+        for (index, outcome) in range.indexes().zip(outcomes) {
+            match job.round.record(index, &outcome) {
+                Recorded::New => match ranges.last_mut() {
+                    Some((first, run)) if *first + run.len() as u32 == index => run.push(outcome),
+                    _ => ranges.push((index, vec![outcome])),
                 },
-                Some(there) => conflict |= there != outcome,
+                Recorded::Same => {}
+                Recorded::Other => conflict = true,
             }
         }
         let accepted: usize = ranges.iter().map(|(_, run)| run.len()).sum();
@@ -142,11 +156,11 @@ impl Scheduler {
             let needless: Vec<AssignmentId> = self
                 .leases
                 .iter()
-                .filter(|(_, l)| l.job == *id && matches!(l.work, Leased::Range(r) if generation.is_done(&r)))
+                .filter(|(_, l)| l.job == *id && job.round.contains(&l.range) && job.round.is_done(&l.range))
                 .map(|(a, _)| *a)
                 .collect();
             self.cancel_leases(&needless);
-            self.seal_or_store(now, id, range.generation, ranges);
+            self.seal_or_store(now, id, range.round, ranges);
         }
         match (conflict, accepted) {
             (true, _) => Verdict::Conflict,
@@ -155,40 +169,49 @@ impl Scheduler {
         }
     }
 
-    /// Goes on to the next generation if this one is complete; otherwise keeps what came in.
-    fn seal_or_store(&mut self, now: Now, id: &JobId, generation: u32, ranges: Vec<(u32, Vec<Outcome>)>) {
+    /// Keeps what came in, and goes on to the next round if this one is complete.
+    fn seal_or_store(&mut self, now: Now, id: &JobId, round: u32, ranges: Vec<(u32, Vec<Outcome>)>) {
+        let Some(job) = self.jobs.get(id) else { return };
+        let write = Action::Write(Box::new(Write::Results { job: id.clone(), round, ranges }));
+        // Of a sealed generation only the scores are kept; answers are needed until the report is made.
+        let of_generation = job.round.is_generation();
+        if !of_generation {
+            self.actions.push(write.clone());
+        }
         if self.seal(now, id) {
             return;
         }
-        let write = Write::Results { job: id.clone(), generation, ranges };
-        self.actions.push(Action::Write(Box::new(write)));
+        if of_generation {
+            self.actions.push(write);
+        }
         if let Some(event) = self.jobs.get_mut(id).and_then(|job| job.progress(now)) {
             self.actions.push(Action::Publish(id.clone(), Box::new(event)));
         }
     }
 
-    /// Seals the generation at hand if it is complete.
+    /// Seals the round at hand if it is complete.
     pub(super) fn seal(&mut self, now: Now, id: &JobId) -> bool {
-        let Some((write, dead_end)) = self.jobs.get_mut(id).and_then(|job| job.seal(now)) else { return false };
-        self.actions.push(Action::Write(Box::new(write)));
-        if let Some(reason) = dead_end {
-            self.end_job(now, id, JobState::Failed, reason);
+        let Some((write, end)) = self.jobs.get_mut(id).and_then(|job| job.seal(now)) else { return false };
+        self.actions.extend(write.map(|write| Action::Write(Box::new(write))));
+        match end {
+            None => {}
+            Some(End::Succeeded) => {
+                self.jobs.remove(id);
+                self.forget(id);
+            }
+            Some(End::Failed(reason)) => {
+                self.end_job(now, id, JobState::Failed, reason);
+            }
         }
         true
     }
 
-    fn take_report(&mut self, now: Now, id: &JobId, report: Vec<u8>) {
-        let Some(mut job) = self.jobs.remove(id) else { return };
-        self.actions.push(Action::Write(Box::new(job.finish(now, report))));
-        self.forget(id);
-    }
-
     /// A result for a generation that is over can only agree or disagree.
-    fn compare_with_sealed(&self, id: &JobId, range: &Range, outcomes: &[Outcome]) -> Verdict {
+    fn compare_with_generation(&self, id: &JobId, range: &Range, outcomes: &[Outcome]) -> Verdict {
         let Some(job) = self.jobs.get(id) else { return Verdict::Unknown };
         match &job.last_scores {
-            Some(scores) if range.generation + 1 == job.record.generations_done => {
-                let same = range.candidates().zip(outcomes).all(|(i, o)| same_bits(scores[i as usize], o.score));
+            Some(scores) if range.round + 1 == job.record.generations_done => {
+                let same = range.indexes().zip(outcomes).all(|(i, o)| same_bits(scores[i as usize], o.score()));
                 if same { Verdict::Duplicate } else { Verdict::Conflict }
             }
             _ => Verdict::Obsolete,
@@ -210,10 +233,8 @@ impl Scheduler {
                 worker.held.remove(&id);
             }
             // Should a result cover less than was asked for, the rest is still to be done.
-            if let Leased::Range(range) = lease.work
-                && let Some(generation) = job.generation.as_mut().filter(|g| g.contains(&range))
-            {
-                generation.release(&range, id);
+            if job.round.contains(&lease.range) {
+                job.round.release(&lease.range, id);
             }
         }
     }

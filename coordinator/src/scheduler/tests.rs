@@ -7,8 +7,10 @@ mod model;
 
 use super::*;
 use crate::store::{MemoryStore, Store};
+use sim_core::finish::{Done, Examination, Found, Plan, Question};
 use sim_core::optimise::Optimiser;
-use sim_core::score::{Counts, Direction, Genome};
+use sim_core::report::{Report, Traces};
+use sim_core::score::{Counts, Direction, Genome, Scored};
 
 /// Each generation's candidates follow from the scores of the one before: any change of one bit changes all that follows.
 #[derive(Clone, Debug)]
@@ -63,7 +65,28 @@ impl Optimiser for Fake {
 pub fn score(genome: &Genome) -> Outcome {
     let bits = mix(genome[0].to_bits(), genome[1].to_bits());
     let score = (!bits.is_multiple_of(7)).then_some((bits % 1000) as f64 / 8.0);
-    Outcome { score, counts: Counts { rollouts: 1, nodes: bits % 5, ..Counts::default() } }
+    Outcome::evaluation(score, Counts { rollouts: 1, nodes: bits % 5, ..Counts::default() })
+}
+
+/// The fake physics of examinations: three trees each, one of them fails now and then.
+pub fn answer(examination: &Examination) -> Outcome {
+    let Examination { question, candidate } = examination;
+    let seed = mix(candidate.genome[0].to_bits(), candidate.genome[1].to_bits() + *question as u64);
+    let tree = |i: u64| (!mix(seed, i).is_multiple_of(5)).then_some((mix(seed, i) % 100) as f64 / 4.0);
+    let counts = Counts { rollouts: 2, ..Counts::default() };
+    match question {
+        Question::Traces => {
+            let traces = serde_json::to_vec(&Traces::default()).expect("traces are JSON");
+            Outcome { scores: Vec::new(), counts, traces }
+        }
+        _ => Outcome { scores: (0..3).map(tree).collect(), counts, traces: Vec::new() },
+    }
+}
+
+/// What a job of this name does once its search is over: bare ones only report.
+pub fn finish(name: &str) -> Plan {
+    let bare = name.starts_with("bare");
+    Plan { direction: Direction::Maximise, archive: if bare { 0 } else { 4 }, audit: !bare }
 }
 
 pub const ENGINE: Digest = Digest([3; 32]);
@@ -79,29 +102,45 @@ pub fn new_job(name: &str, population: u32, generations: u32) -> NewJob {
         toml: format!("name = \"{name}\"").into(),
         optimiser: Box::new(Fake::new(population)),
         generations,
+        finish: finish(name),
     }
 }
 
-/// The scores' digest of a whole job, computed straight away.
+/// The result digest of a whole job, computed straight away.
 pub fn expected_digest(name: &str, population: u32, generations: u32) -> Digest {
+    let plan = finish(name);
+    let mut archive = plan.new_archive();
+    let mut first = None;
     let mut fake = Fake::new(population);
     let mut digest = sim_core::identity::ResultDigest::start(&Digest::of("test job", &name));
-    let mut best: Option<(f64, Genome)> = None;
     for generation in 0..generations {
         let genomes = fake.ask();
-        let scores: Vec<Option<f64>> = genomes.iter().map(|g| score(g).score).collect();
-        for (genome, s) in genomes.iter().zip(&scores) {
-            if let Some(s) = s
-                && best.as_ref().is_none_or(|(b, _)| s > b)
-            {
-                best = Some((*s, genome.clone()));
-            }
-        }
+        let scores: Vec<Option<f64>> = genomes.iter().map(|g| score(g).score()).collect();
+        let scored = |(i, genome): (usize, &Genome)| {
+            let score = scores[i]?;
+            Some(Scored { generation, candidate: i as u32, score, genome: genome.clone() })
+        };
+        archive.generation(genomes.iter().enumerate().filter_map(scored));
+        first = first.or(archive.bests().first().cloned());
         digest.generation(generation, &scores);
         fake.tell(&scores);
     }
-    let (score, genome) = best.expect("some candidate succeeds");
-    digest.seal(&genome, score)
+    let found = Found {
+        first: first.expect("some candidate succeeds"),
+        best: archive.bests().last().expect("some candidate succeeds").clone(),
+        archive: archive.entries().to_vec(),
+        bests: archive.bests().to_vec(),
+    };
+    let answers =
+        |round: Vec<Examination>| -> Vec<Done> { round.into_iter().map(|e| (e.clone(), answer(&e).scores)).collect() };
+    let scores = |done: &[Done]| done.iter().map(|(_, scores)| scores.clone()).collect::<Vec<_>>();
+    let done = answers(plan.finishing(&found));
+    if !done.is_empty() {
+        digest.examinations(generations, &scores(&done));
+    }
+    let winner = plan.winner(&found, &done);
+    digest.examinations(generations + 1, &scores(&answers(plan.reporting(&found, &winner, &done))));
+    digest.seal(&winner.genome, winner.score)
 }
 
 /// A worker as the test plays it.
@@ -129,11 +168,13 @@ impl Given {
     pub fn delivery(&self) -> Delivery {
         match &self.task {
             Task::Evaluate { range, genomes } => Delivery::Evaluations {
-                generation: range.generation,
+                generation: range.round,
                 first: range.first,
-                outcomes: range.candidates().map(|i| score(&genomes[i as usize])).collect(),
+                outcomes: range.indexes().map(|i| score(&genomes[i as usize])).collect(),
             },
-            Task::Report { .. } => Delivery::Report(b"{}".to_vec()),
+            Task::Examine { range, examination } => {
+                Delivery::Examination { round: range.round, index: range.first, outcome: answer(examination) }
+            }
         }
     }
 
@@ -148,8 +189,14 @@ impl Given {
         }
     }
 
-    pub fn range(&self) -> Option<Range> {
-        if let Task::Evaluate { range, .. } = &self.task { Some(*range) } else { None }
+    pub fn range(&self) -> Range {
+        match &self.task {
+            Task::Evaluate { range, .. } | Task::Examine { range, .. } => *range,
+        }
+    }
+
+    pub fn question(&self) -> Option<Question> {
+        if let Task::Examine { examination, .. } = &self.task { Some(examination.question) } else { None }
     }
 }
 
@@ -242,6 +289,24 @@ impl Rig {
         at_once(self.store.job(id)).expect("the job is stored").0
     }
 
+    /// The report of a job that succeeded.
+    pub fn report(&self, id: &JobId) -> Report {
+        let stored = at_once(self.store.result(id)).report;
+        serde_json::from_slice(&stored).expect("the report is JSON")
+    }
+
+    /// Answers work until the next that is given is an examination; `None` if the job ends before.
+    pub fn work_to_finish(&mut self) -> Option<Given> {
+        loop {
+            let given = self.take()?;
+            if given.question().is_some() {
+                return Some(given);
+            }
+            let delivery = given.delivery();
+            self.complete(given.completed(delivery));
+        }
+    }
+
     /// The coordinator dies and starts again on its store.
     pub fn restart(&mut self, population: impl Fn(&JobId) -> u32) {
         let loaded = at_once(self.store.start());
@@ -250,8 +315,9 @@ impl Rig {
         self.scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect());
         for stored in loaded.active {
             let optimiser = Box::new(Fake::new(population(&stored.record.id)));
-            let crate::store::StoredJob { record, toml, optimiser: state, results, last_scores } = stored;
-            let resumed = Resumed { record, toml, optimiser, state, results, last_scores };
+            let crate::store::StoredJob { record, toml, search, results, last_scores } = stored;
+            let finish = finish(&record.name);
+            let resumed = Resumed { record, toml, optimiser, finish, search, results, last_scores };
             self.scheduler.resume(self.now, resumed).expect("a stored job resumes");
         }
         self.settle();

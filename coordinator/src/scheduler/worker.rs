@@ -1,8 +1,7 @@
 //! Workers: they come, give signs of life, and go.
 
-use super::generation::Range;
-use super::job::Report;
-use super::lease::{AssignmentId, Lease, Leased};
+use super::lease::{AssignmentId, Lease};
+use super::round::Range;
 use super::{Now, Scheduler};
 use crate::record::JobId;
 use proto::v1;
@@ -39,8 +38,8 @@ pub struct Greeting {
     pub slots: u32,
     /// Its engines.
     pub engines: Vec<Digest>,
-    /// What it still works on: (assignment, job, range; `None` for a report).
-    pub running: Vec<(AssignmentId, JobId, Option<Range>)>,
+    /// What it still works on.
+    pub running: Vec<(AssignmentId, JobId, Range)>,
 }
 
 /// The answer to a [`Greeting`].
@@ -119,21 +118,16 @@ impl Scheduler {
     }
 
     /// Makes work that a worker claims to do its lease, if all of it is still pending.
-    fn adopt(&mut self, now: Now, worker: &WorkerId, id: AssignmentId, job: &JobId, range: Option<Range>) -> bool {
+    fn adopt(&mut self, now: Now, worker: &WorkerId, id: AssignmentId, job: &JobId, range: Range) -> bool {
         // An id that was never given out would collide with one that will be.
         if id.0 >= self.next_assignment || self.leases.contains_key(&id) {
             return false;
         }
         let Some(active) = self.jobs.get_mut(job) else { return false };
-        let work = match range {
-            Some(range) if active.generation.as_mut().is_some_and(|g| g.take(&range, id)) => Leased::Range(range),
-            None if active.report == Report::Pending => {
-                active.report = Report::Leased(id);
-                Leased::Report
-            }
-            _ => return false,
-        };
-        let lease = Lease { worker: worker.clone(), job: job.clone(), work, since: now.since_start, charged: 0.0 };
+        if !active.round.take(&range, id) {
+            return false;
+        }
+        let lease = Lease { worker: worker.clone(), job: job.clone(), range, since: now.since_start, charged: 0.0 };
         self.leases.insert(id, lease);
         if let Some(worker) = self.workers.get_mut(worker) {
             worker.held.insert(id);

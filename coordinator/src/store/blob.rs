@@ -11,19 +11,23 @@ const VERSION: u8 = 1;
 #[derive(Clone, PartialEq, prost::Message)]
 struct Outcomes {
     #[prost(message, repeated, tag = "1")]
-    outcomes: Vec<v1::EvaluationResult>,
+    outcomes: Vec<StoredOutcome>,
+}
+
+#[derive(Clone, PartialEq, prost::Message)]
+struct StoredOutcome {
+    #[prost(message, repeated, tag = "1")]
+    scores: Vec<v1::Score>,
+    #[prost(message, optional, tag = "2")]
+    counts: Option<v1::Counts>,
+    #[prost(bytes = "vec", tag = "3")]
+    traces: Vec<u8>,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
 struct Scores {
     #[prost(message, repeated, tag = "1")]
-    scores: Vec<Score>,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-struct Score {
-    #[prost(double, optional, tag = "1")]
-    score: Option<f64>,
+    scores: Vec<v1::Score>,
 }
 
 pub(super) fn encode(message: &impl prost::Message) -> Vec<u8> {
@@ -52,19 +56,26 @@ pub(super) fn decode_record(bytes: &[u8]) -> Result<JobRecord, StoreError> {
 }
 
 pub(super) fn encode_outcomes(outcomes: &[Outcome]) -> Vec<u8> {
-    let wire = |o: &Outcome| v1::EvaluationResult { score: o.score, counts: Some(o.counts.into()) };
-    encode(&Outcomes { outcomes: outcomes.iter().map(wire).collect() })
+    let stored = |o: &Outcome| StoredOutcome {
+        scores: proto::scores(&o.scores),
+        counts: Some(o.counts.into()),
+        traces: o.traces.clone(),
+    };
+    encode(&Outcomes { outcomes: outcomes.iter().map(stored).collect() })
 }
 
 pub(super) fn decode_outcomes(bytes: &[u8]) -> Result<Vec<Outcome>, StoreError> {
     let stored: Outcomes = decode("results", bytes)?;
-    let outcome =
-        |e: v1::EvaluationResult| Outcome { score: e.score, counts: e.counts.map(Counts::from).unwrap_or_default() };
+    let outcome = |o: StoredOutcome| Outcome {
+        scores: o.scores.iter().map(|s| s.score).collect(),
+        counts: o.counts.map(Counts::from).unwrap_or_default(),
+        traces: o.traces,
+    };
     Ok(stored.outcomes.into_iter().map(outcome).collect())
 }
 
 pub(super) fn encode_scores(scores: &[Option<f64>]) -> Vec<u8> {
-    encode(&Scores { scores: scores.iter().map(|&score| Score { score }).collect() })
+    encode(&Scores { scores: proto::scores(scores) })
 }
 
 pub(super) fn decode_scores(bytes: &[u8]) -> Result<Vec<Option<f64>>, StoreError> {

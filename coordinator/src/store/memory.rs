@@ -23,8 +23,9 @@ struct Inner {
 struct Entry {
     record: JobRecord,
     toml: Arc<str>,
-    optimiser: Vec<u8>,
-    results: BTreeMap<u32, Vec<Outcome>>,
+    search: Vec<u8>,
+    /// By round and index of the first.
+    results: BTreeMap<(u32, u32), Vec<Outcome>>,
     generations: Vec<SealedGeneration>,
     events: Vec<v1::JobEvent>,
     report: Vec<u8>,
@@ -43,12 +44,12 @@ impl Inner {
 
     fn apply(&mut self, write: Write) -> Result<(), StoreError> {
         match write {
-            Write::Submit { record, toml, optimiser, event } => {
+            Write::Submit { record, toml, search, event } => {
                 self.numbers.insert(record.id.clone(), record.number);
                 let entry = Entry {
                     record,
                     toml,
-                    optimiser,
+                    search,
                     results: BTreeMap::new(),
                     generations: Vec::new(),
                     events: vec![event],
@@ -56,11 +57,14 @@ impl Inner {
                 };
                 self.jobs.insert(entry.record.number, entry);
             }
-            Write::Results { job, ranges, .. } => self.entry_mut(&job)?.results.extend(ranges),
-            Write::Seal { record, sealed, optimiser, events } => {
+            Write::Results { job, round, ranges } => {
+                let ranges = ranges.into_iter().map(|(first, outcomes)| ((round, first), outcomes));
+                self.entry_mut(&job)?.results.extend(ranges);
+            }
+            Write::Seal { record, sealed, search, events } => {
                 let entry = self.entry_mut(&record.id)?;
                 entry.generations.push(sealed);
-                entry.optimiser = optimiser;
+                entry.search = search;
                 entry.results.clear();
                 entry.change(record, events);
             }
@@ -81,7 +85,7 @@ impl Entry {
         self.events.extend(events);
         if ended(self.record.state) {
             self.results.clear();
-            self.optimiser.clear();
+            self.search.clear();
         }
     }
 }
@@ -109,8 +113,8 @@ impl Store for MemoryStore {
                 loaded.active.push(StoredJob {
                     record: entry.record.clone(),
                     toml: entry.toml.clone(),
-                    optimiser: entry.optimiser.clone(),
-                    results: entry.results.clone().into_iter().collect(),
+                    search: entry.search.clone(),
+                    results: entry.results.iter().map(|(&(round, first), o)| (round, first, o.clone())).collect(),
                     last_scores: entry.generations.last().map(|g| g.scores.clone()),
                 });
             }

@@ -1,7 +1,8 @@
 //! The SQLite store's schema, step by step. Steps are never changed, only added.
 
 /// Step n brings a file with `user_version = n` to `n + 1`.
-pub(super) const MIGRATIONS: [&str; 1] = ["
+pub(super) const MIGRATIONS: [&str; 2] = [
+    "
     CREATE TABLE meta (
         id INTEGER PRIMARY KEY CHECK (id = 1),
         epoch INTEGER NOT NULL
@@ -50,7 +51,16 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
         job TEXT PRIMARY KEY,
         report BLOB NOT NULL
     ) STRICT;
-"];
+",
+    // Rounds of examinations follow the search, and its state has an archive.
+    "
+    ALTER TABLE results RENAME COLUMN generation TO round;
+    ALTER TABLE jobs RENAME COLUMN optimiser TO search;
+",
+];
+
+/// Files of earlier steps are refused: their jobs and reports have no finish, and there is nothing to make one from.
+pub(super) const FIRST_READABLE: usize = 2;
 
 /// Marks a file as an evogait store: "evog" as SQLite's application id.
 pub(super) const APPLICATION_ID: i32 = 0x6576_6f67;

@@ -29,28 +29,28 @@ pub enum Write {
         record: JobRecord,
         /// As it was resolved.
         toml: Arc<str>,
-        /// The optimiser's state at generation 0.
-        optimiser: Vec<u8>,
+        /// The state of the search at generation 0.
+        search: Vec<u8>,
         /// The first event.
         event: v1::JobEvent,
     },
-    /// Results of the generation at hand.
+    /// Results of the round at hand.
     Results {
         /// The job.
         job: JobId,
-        /// The generation.
-        generation: u32,
+        /// The round: a generation, or examinations after the search.
+        round: u32,
         /// Ranges without overlap: (index of the first, outcomes).
         ranges: Vec<(u32, Vec<Outcome>)>,
     },
-    /// A generation is over: scores, statistics, the optimiser's next state and the events at once.
+    /// A generation is over: scores, statistics, the state of the search and the events at once.
     Seal {
         /// The job after it.
         record: JobRecord,
         /// What is kept of the generation; the ranges' results go.
         sealed: SealedGeneration,
-        /// The optimiser's state for the next generation.
-        optimiser: Vec<u8>,
+        /// The state of the search for the next generation.
+        search: Vec<u8>,
         /// What is told.
         events: Vec<v1::JobEvent>,
     },
@@ -119,10 +119,10 @@ pub struct StoredJob {
     pub record: JobRecord,
     /// As it was resolved.
     pub toml: Arc<str>,
-    /// The optimiser's state.
-    pub optimiser: Vec<u8>,
-    /// Results of the current generation: (index of the first, outcomes).
-    pub results: Vec<(u32, Vec<Outcome>)>,
+    /// The state of the search.
+    pub search: Vec<u8>,
+    /// Results of the current generation, or of all rounds after the search: (round, index of the first, outcomes).
+    pub results: Vec<(u32, u32, Vec<Outcome>)>,
     /// Scores of the generation sealed last.
     pub last_scores: Option<Vec<Option<f64>>>,
 }

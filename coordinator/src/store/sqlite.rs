@@ -3,7 +3,7 @@
 //! WAL with `synchronous = FULL`: a commit is on the disk when it returns. The file is locked for as long as it is open,
 //! so two coordinators can't share it by accident; the system frees the lock when a process dies, however it dies.
 
-use super::migrations::{APPLICATION_ID, MIGRATIONS};
+use super::migrations::{APPLICATION_ID, FIRST_READABLE, MIGRATIONS};
 use super::{Answer, Loaded, Store, StoreError, StoredJob, StoredResult, Write, blob};
 use crate::record::{JobId, JobRecord, JobState, ended};
 use proto::v1;
@@ -71,6 +71,12 @@ impl SqliteStore {
         }
         let done = usize::try_from(version).ok().filter(|v| *v <= MIGRATIONS.len());
         let done = done.ok_or_else(|| foreign("it was written by a newer version; use that one"))?;
+        if (1..FIRST_READABLE).contains(&done) {
+            return Err(foreign(
+                "it was written by an older version of evogait, whose jobs have no finish: use that version, or another \
+                 --store (or folder, for `evogait run`)",
+            ));
+        }
         for (step, sql) in MIGRATIONS.iter().enumerate().skip(done) {
             let sql = format!("{sql}; PRAGMA user_version = {}; PRAGMA application_id = {APPLICATION_ID};", step + 1);
             sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
@@ -110,34 +116,34 @@ type Tx<'a> = sqlx::Transaction<'a, sqlx::Sqlite>;
 
 async fn apply(tx: &mut Tx<'_>, write: Write) -> Result<(), sqlx::Error> {
     match write {
-        Write::Submit { record, toml, optimiser, event } => {
+        Write::Submit { record, toml, search, event } => {
             run!(
                 tx,
-                "INSERT INTO jobs (number, id, request_id, state, record, optimiser) VALUES (?, ?, ?, ?, ?, ?)",
+                "INSERT INTO jobs (number, id, request_id, state, record, search) VALUES (?, ?, ?, ?, ?, ?)",
                 record.number as i64,
                 record.id.as_str(),
                 record.request_id.as_str(),
                 i64::from(i32::from(record.state)),
                 blob::encode_record(&record),
-                optimiser,
+                search,
             )?;
             run!(tx, "INSERT INTO texts (job, toml) VALUES (?, ?)", record.id.as_str(), &*toml)?;
             insert_events(tx, &record.id, &[event]).await
         }
-        Write::Results { job, generation, ranges } => {
+        Write::Results { job, round, ranges } => {
             for (first, outcomes) in ranges {
                 run!(
                     tx,
-                    "INSERT INTO results (job, generation, first, outcomes) VALUES (?, ?, ?, ?)",
+                    "INSERT INTO results (job, round, first, outcomes) VALUES (?, ?, ?, ?)",
                     job.as_str(),
-                    generation,
+                    round,
                     first,
                     blob::encode_outcomes(&outcomes),
                 )?;
             }
             Ok(())
         }
-        Write::Seal { record, sealed, optimiser, events } => {
+        Write::Seal { record, sealed, search, events } => {
             run!(
                 tx,
                 "INSERT INTO generations (job, generation, statistics, scores) VALUES (?, ?, ?, ?)",
@@ -146,7 +152,7 @@ async fn apply(tx: &mut Tx<'_>, write: Write) -> Result<(), sqlx::Error> {
                 blob::encode(&sealed.statistics),
                 blob::encode_scores(&sealed.scores),
             )?;
-            run!(tx, "UPDATE jobs SET optimiser = ? WHERE id = ?", optimiser, record.id.as_str())?;
+            run!(tx, "UPDATE jobs SET search = ? WHERE id = ?", search, record.id.as_str())?;
             run!(tx, "DELETE FROM results WHERE job = ?", record.id.as_str())?;
             update_record(tx, &record).await?;
             insert_events(tx, &record.id, &events).await
@@ -169,7 +175,7 @@ async fn update_record(tx: &mut Tx<'_>, record: &JobRecord) -> Result<(), sqlx::
     run!(tx, "UPDATE jobs SET state = ?, record = ? WHERE id = ?", state, bytes, record.id.as_str())?;
     if ended(record.state) {
         run!(tx, "DELETE FROM results WHERE job = ?", record.id.as_str())?;
-        run!(tx, "UPDATE jobs SET optimiser = NULL WHERE id = ?", record.id.as_str())?;
+        run!(tx, "UPDATE jobs SET search = NULL WHERE id = ?", record.id.as_str())?;
     }
     Ok(())
 }
@@ -350,24 +356,22 @@ async fn load(tx: &mut Tx<'_>) -> Result<Loaded, LoadError> {
 }
 
 async fn load_job(tx: &mut Tx<'_>, id: &JobId) -> Result<StoredJob, LoadError> {
-    let row =
-        sqlx::query("SELECT record, optimiser, toml FROM jobs JOIN texts ON texts.job = jobs.id WHERE jobs.id = ?")
-            .bind(id.as_str())
-            .fetch_one(&mut **tx)
-            .await?;
+    let row = sqlx::query("SELECT record, search, toml FROM jobs JOIN texts ON texts.job = jobs.id WHERE jobs.id = ?")
+        .bind(id.as_str())
+        .fetch_one(&mut **tx)
+        .await?;
     let record = blob::decode_record(&row.try_get::<Vec<u8>, _>(0)?)?;
-    let optimiser: Option<Vec<u8>> = row.try_get(1)?;
+    let search: Option<Vec<u8>> = row.try_get(1)?;
     let toml: String = row.try_get(2)?;
     let generation = record.generations_done;
-    let rows = sqlx::query("SELECT first, outcomes FROM results WHERE job = ? AND generation = ? ORDER BY first")
+    let rows = sqlx::query("SELECT round, first, outcomes FROM results WHERE job = ? ORDER BY round, first")
         .bind(id.as_str())
-        .bind(generation)
         .fetch_all(&mut **tx)
         .await?;
     let mut results = Vec::with_capacity(rows.len());
     for row in rows {
-        let first: u32 = row.try_get(0)?;
-        results.push((first, blob::decode_outcomes(&row.try_get::<Vec<u8>, _>(1)?)?));
+        let (round, first): (u32, u32) = (row.try_get(0)?, row.try_get(1)?);
+        results.push((round, first, blob::decode_outcomes(&row.try_get::<Vec<u8>, _>(2)?)?));
     }
     let last: Option<Vec<u8>> =
         sqlx::query_scalar("SELECT scores FROM generations WHERE job = ? AND generation = ? - 1")
@@ -376,5 +380,5 @@ async fn load_job(tx: &mut Tx<'_>, id: &JobId) -> Result<StoredJob, LoadError> {
             .fetch_optional(&mut **tx)
             .await?;
     let last_scores = last.map(|bytes| blob::decode_scores(&bytes)).transpose()?;
-    Ok(StoredJob { record, toml: toml.into(), optimiser: optimiser.unwrap_or_default(), results, last_scores })
+    Ok(StoredJob { record, toml: toml.into(), search: search.unwrap_or_default(), results, last_scores })
 }

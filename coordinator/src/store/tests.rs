@@ -26,6 +26,7 @@ fn record(number: u64) -> JobRecord {
         priority: 10,
         best: None,
         first: None,
+        winner: None,
         counts: Counts::default(),
         evaluations: 0,
         failed_evaluations: 0,
@@ -47,17 +48,22 @@ fn submit(record: &JobRecord) -> Write {
     Write::Submit {
         record: record.clone(),
         toml: "name = \"x\"".into(),
-        optimiser: vec![1, 2, 3],
+        search: vec![1, 2, 3],
         event: event(1, JobState::Queued),
     }
 }
 
 fn outcome(bits: u64) -> Outcome {
-    Outcome { score: Some(f64::from_bits(bits)), counts: Counts { rollouts: bits, ..Counts::default() } }
+    Outcome::evaluation(Some(f64::from_bits(bits)), Counts { rollouts: bits, ..Counts::default() })
 }
 
 fn failed() -> Outcome {
-    Outcome { score: None, counts: Counts { unstable: 1, ..Counts::default() } }
+    Outcome::evaluation(None, Counts { unstable: 1, ..Counts::default() })
+}
+
+fn answer() -> Outcome {
+    let scores = ODD.iter().map(|b| Some(f64::from_bits(*b))).chain([None]).collect();
+    Outcome { scores, counts: Counts { nodes: 3, ..Counts::default() }, traces: b"{}".to_vec() }
 }
 
 fn seal(record: &JobRecord, sequence: u64) -> Write {
@@ -66,7 +72,7 @@ fn seal(record: &JobRecord, sequence: u64) -> Write {
     Write::Seal {
         record: record.clone(),
         sealed: SealedGeneration { scores, statistics },
-        optimiser: vec![4, 5],
+        search: vec![4, 5],
         events: vec![event(sequence, JobState::Running), event(sequence + 1, JobState::Reporting)],
     }
 }
@@ -143,8 +149,8 @@ on_every_store! {
     async fn what_was_committed_is_there_after_a_restart_bit_by_bit(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        let ranges = vec![(0, ODD.map(outcome).to_vec()), (9, vec![failed()])];
-        let results = Write::Results { job: job.id.clone(), generation: 0, ranges: ranges.clone() };
+        let ranges = [(0, ODD.map(outcome).to_vec()), (9, vec![failed()])];
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.to_vec() };
         store.commit(epoch, vec![submit(&job), results]).await.unwrap();
 
         let store = store.reopen().await;
@@ -152,8 +158,8 @@ on_every_store! {
         assert_eq!((loaded.epoch, loaded.next_job, loaded.ended.len()), (epoch + 1, 2, 0));
         let [stored] = loaded.active.as_slice() else { panic!("one job") };
         assert_eq!(stored.record, job);
-        assert_eq!((stored.toml.as_ref(), stored.optimiser.as_slice()), ("name = \"x\"", [1, 2, 3].as_slice()));
-        assert_eq!(stored.results, ranges);
+        assert_eq!((stored.toml.as_ref(), stored.search.as_slice()), ("name = \"x\"", [1, 2, 3].as_slice()));
+        assert_eq!(stored.results, ranges.map(|(first, outcomes)| (0, first, outcomes)));
         assert!(stored.last_scores.is_none());
     }
 
@@ -161,13 +167,14 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let best = |bits| Scored { generation: 0, candidate: 1, score: f64::from_bits(bits), genome: vec![-0.0, 1.5] };
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), generation: 0, ranges: vec![(0, vec![failed()])] };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])] };
         let after = JobRecord {
             generations_done: 1,
             last_event: 3,
             state: JobState::Running,
             best: Some(best(ODD[0])),
             first: Some(best(1)),
+            winner: Some(best(ODD[2])),
             result_digest: Some(Digest([7; 32])),
             ..job.clone()
         };
@@ -179,7 +186,7 @@ on_every_store! {
         let stored = &loaded.active[0];
         assert_eq!(stored.record, after);
         assert!(stored.record.best.as_ref().is_some_and(|b| b.score.is_sign_negative() && b.genome[0].is_sign_negative()));
-        assert_eq!((stored.optimiser.as_slice(), stored.results.len()), ([4, 5].as_slice(), 0));
+        assert_eq!((stored.search.as_slice(), stored.results.len()), ([4, 5].as_slice(), 0));
         let bits = |s: &[Option<f64>]| s.iter().map(|v| v.map(f64::to_bits)).collect::<Vec<_>>();
         let expected: Vec<_> = ODD.iter().map(|b| Some(*b)).chain([None]).collect();
         assert_eq!(bits(stored.last_scores.as_ref().unwrap()), expected);
@@ -189,6 +196,27 @@ on_every_store! {
         assert_eq!(sequence(store.events(&job.id, 0, 10).await.unwrap()), [1, 2, 3]);
         assert_eq!(sequence(store.events(&job.id, 1, 1).await.unwrap()), [2]);
         assert_eq!(store.result(&job.id).await.unwrap().history.len(), 1);
+    }
+
+    async fn rounds_after_the_search_are_all_kept_until_the_job_ends(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let job = record(1);
+        let results = |round, first, outcome| {
+            Write::Results { job: job.id.clone(), round, ranges: vec![(first, vec![outcome])] }
+        };
+        let over = JobRecord { generations_done: 2, state: JobState::Finishing, last_event: 3, ..job.clone() };
+        store.commit(epoch, vec![submit(&job), seal(&over, 2)]).await.unwrap();
+        let reporting = JobRecord { state: JobState::Reporting, last_event: 4, ..over.clone() };
+        let change = Write::Change { record: reporting.clone(), event: event(4, JobState::Reporting) };
+        store.commit(epoch, vec![results(2, 1, failed()), results(2, 0, answer()), change]).await.unwrap();
+        store.commit(epoch, vec![results(3, 1, answer())]).await.unwrap();
+
+        let store = store.reopen().await;
+        let loaded = store.start().await.unwrap();
+        let kept = vec![(2, 0, vec![answer()]), (2, 1, vec![failed()]), (3, 1, vec![answer()])];
+        assert_eq!((&loaded.active[0].record, &loaded.active[0].results), (&reporting, &kept));
+        store.commit(loaded.epoch, vec![end(&reporting, JobState::Cancelled)]).await.unwrap();
+        assert!(store.start().await.unwrap().active.is_empty());
     }
 
     async fn writes_of_an_earlier_epoch_change_nothing(store) {
@@ -225,7 +253,7 @@ on_every_store! {
     async fn an_ended_job_keeps_its_report_and_drops_what_nobody_needs(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), generation: 0, ranges: vec![(0, vec![failed()])] };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])] };
         let done = JobRecord { state: JobState::Succeeded, last_event: 2, ..job.clone() };
         let report = Write::Report {
             record: done.clone(),
@@ -275,7 +303,7 @@ async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
 }
 
 #[tokio::test]
-async fn a_database_of_another_program_or_a_newer_version_is_left_alone() {
+async fn a_database_of_another_program_or_version_is_left_alone() {
     use sqlx::ConnectOptions as _;
     let folder = tempfile::tempdir().unwrap();
     for (name, sql, reason) in [
@@ -284,6 +312,11 @@ async fn a_database_of_another_program_or_a_newer_version_is_left_alone() {
             "newer.db",
             "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 99",
             "newer version",
+        ),
+        (
+            "older.db",
+            "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 1",
+            "an older version of evogait, whose jobs have no finish",
         ),
     ] {
         let path = folder.path().join(name);

@@ -1,7 +1,9 @@
 //! A job: one optimisation, from its file to everything an evaluation needs.
 
+mod finish;
 mod spec;
 
+pub use finish::*;
 pub use spec::*;
 
 use crate::catalogue;
@@ -34,6 +36,9 @@ struct Resolved {
     bounds: Bounds,
     /// The settled start in the canonical frame.
     start: State,
+    finish: Option<Finish>,
+    /// The same job on the reference setting, without a finish of its own.
+    reference: Option<Job>,
 }
 
 impl Job {
@@ -60,6 +65,10 @@ impl Job {
         spec.optimiser.validate()?;
         let fitness = Fitness::new(&spec.fitness, &environment)?;
         let bounds = bounds_of(&spec.gaits, robot.hinges.len())?;
+        let finish = spec.finish.resolve(spec.physics.scale)?;
+        if let Some(finish) = &finish {
+            whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
+        }
         let engine = engine(spec.physics.engine);
         let start = settle(engine, &robot, &physics)
             .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
@@ -69,7 +78,25 @@ impl Job {
         spec.physics = physics.written_out(&spec.physics);
         spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
         spec.environment = Reference::Inline(Box::new(environment.clone()));
-        Ok(Job(Arc::new(Resolved { spec, robot_spec, environment, robot, physics, fitness, bounds, start })))
+        spec.finish = Finish::written_out(finish.as_ref());
+        let reference = finish.map(|finish| on_reference(&spec, &finish)).transpose()?;
+        Ok(Job(Arc::new(Resolved {
+            spec,
+            robot_spec,
+            environment,
+            robot,
+            physics,
+            fitness,
+            bounds,
+            start,
+            finish,
+            reference,
+        })))
+    }
+
+    /// The same job with other physics, its robot settled there, and without a finish.
+    pub fn with_physics(&self, physics: PhysicsSpec) -> Result<Job, Invalid> {
+        with_physics(self.spec(), physics)
     }
 
     /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
@@ -125,6 +152,21 @@ impl Job {
     /// The physics, every number resolved.
     pub fn physics(&self) -> &Physics {
         &self.0.physics
+    }
+
+    /// How the published winner is chosen; `None` if it is the best of the search.
+    pub fn finish(&self) -> Option<&Finish> {
+        self.0.finish.as_ref()
+    }
+
+    /// The same job on the reference setting of its finish, if it has one.
+    pub fn reference(&self) -> Option<&Job> {
+        self.0.reference.as_ref()
+    }
+
+    /// Fresh RRT seeds on which candidates are scored again.
+    pub fn fresh_seeds(&self) -> u32 {
+        Finish::seeds_of(self.finish())
     }
 
     /// The fitness.
@@ -248,16 +290,38 @@ fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Res
 fn validate_gaits(gaits: &GaitsSpec, physics: &Physics) -> Result<(), Invalid> {
     in_range("gaits.count", gaits.count.into(), (1.0, limits::MAX_GAITS.into()), "")?;
     in_range("gaits.duration", gaits.duration, (0.1, limits::MAX_DURATION), "s")?;
-    let steps = gaits.duration * f64::from(physics.steps_per_second);
+    whole_steps("gaits.duration", gaits, physics.steps_per_second)
+}
+
+/// Refuses gaits that end between two steps. `field`: what is wrong if one does.
+fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<(), Invalid> {
+    let steps = gaits.duration * f64::from(steps_per_second);
     let ticks = gaits.duration / crate::control::TICK;
     if (steps - libm::round(steps)).abs() > 1e-6 || (ticks - libm::round(ticks)).abs() > 1e-6 {
         let reason = format!(
-            "{} s is not a whole number of physics steps ({} a second) and of ticks of the target table (200 a second)",
-            gaits.duration, physics.steps_per_second
+            "{} s is not a whole number of physics steps ({steps_per_second} a second) and of ticks of the target table \
+             (200 a second)",
+            gaits.duration
         );
-        return Err(Invalid::Conflict { field: "gaits.duration".into(), reason });
+        return Err(Invalid::Conflict { field: field.into(), reason });
     }
     Ok(())
+}
+
+fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Job, Invalid> {
+    let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
+    Job::new(JobSpec { physics, finish, ..spec.clone() })
+}
+
+/// A resolved job on the reference setting of its finish.
+fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Job, Invalid> {
+    with_physics(spec, finish.physics(&spec.physics)).map_err(|e| Invalid::Conflict {
+        field: "finish".into(),
+        reason: format!(
+            "on its reference setting ({} steps a second, {} substeps) the job can't be used: {e}",
+            finish.steps_per_second, finish.substeps
+        ),
+    })
 }
 
 fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {

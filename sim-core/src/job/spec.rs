@@ -1,5 +1,6 @@
 //! The job file.
 
+use super::FinishSpec;
 use crate::environment::Environment;
 use crate::optimise::OptimiserSpec;
 use crate::robot::RobotSpec;
@@ -38,6 +39,9 @@ pub struct JobSpec {
     /// Where they move.
     #[serde(default)]
     pub physics: PhysicsSpec,
+    /// What is done once the search is over.
+    #[serde(default)]
+    pub finish: FinishSpec,
     /// The environment: a name that ships, a path, or the table itself.
     pub environment: Reference<Environment>,
     /// The robot: a name that ships, a path, or the table itself.

@@ -3,6 +3,7 @@
 //! An optimiser's state serialises, so a coordinator can stop between two generations and go on later with the same
 //! bits. Scores are told for a whole generation at once, by candidate index, never by arrival.
 
+pub mod archive;
 mod ga;
 mod pso;
 mod spec;

@@ -53,6 +53,15 @@ impl Physics {
         }
     }
 
+    /// The setting that winners are chosen and judged on: that of the scale, in finer steps.
+    pub fn reference_of(scale: Scale) -> Self {
+        let (steps_per_second, substeps) = match scale {
+            Scale::Paper => (60, 16),
+            Scale::Real => (120, 32),
+        };
+        Self { steps_per_second, substeps, ..Self::of_scale(scale) }
+    }
+
     /// Resolves and validates the `[physics]` table.
     pub fn resolve(spec: &PhysicsSpec) -> Result<Self, Invalid> {
         let scale = Self::of_scale(spec.scale);

@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 const POPULATIONS: [u32; 3] = [1, 5, 13];
 const GENERATIONS: u32 = 3;
 const WORKERS: u8 = 3;
+/// One of them reports on the search's best, the others have an archive and audits.
+const NAMES: [&str; 3] = ["bare0", "job1", "job2"];
 
 #[derive(Clone, Debug)]
 enum Step {
@@ -80,7 +82,7 @@ impl World {
         match step {
             Step::Submit(slot) => {
                 if !self.jobs.contains_key(&slot) {
-                    let id = self.rig.submit(&format!("job{slot}"), POPULATIONS[slot as usize], GENERATIONS);
+                    let id = self.rig.submit(NAMES[slot as usize], POPULATIONS[slot as usize], GENERATIONS);
                     self.jobs.insert(slot, id);
                 }
             }
@@ -179,23 +181,12 @@ impl World {
         for (id, job) in &scheduler.jobs {
             let stored = self.rig.stored(id);
             assert_eq!(stored, job.record, "the store is where memory is");
-            if let Some(generation) = &job.generation {
-                // No candidate is lost: each is pending, done, or in exactly one lease.
-                let leased: u32 = scheduler
-                    .leases
-                    .values()
-                    .filter(|l| l.job == *id)
-                    .map(|l| match l.work {
-                        lease::Leased::Range(range) => {
-                            range.candidates().filter(|i| !generation.is_done(&one(generation.number, *i))).count()
-                                as u32
-                        }
-                        lease::Leased::Report => panic!("a report before the search is over"),
-                    })
-                    .sum();
-                assert_eq!(generation.pending() + generation.done() + leased, generation.population());
-                assert!(generation.done() < generation.population(), "a complete generation is sealed at once");
-            }
+            // No task is lost: each is pending, done, or in exactly one lease.
+            let (round, leases) = (&job.round, scheduler.leases.values().filter(|l| l.job == *id));
+            let open = |l: &lease::Lease| l.range.indexes().filter(|i| !round.is_done(&one(round.number, *i))).count();
+            let leased: usize = leases.map(open).sum();
+            assert_eq!(round.pending() + round.done() + leased as u32, round.size());
+            assert!(round.done() < round.size(), "a complete round is sealed at once");
             // Free slots are used when there is work.
             if job.has_pending() {
                 for worker in scheduler.workers.values().filter(|w| w.takes_work() && w.refused.is_empty()) {
@@ -228,11 +219,16 @@ impl World {
         for (slot, id) in &self.jobs {
             let record = self.rig.stored(id);
             match record.state {
-                JobState::Succeeded => assert_eq!(
-                    record.result_digest,
-                    Some(expected_digest(&format!("job{slot}"), POPULATIONS[*slot as usize], GENERATIONS)),
-                    "the result does not depend on what happened on the way"
-                ),
+                JobState::Succeeded => {
+                    let report = self.rig.report(id);
+                    assert_eq!(Some(&report.winner), record.winner.as_ref());
+                    assert!(report.winner_scores.fresh.len() == 3 && report.first_scores.fresh.len() == 3);
+                    assert_eq!(
+                        record.result_digest,
+                        Some(expected_digest(NAMES[*slot as usize], POPULATIONS[*slot as usize], GENERATIONS)),
+                        "the result does not depend on what happened on the way"
+                    )
+                }
                 JobState::Cancelled => {}
                 JobState::Failed => assert!(record.reason.contains("failed 3 times"), "{}", record.reason),
                 state => panic!("job{slot} ended as {state:?}"),
@@ -241,8 +237,8 @@ impl World {
     }
 }
 
-fn one(generation: u32, first: u32) -> Range {
-    Range { generation, first, count: 1 }
+fn one(round: u32, first: u32) -> Range {
+    Range { round, first, count: 1 }
 }
 
 proptest! {

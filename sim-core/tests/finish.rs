@@ -1,0 +1,104 @@
+//! Laws of the finish's examinations.
+
+use sim_core::evaluate::evaluate;
+use sim_core::finish::{Answer, Examination, Question, examine};
+use sim_core::job::Job;
+use sim_core::score::{Scored, mean};
+
+fn job(more: &str) -> Job {
+    Job::from_toml(&format!(
+        r#"
+        name = "small"
+        seed = 5
+        robot = "quadropod"
+        environment = "empty-goal"
+        gaits = {{ count = 2, duration = 2.0 }}
+        fitness = {{ kind = "distance" }}
+        optimiser = {{ kind = "pso", particles = 4, generations = 2 }}
+        {more}
+        "#
+    ))
+    .unwrap()
+}
+
+const PLANNER: &str = "planner = { iterations = 12, repeats = 2 }";
+
+/// A candidate of the first generation, scored as the search does.
+fn candidate(job: &Job, index: u32) -> Scored {
+    let genome = job.optimiser().ask()[index as usize].clone();
+    let score = evaluate(job, 0, &[(index, genome.clone())], &|| false).unwrap()[0].score.unwrap();
+    Scored { generation: 0, candidate: index, score, genome }
+}
+
+fn ask(job: &Job, question: Question, candidate: &Scored) -> Answer {
+    examine(job, &Examination::new(question, candidate), &|| false).unwrap()
+}
+
+fn bits(scores: &[Option<f64>]) -> Vec<Option<u64>> {
+    scores.iter().map(|s| s.map(f64::to_bits)).collect()
+}
+
+#[test]
+fn without_reuse_the_same_trees_are_grown_with_every_expansion_simulated() {
+    let reuses = job(&format!("{PLANNER}\nfinish = {{ seeds = 2 }}"));
+    let literal = job(&PLANNER.replace("repeats = 2", "repeats = 2, reuse_tolerance = 0.0"));
+    let scored = candidate(&reuses, 1);
+    let audit = ask(&reuses, Question::WithoutReuse, &scored);
+    assert_eq!(audit.scores.len(), 2, "as many trees as in the search");
+    assert_eq!(mean(&audit.scores).unwrap().to_bits(), candidate(&literal, 1).score.to_bits());
+    assert!(audit.counts.rollouts > ask(&reuses, Question::Fresh, &scored).counts.rollouts);
+}
+
+#[test]
+fn the_reference_is_the_same_job_in_finer_steps_on_seeds_of_its_own() {
+    let finish = "finish = { seeds = 3, steps_per_second = 60, substeps = 16 }";
+    let coarse = job(&format!("{PLANNER}\n{finish}"));
+    let fine = job(&format!("{PLANNER}\n{finish}\nphysics = {{ steps_per_second = 60, substeps = 16 }}"));
+    let scored = candidate(&coarse, 0);
+    let reference = ask(&coarse, Question::Reference, &scored);
+    assert_eq!(reference.scores.len(), 3);
+    assert_eq!(bits(&reference.scores), bits(&ask(&fine, Question::Reference, &scored).scores));
+    assert_ne!(bits(&reference.scores), bits(&ask(&fine, Question::Fresh, &scored).scores), "other trees");
+    // Trees of other candidates grow on the same seeds: place and index of a candidate don't matter.
+    let elsewhere = Scored { generation: 7, candidate: 3, ..scored.clone() };
+    assert_eq!(reference, ask(&coarse, Question::Reference, &elsewhere));
+    assert_eq!(ask(&coarse, Question::Fresh, &scored), ask(&coarse, Question::Fresh, &elsewhere));
+}
+
+#[test]
+fn friction_is_that_of_the_job_changed_by_a_tenth() {
+    let finish = "finish = { seeds = 2, steps_per_second = 60, substeps = 8 }";
+    let slippery = |friction: f64| job(&format!("{PLANNER}\n{finish}\nphysics = {{ friction = {friction} }}"));
+    let base = slippery(0.8);
+    let scored = candidate(&base, 2);
+    let less = ask(&base, Question::LessFriction, &scored);
+    assert_eq!(less, ask(&slippery(0.8 * 0.9), Question::Reference, &scored));
+    assert_ne!(less, ask(&base, Question::Reference, &scored));
+    let more = ask(&base, Question::MoreFriction, &scored);
+    assert_eq!(more, ask(&slippery(0.8 * 1.1), Question::Reference, &scored));
+}
+
+#[test]
+fn traces_hold_the_tree_that_the_search_scored() {
+    let job = job(&format!("{PLANNER}\nfinish = {{ kind = \"none\" }}"));
+    let scored = candidate(&job, 1);
+    let Answer { scores, counts, traces } = ask(&job, Question::Traces, &scored);
+    let traces = traces.unwrap();
+    assert!(scores.is_empty() && counts.rollouts > 0);
+    assert_eq!((traces.gaits.len(), traces.paths.len()), (2, 3));
+    assert_eq!(traces.gaits, sim_core::report::gaits(&job, &scored));
+    let (tree, paths) = sim_core::report::plan(&job, &scored, &|| false).unwrap();
+    assert_eq!((traces.tree, traces.paths), (tree, paths));
+    // There is no reference to ask about.
+    assert_eq!(ask(&job, Question::Reference, &scored).scores, [None; 20]);
+}
+
+#[test]
+fn an_examination_can_be_stopped() {
+    let job = job(PLANNER);
+    let genome = job.optimiser().ask().remove(0);
+    let scored = Scored { generation: 0, candidate: 0, score: 0.0, genome };
+    for question in [Question::Fresh, Question::Reference, Question::WithoutReuse, Question::Traces] {
+        assert!(examine(&job, &Examination::new(question, &scored), &|| true).is_err());
+    }
+}
