@@ -109,7 +109,8 @@ struct Run {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments = Arguments::parse();
-    let entry = catalogue::find(catalogue::robots(), &arguments.robot).ok_or("no robot of that name ships")?;
+    let entry = catalogue::find(catalogue::robots(), &arguments.robot)
+        .ok_or_else(|| format!("no robot named \"{}\" ships: `evogait scenarios` lists them", arguments.robot))?;
     let robot = Robot::compile(&toml::from_str(entry.toml)?)?;
     let scale = if arguments.real { Scale::Real } else { Scale::Paper };
     let physics = Physics::of_scale(scale);
