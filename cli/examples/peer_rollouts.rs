@@ -109,7 +109,8 @@ struct Run {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments = Arguments::parse();
-    let entry = catalogue::find(catalogue::robots(), &arguments.robot).ok_or("no robot of that name ships")?;
+    let entry = catalogue::find(catalogue::robots(), &arguments.robot)
+        .ok_or_else(|| format!("no robot named \"{}\" ships: `evogait scenarios` lists them", arguments.robot))?;
     let robot = Robot::compile(&toml::from_str(entry.toml)?)?;
     let scale = if arguments.real { Scale::Real } else { Scale::Paper };
     let physics = Physics::of_scale(scale);
@@ -138,8 +139,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let end = rapier.run(&robot, physics, &[], &[request]).swap_remove(0).end;
         Drop { lift, seconds, height: end.pivot.translation.z }
     };
-    let fine = Physics { steps_per_second: 240, ..physics };
-    // A free fall over 10 mu, whatever the gravity; ticks are whole, and it ends in the air.
+    // A step is a tick, so that both engines simulate the same time.
+    let fine = Physics { steps_per_second: 200, ..physics };
+    // A free fall over 10 mu, whatever the gravity; it ends in the air.
     let fall = 0.005 * (200.0 * (20.0 / f64::from(physics.gravity)).sqrt()).floor();
     let answer = Answer {
         robot: robot.name.clone(),

@@ -36,7 +36,7 @@ def inertia(model, body):
 def mjcf(checks, robot, theirs, facts):
     model, bodies = theirs.model, facts["bodies"]
     checks.that(model.nbody == len(bodies) + 1, f"{robot}: {len(bodies)} bodies and the world")
-    checks.that(model.njnt == model.nu + 1 == len(facts["joints"]) + 1, f"{robot}: {model.nu} hinges, each with a motor")
+    checks.that(model.njnt - 1 == model.nu == len(facts["joints"]), f"{robot}: {model.nu} hinges, each with a motor")
     checks.that(model.ngeom == sum(b["boxes"] for b in bodies) + 1, f"{robot}: {model.ngeom - 1} boxes and the ground")
     ids = [model.body(b["name"]).id for b in bodies]
     checks.near(model.body_mass[ids], [b["mass"] for b in bodies], 1e-6, f"{robot}: masses, kg")
@@ -58,7 +58,8 @@ def urdf(checks, robot, text, facts):
 def motion(checks, given, robot, ours, theirs, facts):
     fall, limp = facts["free_fall"], facts["limp"]
     fallen = facts["start"]["position"][2] + fall["lift"] - fall["height"]
-    checks.near(theirs.let_go(fall["lift"], fall["seconds"]), fall["height"], 2e-3 * fallen, f"{robot}: a free fall, mu")
+    checks.near(theirs.let_go(fall["lift"], fall["seconds"]), fall["height"], 2e-3 * fallen,
+                f"{robot}: a free fall, mu")
     checks.near(theirs.let_go(limp["lift"], limp["seconds"], limp=True), limp["height"], 0.02,
                 f"{robot}: where it comes to rest, dropped and limp, mu")
     checks.near(theirs.let_go(0.0, 4.0), facts["start"]["position"][2], 0.01, f"{robot}: where it stands, mu")

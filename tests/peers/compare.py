@@ -19,10 +19,11 @@ OUR_SETTINGS = {
     "paper": [(480, 8), (240, 8), (240, 4), (60, 16), (60, 8), (30, 16), (30, 8)],
     "real": [(960, 8), (480, 8), (240, 8), (120, 16), (60, 16), (60, 8)],
 }
-THEIR_SETTINGS = {
-    "paper": [("elliptic", s) for s in (0.0005, 0.001, 0.002, 0.005, 0.01)] + [("pyramidal", s) for s in (0.005, 0.01)],
-    "real": [("elliptic", s) for s in (0.00025, 0.0005, 0.001, 0.002, 0.005)] + [("pyramidal", s) for s in (0.002, 0.005)],
+STEPS = {
+    "paper": {"elliptic": (0.0005, 0.001, 0.002, 0.005, 0.01), "pyramidal": (0.005, 0.01)},
+    "real": {"elliptic": (0.00025, 0.0005, 0.001, 0.002, 0.005), "pyramidal": (0.002, 0.005)},
 }
+THEIR_SETTINGS = {scale: [(c, s) for c, steps in cones.items() for s in steps] for scale, cones in STEPS.items()}
 
 
 def arguments():
@@ -32,7 +33,7 @@ def arguments():
     parser.add_argument("--gaits", type=int, help="random gaits a robot [default: 100; quick: 16]")
     parser.add_argument("--seed", type=int, default=1, help="where they come from [default: 1]")
     parser.add_argument("--duration", type=float, help="length of a gait, s [default: 10; quick: 4]")
-    parser.add_argument("--repeats", type=int, default=5, help="timed runs of each setting, engines in turn [default: 5]")
+    parser.add_argument("--repeats", type=int, default=5, help="timed runs of each setting [default: 5]")
     parser.add_argument("--timed", type=int, default=10, help="gaits in a timed run [default: 10]")
     parser.add_argument("--real", action="store_true", help="modules of 0.105 m instead of 1 m")
     parser.add_argument("--out", type=Path, help="folder for peers.json and peers.md [default: target/peers]")
@@ -75,7 +76,7 @@ def compare(given, robot):
         for setting in settings:
             reference, own = ends[engine, settings[0]], ends[engine, setting]
             row = {"robot": robot, "engine": engine, "setting": label(setting), "default": setting == default}
-            row |= {"reference": setting == settings[0], **rank_agreement(reference, own), **pose_errors(reference, own)}
+            row |= {"reference": setting == settings[0]} | rank_agreement(reference, own) | pose_errors(reference, own)
             rows.append(row)
     note(f"{robot}: speeds, {given.repeats} times {given.timed} gaits of each setting, engines in turn")
     speeds = {}
@@ -101,14 +102,14 @@ def markdown(given, rows, between):
     span = lambda r: f"{r['spearman']:.3f} ({r['low']:.3f} to {r['high']:.3f})"
     error = lambda e, digits: f"{e['median']:.{digits}f} / {e['p95']:.{digits}f}"
     lines = [
-        f"{given.gaits} random gaits of {given.duration:g} s (seed {given.seed}), scale `{scale}`, from the same settled "
-        f"start. Speeds: one core, median of {given.repeats} runs of {given.timed} gaits, engines in turn. MuJoCo "
+        f"{given.gaits} random gaits of {given.duration:g} s (seed {given.seed}), scale `{scale}`, from the same "
+        f"settled start. Speeds: one core, median of {given.repeats} runs of {given.timed} gaits, engines in turn. MuJoCo "
         f"{mujoco.mj_versionString()}, integrator implicitfast. Bold: the default.",
         "",
         "Each setting against its engine's own finest one (ref):",
         "",
-        "| robot | engine | setting | simulated s / wall s | Spearman of distance (95 %) | place error, median / 95 %, mu "
-        "| heading error, median / 95 %, rad |",
+        "| robot | engine | setting | simulated s / wall s | Spearman of distance (95 %) "
+        "| place error, median / 95 %, mu | heading error, median / 95 %, rad |",
         "|---|---|---|---|---|---|---|",
     ]
     for r in rows:
@@ -140,7 +141,8 @@ def main():
     about = {"gaits": given.gaits, "duration": given.duration, "seed": given.seed, "repeats": given.repeats,
              "timed": given.timed, "scale": "real" if given.real else "paper", "mujoco": mujoco.mj_versionString(),
              "python": platform.python_version(), "machine": platform.machine(), "processor": processor()}
-    (given.out / "peers.json").write_text(json.dumps({"about": about, "settings": rows, "agreement": between}, indent=1))
+    everything = {"about": about, "settings": rows, "agreement": between}
+    (given.out / "peers.json").write_text(json.dumps(everything, indent=1))
     (given.out / "peers.md").write_text(text)
     print(text)
     note(f"written: {given.out / 'peers.md'}, {given.out / 'peers.json'}")

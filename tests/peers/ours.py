@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,14 @@ class Ends:
         return np.hypot(self.pose[:, 0], self.pose[:, 1])
 
 
+def told(command):
+    """What a command of ours prints; its own words end the comparison if it fails."""
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"tests/peers: {done.stderr.strip()}")
+    return done.stdout
+
+
 class Ours:
     def __init__(self, arguments, robot):
         self.arguments, self.robot = arguments, robot
@@ -27,7 +36,7 @@ class Ours:
     def export(self, format):
         scale = "real" if self.arguments.real else "paper"
         command = [self.arguments.evogait, "robot", self.robot, "--format", format, "--scale", scale]
-        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        return told(command)
 
     def _ask(self, gaits, settings, more=()):
         command = [self.arguments.rollouts, self.robot, "--gaits", str(gaits), "--seed", str(self.arguments.seed)]
@@ -35,7 +44,7 @@ class Ours:
         command += ["--real"] if self.arguments.real else []
         for steps, substeps in settings:
             command += ["--setting", f"{steps}x{substeps}"]
-        return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        return json.loads(told(command))
 
     def facts(self):
         """Robot, settled start and tables of joint targets (gait, tick, joint)."""

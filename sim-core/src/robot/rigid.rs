@@ -56,8 +56,8 @@ pub(super) fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
     let root = root(spec)?;
     let stuck = |i: usize| spec.bodies[i].hinge.as_ref().is_some_and(|h| spec.failed.contains(&h.name));
 
-    // Breadth first from the pivot, bodies in the order of the file, as with modules. A member of a body is a body of the
-    // file and where its origin lies in the compiled body's frame.
+    // Breadth first from the pivot, bodies in the order of the file, as with modules. A member of a body is a body of
+    // the file and where its origin lies in the compiled body's frame.
     let mut groups = vec![vec![(root, Vector3::zeros())]];
     let mut origins = vec![Vector3::zeros()];
     let mut hinges: Vec<Hinge> = Vec::new();
@@ -302,8 +302,8 @@ fn refuse_overlaps(robot: &Robot) -> Result<(), Invalid> {
                 let depth = contact.ok().flatten().map_or(0.0, |c| -f64::from(c.dist));
                 if depth > OVERLAP_TOLERANCE {
                     let reason = format!(
-                        "bodies \"{}\" and \"{}\" share no hinge and overlap in the neutral configuration (by {depth:.3} mu): \
-                         make their shapes smaller",
+                        "bodies \"{}\" and \"{}\" share no hinge and overlap in the neutral configuration (by \
+                         {depth:.3} mu): make their shapes smaller",
                         robot.bodies[j].name, robot.bodies[i].name
                     );
                     return Err(Invalid::Conflict { field: "robot.body".into(), reason });

@@ -29,8 +29,8 @@ pub struct RobotSpec {
     pub bodies: Vec<BodySpec>,
 }
 
-/// A rigid body in the neutral configuration, where the frames of all bodies have the robot's axes. The origin of a body's
-/// frame is the anchor of its hinge; that of the pivot's is the robot's own.
+/// A rigid body in the neutral configuration, where the frames of all bodies have the robot's axes. The origin of a
+/// body's frame is the anchor of its hinge; that of the pivot's is the robot's own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodySpec {

@@ -1,4 +1,5 @@
-//! Robots in the formats of others: MJCF (MuJoCo's) and URDF (ROS's). Text only; who reads and writes files is elsewhere.
+//! Robots in the formats of others: MJCF (MuJoCo's) and URDF (ROS's). Text only; who reads and writes files is
+//! elsewhere.
 //!
 //! One unit of length in a file is 1 mu. Numbers are written so that reading them gives the same bits.
 //!

@@ -33,6 +33,14 @@ pub(super) enum Solid {
     Capsule { ends: [Vector3<f64>; 2], radius: f64 },
 }
 
+/// A hinge in some frame.
+#[derive(Clone, Debug)]
+pub(super) struct Turning {
+    pub name: String,
+    pub anchor: Vector3<f64>,
+    pub axis: Vector3<f64>,
+}
+
 /// A link, a body of MJCF: what carries it comes before it in the list.
 #[derive(Debug)]
 pub(super) struct Link<'a> {
@@ -42,8 +50,8 @@ pub(super) struct Link<'a> {
     pub parent: Option<usize>,
     /// In its parent's frame.
     pub frame: Frame,
-    /// Name, anchor and axis in its own frame; without one it is part of its parent.
-    pub hinge: Option<(String, Vector3<f64>, Vector3<f64>)>,
+    /// Without one it is part of its parent.
+    pub hinge: Option<Turning>,
     /// In its own frame.
     pub lumps: Vec<Lump>,
     pub solids: Vec<Solid>,
@@ -53,7 +61,8 @@ pub(super) struct Link<'a> {
 struct Growing<'a> {
     element: Node<'a, 'a>,
     name: String,
-    hinge: Option<(usize, String, Vector3<f64>, Vector3<f64>)>,
+    /// With what carries it, in that one's frame.
+    hinge: Option<(usize, Turning)>,
     lumps: Vec<Lump>,
     solids: Vec<Solid>,
 }
@@ -89,10 +98,10 @@ pub(super) fn grow(name: &str, format: &str, links: &[Link]) -> Result<Tree, Inv
         };
         let (body, frame) = match (&link.hinge, carrier) {
             (None, Some((body, _))) => (body, seen),
-            (Some((hinge, anchor, axis)), Some((parent, _))) => {
-                let anchor_there = seen.point(*anchor);
-                let hinge = (parent, hinge.clone(), anchor_there, seen.rotation * axis);
-                bodies.push(Growing::new(link, Some(hinge)));
+            (Some(Turning { name, anchor, axis }), Some((parent, _))) => {
+                let (anchor_there, axis) = (seen.point(*anchor), seen.rotation * axis);
+                let hinge = Turning { name: name.clone(), anchor: anchor_there, axis };
+                bodies.push(Growing::new(link, Some((parent, hinge))));
                 (bodies.len() - 1, Frame { origin: -(seen.rotation * anchor), ..seen })
             }
             (_, None) => {
@@ -148,7 +157,7 @@ fn solid_in(solid: &Solid, frame: &Frame) -> Solid {
 }
 
 impl<'a> Growing<'a> {
-    fn new(link: &Link<'a>, hinge: Option<(usize, String, Vector3<f64>, Vector3<f64>)>) -> Self {
+    fn new(link: &Link<'a>, hinge: Option<(usize, Turning)>) -> Self {
         Self { element: link.element, name: link.name.clone(), hinge, lumps: Vec::new(), solids: Vec::new() }
     }
 
@@ -156,7 +165,7 @@ impl<'a> Growing<'a> {
         let Some(Lump { mass, center, inertia: i }) = Lump::joined(&self.lumps) else {
             return Err(foreign(self.element, "it has no mass: every body that moves needs some"));
         };
-        let hinge = self.hinge.map(|(parent, name, anchor, axis)| HingeSpec {
+        let hinge = self.hinge.map(|(parent, Turning { name, anchor, axis })| HingeSpec {
             name,
             parent: names[parent].clone(),
             anchor: anchor.into(),

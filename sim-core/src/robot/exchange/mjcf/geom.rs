@@ -31,8 +31,8 @@ impl<'a> Reader<'a> {
             (0.0, 0.0) => Ok(false),
             (contype, conaffinity) => {
                 let reason = format!(
-                    "contype = {contype}, conaffinity = {conaffinity}: only 1 and 1 (it touches all others) or 0 and 0 (it \
-                     is only seen) are allowed"
+                    "contype = {contype}, conaffinity = {conaffinity}: only 1 and 1 (it touches all others) or 0 and \
+                     0 (it is only seen) are allowed"
                 );
                 Err(foreign(geom, reason))
             }

@@ -6,7 +6,7 @@ use crate::robot::RobotSpec;
 use crate::robot::exchange::source::{
     child, children, exactly, foreign, numbers, quarter_turns, rotation, tag, turn, unknown, zero,
 };
-use crate::robot::exchange::tree::{Frame, Link, grow};
+use crate::robot::exchange::tree::{Frame, Link, Turning, grow};
 use crate::robot::rigid::{Lump, symmetric};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
@@ -217,15 +217,9 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The hinge of a body: name, anchor, axis. The root has a free joint instead, a body without any is part of its
+    /// The hinge of a body. The root has a free joint instead, a body without any is part of its
     /// parent.
-    fn joint(
-        &self,
-        body: Node<'a, 'a>,
-        class: &str,
-        root: bool,
-        name: &str,
-    ) -> Result<Option<(String, Vector3<f64>, Vector3<f64>)>, Invalid> {
+    fn joint(&self, body: Node<'a, 'a>, class: &str, root: bool, name: &str) -> Result<Option<Turning>, Invalid> {
         let joints: Vec<_> = children(body).filter(|c| ["joint", "freejoint"].contains(&tag(*c))).collect();
         let kind = |joint| match tag(joint) {
             "freejoint" => Ok("free"),
@@ -263,9 +257,11 @@ impl<'a> Reader<'a> {
         let range = get("range")?.filter(|_| limited).map(|text| exactly::<2>(joint, "range", text)).transpose()?;
         quarter_turns(joint, range.map(|range| range.map(|angle| self.radians(angle))))?;
         let triple = |attribute, default| exactly::<3>(joint, attribute, get(attribute)?.unwrap_or(default));
-        let (anchor, axis) = (triple("pos", "0 0 0")?, triple("axis", "0 0 1")?);
-        let name = joint.attribute("name").unwrap_or(name).to_owned();
-        Ok(Some((name, Vector3::from(anchor), Vector3::from(axis))))
+        Ok(Some(Turning {
+            name: joint.attribute("name").unwrap_or(name).to_owned(),
+            anchor: Vector3::from(triple("pos", "0 0 0")?),
+            axis: Vector3::from(triple("axis", "0 0 1")?),
+        }))
     }
 
     fn inertial(&self, inertial: Node<'a, 'a>) -> Result<Lump, Invalid> {
@@ -338,7 +334,7 @@ impl<'a> Reader<'a> {
     fn actuators(&self, mujoco: Node<'a, 'a>) -> Result<(), Invalid> {
         let all = children(mujoco).filter(|s| tag(*s) == "actuator").flat_map(children);
         let driven: Vec<&str> = all.filter_map(|actuator| actuator.attribute("joint")).collect();
-        let passive = |link: &&Link| link.hinge.as_ref().is_some_and(|(name, ..)| !driven.contains(&name.as_str()));
+        let passive = |link: &&Link| link.hinge.as_ref().is_some_and(|hinge| !driven.contains(&hinge.name.as_str()));
         match self.links.iter().find(passive).filter(|_| !driven.is_empty()) {
             Some(link) => {
                 let reason = "its joint has no actuator while others have: only joints with a motor are allowed";

@@ -3,7 +3,7 @@
 use crate::error::Invalid;
 use crate::robot::RobotSpec;
 use crate::robot::exchange::source::{child, children, exactly, foreign, quarter_turns, tag, turn, unknown, zero};
-use crate::robot::exchange::tree::{Frame, Link, Solid, grow};
+use crate::robot::exchange::tree::{Frame, Link, Solid, Turning, grow};
 use crate::robot::rigid::{Lump, symmetric};
 use nalgebra::Vector3;
 use roxmltree::Node;
@@ -82,7 +82,7 @@ fn link<'a>(
     if let Some((parent, joint, joint_name)) = carried {
         link.parent = Some(parent);
         link.frame = origin(joint)?;
-        link.hinge = hinge(joint)?.map(|axis| (joint_name, Vector3::zeros(), axis));
+        link.hinge = hinge(joint)?.map(|axis| Turning { name: joint_name, anchor: Vector3::zeros(), axis });
     }
     for part in children(element) {
         match tag(part) {
