@@ -84,6 +84,11 @@ impl Block {
     /// Whether a point of the plane, grown to a disc of `margin` mu, lies over the box.
     pub fn covers(&self, x: f64, y: f64, margin: f64) -> bool {
         let (dx, dy) = (x - self.center[0], y - self.center[1]);
+        // Far off, whatever the turn, with room for rounding.
+        let reach = (self.size[0] + self.size[1]) / 2.0 + margin;
+        if dx * dx + dy * dy > reach * reach * (1.0 + 1e-6) {
+            return false;
+        }
         let (s, c) = (libm::sin(self.yaw), libm::cos(self.yaw));
         let (u, v) = (c * dx + s * dy, c * dy - s * dx);
         let outside_u = (u.abs() - self.size[0] / 2.0).max(0.0);

@@ -7,10 +7,11 @@
 use crate::control::Targets;
 use crate::environment::Block;
 use crate::job::Job;
-use crate::plan::{Growth, TransitionKey, Transitions, Tree};
+use crate::plan::{Growth, Reuse, TransitionKey, Transitions, Tree};
 use crate::random::{Purpose, Stream};
 use crate::rollout::{Engine, Outcome, Request};
 use crate::score::{Counts, Evaluation, Genome};
+use std::collections::BTreeSet;
 
 /// Rollouts between two looks at whether to stop.
 const BATCH: usize = 64;
@@ -34,17 +35,25 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// A trial with one tree a stream, at the given reuse tolerance.
+    /// A trial with one tree a stream, at the given reuse tolerance and the job's number of variants.
     ///
     /// # Panics
     /// If the genome's length does not fit the job.
     pub fn new(job: &Job, genome: &[f64], tolerance: f64, streams: impl IntoIterator<Item = Stream>) -> Self {
+        Self::with_reuse(job, genome, Reuse { tolerance, ..job.reuse() }, streams)
+    }
+
+    /// A trial with one tree a stream, whose transitions are reused otherwise than the job says.
+    ///
+    /// # Panics
+    /// If the genome's length does not fit the job.
+    pub fn with_reuse(job: &Job, genome: &[f64], reuse: Reuse, streams: impl IntoIterator<Item = Stream>) -> Self {
         let (gaits, joints) = (job.spec().gaits.count as usize, job.robot().hinges.len());
         assert_eq!(genome.len(), job.bounds().0.len(), "the genome does not fit the job");
         let compile = |gait: &[f64]| job.controller().compile(gait, joints, job.spec().gaits.duration);
         Self {
             targets: genome.chunks(genome.len() / gaits).map(compile).collect(),
-            table: Transitions::new(gaits, tolerance, job.start()),
+            table: Transitions::new(gaits, reuse, job.start()),
             growths: streams.into_iter().map(|s| Growth::new(job.planner(), job.root(), s)).collect(),
             counts: Counts::default(),
         }
@@ -74,13 +83,10 @@ impl Trial {
     }
 
     fn wishes(&mut self, job: &Job) -> Vec<TransitionKey> {
-        let mut wishes = Vec::new();
+        let (mut wishes, mut wished) = (Vec::new(), BTreeSet::new());
         for growth in &mut self.growths {
-            for key in growth.advance(&job.setting(), &mut self.table) {
-                if !wishes.contains(&key) {
-                    wishes.push(key);
-                }
-            }
+            let missing = growth.advance(&job.setting(), &mut self.table);
+            wishes.extend(missing.into_iter().filter(|key| wished.insert(*key)));
         }
         wishes
     }

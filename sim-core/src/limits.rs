@@ -32,6 +32,8 @@ pub const MAX_REPEATS: u32 = 1_000;
 pub const MAX_ARCHIVE: u32 = 1_000;
 /// Most fresh seeds a candidate of the finish is scored on.
 pub const MAX_FINISH_SEEDS: u32 = 1_000;
+/// Most simulated variants of a transition.
+pub const MAX_VARIANTS: u32 = 16;
 /// Largest side of a map, mu.
 pub const MAX_MAP_SIZE: f64 = 10_000.0;
 /// Most cells of a coverage grid.

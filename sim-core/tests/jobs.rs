@@ -76,6 +76,7 @@ fn names_and_descriptions_are_no_part_of_a_jobs_identity_but_settings_are() {
         "variant = \"E1\"",
         "planner = { iterations = 151 }",
         "planner = { reuse_tolerance = 0.0 }",
+        "planner = { variants = 2 }",
         "physics = { friction = 0.81 }",
         "physics = { scale = \"real\" }",
         "physics = { joints = \"multibody\" }",
@@ -153,4 +154,12 @@ fn a_finish_that_can_not_be_is_refused_with_the_field_and_what_is_allowed() {
     let short = text("finish = { steps_per_second = 64 }").replace("count = 2", "count = 2, duration = 0.1");
     let error = Job::from_toml(&short).unwrap_err().to_string();
     assert!(error.starts_with("finish.steps_per_second: 0.1 s is not a whole number"), "{error}");
+}
+
+#[test]
+fn a_number_of_variants_that_can_not_be_is_refused_by_name_value_and_limits() {
+    for wrong in [0, 17] {
+        let error = Job::from_toml(&text(&format!("planner = {{ variants = {wrong} }}"))).unwrap_err().to_string();
+        assert_eq!(error, format!("planner.variants = {wrong} is out of range: allowed is 1 to 16"));
+    }
 }

@@ -14,7 +14,7 @@ use crate::fitness::Fitness;
 use crate::identity::Digest;
 use crate::limits;
 use crate::optimise::{self, Bounds, Optimiser};
-use crate::plan::{Metric, Place, Planner, Setting, state_touches};
+use crate::plan::{Metric, Place, Planner, Reuse, Setting, state_touches};
 use crate::robot::{Robot, RobotSpec, State};
 use crate::rollout::{Engine, Physics, engine, engine_digest, settle};
 use crate::score::Direction;
@@ -213,6 +213,12 @@ impl Job {
         }
     }
 
+    /// How transitions are reused.
+    pub fn reuse(&self) -> Reuse {
+        let spec = &self.0.spec.planner;
+        Reuse { tolerance: spec.reuse_tolerance, variants: spec.variants }
+    }
+
     /// Where trees are grown.
     pub fn setting(&self) -> Setting<'_> {
         Setting {
@@ -328,6 +334,7 @@ fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
     in_range("planner.iterations", planner.iterations.into(), (1.0, limits::MAX_ITERATIONS.into()), "")?;
     in_range("planner.yaw_weight", planner.yaw_weight, (0.0, 1000.0), "mu/rad")?;
     in_range("planner.reuse_tolerance", planner.reuse_tolerance, (0.0, 1.0), "rad (mu for height)")?;
+    in_range("planner.variants", planner.variants.into(), (1.0, limits::MAX_VARIANTS.into()), "")?;
     in_range("planner.repeats", planner.repeats.into(), (1.0, limits::MAX_REPEATS.into()), "")
 }
 

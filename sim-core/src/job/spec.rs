@@ -124,13 +124,22 @@ pub struct PlannerSpec {
     /// How far joint angles (rad), tilt (rad) and height (mu) may differ for a transition to be reused. 0: every
     /// expansion is simulated.
     pub reuse_tolerance: f64,
+    /// V, how many configurations of a local state transitions are simulated from. 1: always its first one.
+    pub variants: u32,
     /// Trees a candidate; its fitness is their mean.
     pub repeats: u32,
 }
 
 impl Default for PlannerSpec {
     fn default() -> Self {
-        Self { algorithm: Algorithm::FloodFill, iterations: 150, yaw_weight: 0.5, reuse_tolerance: 0.05, repeats: 1 }
+        Self {
+            algorithm: Algorithm::FloodFill,
+            iterations: 150,
+            yaw_weight: 0.5,
+            reuse_tolerance: 0.05,
+            variants: 1,
+            repeats: 1,
+        }
     }
 }
 

@@ -34,7 +34,7 @@ pub struct Growth {
 /// What a node starts from.
 #[derive(Clone, Debug)]
 struct NodeStart {
-    /// Its representative in the canonical frame.
+    /// Its local state in the canonical frame: the configuration to start from.
     local: StartId,
     /// The exact configuration in the map, where it was reached by a rollout in place.
     exact: Option<State>,
@@ -117,7 +117,7 @@ impl Growth {
         }
         let start = &self.nodes[node];
         let clear = start.exact.as_ref().is_none_or(|exact| !over(setting.robot, terrain, exact));
-        if clear && table.get(local).is_none_or(|t| !on_terrain(terrain, &place, &t.rollout)) {
+        if clear && table.get(local).is_none_or(|t| !on_terrain(terrain, &place, t)) {
             return local;
         }
         let bound = start.in_place.unwrap_or_else(|| {
@@ -139,8 +139,8 @@ impl Growth {
         let frame = self.frame(table, node, key);
         let transition = table.get(key)?;
         let rejected = transition.rollout.outcome != Outcome::Completed
-            || leaves_map(setting.environment, &frame, &transition.rollout)
-            || touches(setting.robot, &setting.environment.obstacles, &frame, &transition.rollout);
+            || leaves_map(setting.environment, &frame, transition)
+            || touches(setting.robot, &setting.environment.obstacles, &frame, transition);
         if rejected {
             self.counts.rejected += 1;
             return None;
@@ -154,7 +154,7 @@ impl Growth {
             return NodeStart { local: StartId(0), exact: None, in_place: None };
         };
         let exact = table.is_in_place(key.start).then(|| transition.rollout.end.clone());
-        NodeStart { local: transition.end_start.unwrap_or(StartId(0)), exact, in_place: None }
+        NodeStart { local: table.start_of_node(transition, node), exact, in_place: None }
     }
 }
 

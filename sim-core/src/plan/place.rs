@@ -21,8 +21,12 @@ impl Place {
 
     /// A point of this place's frame, in the map. Height stays: frames differ by a turn about z and a shift in the plane.
     pub fn point(&self, x: f64, y: f64) -> (f64, f64) {
-        let (s, c) = (libm::sin(self.yaw), libm::cos(self.yaw));
-        (self.x + c * x - s * y, self.y + s * x + c * y)
+        self.plane().point(x, y)
+    }
+
+    /// This place's frame in the plane, for many points.
+    pub fn plane(&self) -> Plane {
+        Plane { x: self.x, y: self.y, sine: libm::sin(self.yaw), cosine: libm::cos(self.yaw) }
     }
 
     /// A place of this place's frame, in the map.
@@ -40,6 +44,22 @@ impl Place {
     pub fn planar_distance(&self, other: &Place) -> f64 {
         let (dx, dy) = (self.x - other.x, self.y - other.y);
         (dx * dx + dy * dy).sqrt()
+    }
+}
+
+/// A place's frame in the plane, its turn worked out once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    x: f64,
+    y: f64,
+    sine: f64,
+    cosine: f64,
+}
+
+impl Plane {
+    /// A point of the frame, in the map.
+    pub fn point(&self, x: f64, y: f64) -> (f64, f64) {
+        (self.x + self.cosine * x - self.sine * y, self.y + self.sine * x + self.cosine * y)
     }
 }
 

@@ -46,11 +46,20 @@ pub struct RrtMp {
     nearest: Nearest,
     stream: Stream,
     iteration: u32,
-    /// Arrivals of every expanded node, by gait; `None` = rejected. Never asked for twice.
-    arrivals: Vec<Option<Vec<Option<Place>>>>,
+    /// Where the gaits lead from every expanded node. Never asked for twice.
+    arrivals: Vec<Option<Vec<Arrival>>>,
     /// An expansion that was asked for: q_rand and the node.
     pending: Option<(Place, usize)>,
     at_goal: bool,
+}
+
+/// Where a gait leads from a node.
+#[derive(Clone, Copy, Debug)]
+struct Arrival {
+    /// `None` = rejected.
+    place: Option<Place>,
+    /// It is a node of the tree.
+    added: bool,
 }
 
 impl RrtMp {
@@ -107,7 +116,8 @@ impl RrtMp {
     /// If nothing was asked for.
     pub fn tell(&mut self, arrivals: Vec<Option<Place>>) {
         let (random, near) = self.pending.take().expect("only what was asked for can be told");
-        self.arrivals[near] = Some(arrivals);
+        let arrival = |place| Arrival { place, added: false };
+        self.arrivals[near] = Some(arrivals.into_iter().map(arrival).collect());
         match self.planner.algorithm {
             Algorithm::FloodFill => self.flood(near),
             Algorithm::Original => self.extend(random, near),
@@ -116,13 +126,12 @@ impl RrtMp {
 
     /// Lines 6 to 11 of Algorithm 1.
     fn flood(&mut self, near: usize) {
-        let arrivals = self.arrivals[near].clone().unwrap_or_default();
-        for (gait, arrival) in arrivals.into_iter().enumerate() {
-            let Some(new) = arrival else { continue };
+        for gait in 0..self.arrivals[near].as_ref().map_or(0, Vec::len) {
+            let Some(new) = self.arrival(near, gait) else { continue };
             let to_parent = self.planner.metric.squared(&new, &self.tree.nodes[near].place);
             let to_others = self.nearest.nearest(&new, Some(near)).map_or(f64::INFINITY, |(_, d)| d);
             if to_others > to_parent {
-                self.add(new, Some((near, gait)));
+                self.add_arrival(new, near, gait);
             }
         }
     }
@@ -130,19 +139,30 @@ impl RrtMp {
     /// The original planner: of the configurations reachable from q_near, the nearest to q_rand is added, unless it is in
     /// the tree already.
     fn extend(&mut self, random: Place, near: usize) {
-        let mut best: Option<(f64, usize, Place)> = None;
-        for (gait, arrival) in self.arrivals[near].iter().flatten().enumerate() {
-            let Some(new) = arrival else { continue };
-            let distance = self.planner.metric.squared(new, &random);
+        let mut best: Option<(f64, usize, Arrival, Place)> = None;
+        for (gait, &arrival) in self.arrivals[near].iter().flatten().enumerate() {
+            let Some(new) = arrival.place else { continue };
+            let distance = self.planner.metric.squared(&new, &random);
             if best.is_none_or(|b| distance < b.0) {
-                best = Some((distance, gait, *new));
+                best = Some((distance, gait, arrival, new));
             }
         }
-        if let Some((_, gait, new)) = best
-            && !self.tree.nodes.iter().any(|n| n.edge == Some((near, gait)))
+        if let Some((_, gait, arrival, new)) = best
+            && !arrival.added
         {
-            self.add(new, Some((near, gait)));
+            self.add_arrival(new, near, gait);
         }
+    }
+
+    fn arrival(&self, near: usize, gait: usize) -> Option<Place> {
+        self.arrivals[near].as_ref()?.get(gait)?.place
+    }
+
+    fn add_arrival(&mut self, new: Place, near: usize, gait: usize) {
+        if let Some(arrival) = self.arrivals[near].as_mut().and_then(|a| a.get_mut(gait)) {
+            arrival.added = true;
+        }
+        self.add(new, Some((near, gait)));
     }
 
     fn add(&mut self, place: Place, edge: Option<(usize, usize)>) {

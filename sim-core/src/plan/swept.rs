@@ -1,10 +1,11 @@
-//! Laying a rollout into the map: does it leave it, does it touch an obstacle, does it come over terrain?
+//! Laying a transition into the map: does it leave it, does it touch an obstacle, does it come over terrain?
 //!
-//! Obstacles stay out of the simulation: rejecting a motion needs no contact forces. Boxes around the robot over short
-//! spans of time are tested first; only where one comes near an obstacle are the robot's own boxes tested, at every
-//! sample of that span (20 or more a second of motion).
+//! Obstacles stay out of the simulation: rejecting a motion needs no contact forces. A transition is laid out hundreds of
+//! times, so what holds in its own frame is worked out once ([`Extent`]), and most layouts end there. Then boxes around
+//! the robot over short spans of time are tested; only where one comes near an obstacle are the robot's own boxes, at
+//! every sample of that span (20 or more a second of motion).
 
-use super::Place;
+use super::{Place, Plane, Transition};
 use crate::environment::{Block, Environment};
 use crate::math::{Pose, Vector, about_z};
 use crate::robot::{Robot, State};
@@ -12,64 +13,267 @@ use crate::rollout::{Rollout, Span};
 use rapier3d::parry::query::details::{intersection_test_cuboid_cuboid, intersection_test_support_map_support_map};
 use rapier3d::parry::shape::{Capsule, Cuboid};
 
-/// Whether the pivot leaves the map on a rollout laid out from `place`.
-pub fn leaves_map(environment: &Environment, place: &Place, rollout: &Rollout) -> bool {
-    (0..rollout.trace.len()).any(|i| {
-        let p = rollout.trace.pivot(i).translation;
-        let (x, y) = place.point(p.x.into(), p.y.into());
-        !environment.contains(x, y)
+/// Room for rounding where something is told to be inside or far off without a closer look, mu.
+const SLACK: f64 = 1e-6;
+
+/// How far a rollout reaches, in its own frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Centre of the box around the pivot's way in the plane, mu.
+    way: [f64; 2],
+    /// Half of that box's sides, mu.
+    way_half: [f64; 2],
+    /// Centre of a disc that holds the discs of all spans, mu.
+    center: [f64; 2],
+    /// Its radius, mu.
+    reach: f64,
+    /// Lowest and highest point of the robot, mu.
+    heights: [f64; 2],
+}
+
+impl Extent {
+    /// Of a rollout.
+    pub fn of(rollout: &Rollout) -> Self {
+        let pivots = (0..rollout.trace.len()).map(|i| {
+            let p = rollout.trace.pivot(i).translation;
+            ([f64::from(p.x), f64::from(p.y)], [f64::from(p.x), f64::from(p.y)])
+        });
+        let (way, way_half) = middle(pivots);
+        let corners = |s: &Span| ([f64::from(s.low.x), f64::from(s.low.y)], [f64::from(s.high.x), f64::from(s.high.y)]);
+        let (center, _) = middle(rollout.swept.iter().map(corners));
+        let reach = rollout.swept.iter().map(|span| {
+            let ([x, y], radius) = disc(span);
+            let (dx, dy) = (x - center[0], y - center[1]);
+            (dx * dx + dy * dy).sqrt() + radius
+        });
+        Self {
+            way,
+            way_half,
+            center,
+            reach: reach.fold(0.0, f64::max) + SLACK,
+            heights: [
+                rollout.swept.iter().map(|s| f64::from(s.low.z)).fold(f64::INFINITY, f64::min),
+                rollout.swept.iter().map(|s| f64::from(s.high.z)).fold(f64::NEG_INFINITY, f64::max),
+            ],
+        }
+    }
+
+    /// Whether the pivot's whole way, laid out, is known to lie inside the map.
+    fn stays_inside(&self, environment: &Environment, plane: &Plane) -> bool {
+        let ([x, y], [w, h]) = (self.way, self.way_half);
+        [(-w, -h), (w, -h), (-w, h), (w, h)].iter().all(|(dx, dy)| {
+            let (x, y) = plane.point(x + dx, y + dy);
+            environment.contains(x.abs() + SLACK, y.abs() + SLACK)
+        })
+    }
+
+    /// Whether a span's disc, laid out, may come over a block.
+    fn may_cover(&self, block: &Block, plane: &Plane) -> bool {
+        let (x, y) = plane.point(self.center[0], self.center[1]);
+        block.covers(x, y, self.reach)
+    }
+}
+
+/// Centre and half sides of the box around boxes given by their corners.
+fn middle(boxes: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> ([f64; 2], [f64; 2]) {
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for (l, h) in boxes {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(l[axis]);
+            high[axis] = high[axis].max(h[axis]);
+        }
+    }
+    ([0, 1].map(|i| (low[i] + high[i]) / 2.0), [0, 1].map(|i| (high[i] - low[i]) / 2.0))
+}
+
+/// Whether the pivot leaves the map on a transition laid out from `place`.
+pub fn leaves_map(environment: &Environment, place: &Place, transition: &Transition) -> bool {
+    let (plane, trace) = (place.plane(), &transition.rollout.trace);
+    // From the end: who leaves the map is most often out there still.
+    !transition.extent.stays_inside(environment, &plane)
+        && (0..trace.len()).rev().any(|i| {
+            let p = trace.pivot(i).translation;
+            let (x, y) = plane.point(p.x.into(), p.y.into());
+            !environment.contains(x, y)
+        })
+}
+
+/// Whether any part of the robot touches an obstacle on a transition laid out from `place`.
+pub fn touches(robot: &Robot, obstacles: &[Block], place: &Place, transition: &Transition) -> bool {
+    let (plane, extent, rollout) = (place.plane(), &transition.extent, &transition.rollout);
+    let [lowest, highest] = extent.heights;
+    let near = obstacles.iter().filter(|b| lowest <= b.top && highest >= b.base && extent.may_cover(b, &plane));
+    let near: Vec<Solid<'_>> = near.map(Solid::of).collect();
+    if near.is_empty() {
+        return false;
+    }
+    let frame = place.frame();
+    rollout.swept.iter().any(|span| {
+        let nearer: Vec<&Solid<'_>> = near.iter().filter(|solid| solid.is_near(span, &plane)).collect();
+        !nearer.is_empty()
+            && (span.first..=span.last).any(|i| {
+                let poses = robot.body_poses(&rollout.trace.state(i));
+                nearer.iter().any(|solid| solid.meets(robot, &frame, &poses))
+            })
     })
 }
 
-/// Whether any part of the robot touches an obstacle on a rollout laid out from `place`.
-pub fn touches(robot: &Robot, obstacles: &[Block], place: &Place, rollout: &Rollout) -> bool {
-    obstacles.iter().any(|block| {
-        rollout
-            .swept
-            .iter()
-            .filter(|span| near(block, place, span))
-            .any(|span| (span.first..=span.last).any(|i| state_touches(robot, block, place, &rollout.trace.state(i))))
-    })
-}
-
-/// Whether the swept boxes of a rollout laid out from `place` come over any of these blocks.
-pub fn on_terrain(terrain: &[Block], place: &Place, rollout: &Rollout) -> bool {
-    terrain.iter().any(|block| rollout.swept.iter().any(|span| footprint(block, place, span)))
+/// Whether the swept boxes of a transition laid out from `place` come over any of these blocks.
+pub fn on_terrain(terrain: &[Block], place: &Place, transition: &Transition) -> bool {
+    let plane = place.plane();
+    let swept = &transition.rollout.swept;
+    let mut near = terrain.iter().filter(|block| transition.extent.may_cover(block, &plane));
+    near.any(|block| swept.iter().any(|span| footprint(block, &plane, span)))
 }
 
 /// Whether the robot, in this configuration of the frame at `place`, touches a block.
 pub(crate) fn state_touches(robot: &Robot, block: &Block, place: &Place, state: &State) -> bool {
-    let solid = Cuboid::new(Vector::new(
-        (block.size[0] / 2.0) as f32,
-        (block.size[1] / 2.0) as f32,
-        ((block.top - block.base) / 2.0) as f32,
-    ));
-    let center = Vector::new(block.center[0] as f32, block.center[1] as f32, ((block.top + block.base) / 2.0) as f32);
-    let block_pose = Pose::from_parts(center, about_z(block.yaw));
-    let frame = place.frame();
-    robot.body_poses(state).iter().zip(&robot.bodies).any(|(pose, body)| {
-        let touched = body.boxes.iter().any(|part| {
-            let part_pose = frame * *pose * part.pose;
-            intersection_test_cuboid_cuboid(&block_pose.inv_mul(&part_pose), &solid, &Cuboid::new(part.half))
-        });
-        touched || {
-            let pose = block_pose.inv_mul(&(frame * *pose));
-            body.capsules.iter().any(|part| {
-                let [a, b] = part.ends;
-                intersection_test_support_map_support_map(&pose, &solid, &Capsule::new(a, b, part.radius))
-            })
-        }
-    })
+    Solid::of(block).meets(robot, &place.frame(), &robot.body_poses(state))
 }
 
-/// Whether a span's box, laid out, may touch a block: a disc around it against the block's footprint, and heights.
-fn near(block: &Block, place: &Place, span: &Span) -> bool {
-    f64::from(span.low.z) <= block.top && f64::from(span.high.z) >= block.base && footprint(block, place, span)
+/// A block, ready to be met.
+struct Solid<'a> {
+    block: &'a Block,
+    cuboid: Cuboid,
+    pose: Pose,
 }
 
-fn footprint(block: &Block, place: &Place, span: &Span) -> bool {
+impl<'a> Solid<'a> {
+    fn of(block: &'a Block) -> Self {
+        let cuboid = Cuboid::new(Vector::new(
+            (block.size[0] / 2.0) as f32,
+            (block.size[1] / 2.0) as f32,
+            ((block.top - block.base) / 2.0) as f32,
+        ));
+        let center =
+            Vector::new(block.center[0] as f32, block.center[1] as f32, ((block.top + block.base) / 2.0) as f32);
+        Self { block, cuboid, pose: Pose::from_parts(center, about_z(block.yaw)) }
+    }
+
+    /// Whether a span's box, laid out, may touch it: a disc around it against the footprint, and heights.
+    fn is_near(&self, span: &Span, plane: &Plane) -> bool {
+        let block = self.block;
+        f64::from(span.low.z) <= block.top && f64::from(span.high.z) >= block.base && footprint(block, plane, span)
+    }
+
+    /// Whether a robot with bodies at these poses of a frame touches it.
+    fn meets(&self, robot: &Robot, frame: &Pose, poses: &[Pose]) -> bool {
+        poses.iter().zip(&robot.bodies).any(|(pose, body)| {
+            let touched = body.boxes.iter().any(|part| {
+                let part_pose = *frame * *pose * part.pose;
+                intersection_test_cuboid_cuboid(&self.pose.inv_mul(&part_pose), &self.cuboid, &Cuboid::new(part.half))
+            });
+            touched || {
+                let pose = self.pose.inv_mul(&(*frame * *pose));
+                body.capsules.iter().any(|part| {
+                    let [a, b] = part.ends;
+                    intersection_test_support_map_support_map(&pose, &self.cuboid, &Capsule::new(a, b, part.radius))
+                })
+            }
+        })
+    }
+}
+
+fn footprint(block: &Block, plane: &Plane, span: &Span) -> bool {
+    let ([x, y], radius) = disc(span);
+    let (x, y) = plane.point(x, y);
+    block.covers(x, y, radius)
+}
+
+/// A disc around a span's box.
+fn disc(span: &Span) -> ([f64; 2], f64) {
     let (low, high) = (span.low, span.high);
-    let (x, y) = place.point(f64::from(low.x + high.x) / 2.0, f64::from(low.y + high.y) / 2.0);
+    let center = [f64::from(low.x + high.x) / 2.0, f64::from(low.y + high.y) / 2.0];
     let (w, h) = (f64::from(high.x - low.x) / 2.0, f64::from(high.y - low.y) / 2.0);
-    block.covers(x, y, (w * w + h * h).sqrt())
+    (center, (w * w + h * h).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::{Reuse, StartId, TransitionKey, Transitions};
+    use crate::random::{Purpose, Stream};
+    use crate::rollout::{Outcome, Trace};
+
+    /// A robot drawn along a random way with random joints.
+    fn drawn(robot: &Robot, stream: &mut Stream) -> Transition {
+        let mut state = robot.neutral();
+        let (mut trace, mut boxes) = (Trace::new(robot.hinges.len()), Vec::new());
+        let toward = [stream.uniform(-0.5, 0.5), stream.uniform(-0.5, 0.5)];
+        for i in 0..=40 {
+            trace.push(i as f32 / 20.0, &state);
+            boxes.push(robot.bounds(&state));
+            state.pivot.translation.x += (toward[0] + stream.uniform(-0.2, 0.2)) as f32;
+            state.pivot.translation.y += (toward[1] + stream.uniform(-0.2, 0.2)) as f32;
+            state.joints.iter_mut().for_each(|a| *a = stream.uniform(-1.5, 1.5) as f32);
+        }
+        let span = |first: usize| {
+            let (mut low, mut high) = boxes[first];
+            for (l, h) in &boxes[first..=first + 10] {
+                (low, high) = (low.min(*l), high.max(*h));
+            }
+            Span { first, last: first + 10, low, high }
+        };
+        let rollout = Rollout {
+            end: trace.state(40),
+            end_speed: 0.0,
+            trace,
+            swept: [0, 10, 20, 30].map(span).to_vec(),
+            outcome: Outcome::Completed,
+            simulated_ms: 2000,
+        };
+        let key = TransitionKey { start: StartId(0), gait: 0 };
+        let mut table = Transitions::new(1, Reuse { tolerance: 0.0, variants: 1 }, &robot.neutral());
+        table.insert(key, rollout);
+        table.get(key).unwrap().clone()
+    }
+
+    #[test]
+    fn boxes_and_discs_never_change_the_answer_of_testing_every_sample() {
+        let robot = crate::catalogue::robots().iter().find(|r| r.name == "lizard").unwrap().toml;
+        let robot = Robot::compile(&toml::from_str(robot).unwrap()).unwrap();
+        let mut stream = Stream::new(1, Purpose::Sample, 0, 0, 0);
+        let (mut left, mut touched, mut covered) = (0, 0, 0);
+        for _ in 0..60 {
+            let transition = drawn(&robot, &mut stream);
+            for _ in 0..10 {
+                let mut block = || Block {
+                    center: [stream.uniform(-10.0, 10.0), stream.uniform(-8.0, 8.0)],
+                    size: [stream.uniform(0.1, 4.0), stream.uniform(0.1, 4.0)],
+                    base: 0.0,
+                    top: stream.uniform(0.1, 2.0),
+                    yaw: stream.uniform(-7.0, 7.0),
+                };
+                let blocks = [block(), block()];
+                let place = Place {
+                    x: stream.uniform(-10.0, 10.0),
+                    y: stream.uniform(-8.0, 8.0),
+                    z: 0.0,
+                    yaw: stream.uniform(-7.0, 7.0),
+                };
+                let toml = "name = \"map\"\nsize = [24, 18]\nstart = { x = 0, y = 0 }";
+                let environment = Environment::from_toml(toml).unwrap();
+                let trace = &transition.rollout.trace;
+                let outside = (0..trace.len()).any(|i| {
+                    let p = trace.pivot(i).translation;
+                    let (x, y) = place.point(p.x.into(), p.y.into());
+                    !environment.contains(x, y)
+                });
+                let meets = |i| blocks.iter().any(|b| state_touches(&robot, b, &place, &trace.state(i)));
+                let touching = (0..trace.len()).any(meets);
+                let spans = &transition.rollout.swept;
+                let over = blocks.iter().any(|b| spans.iter().any(|s| footprint(b, &place.plane(), s)));
+                assert_eq!(leaves_map(&environment, &place, &transition), outside);
+                assert_eq!(touches(&robot, &blocks, &place, &transition), touching);
+                assert_eq!(on_terrain(&blocks, &place, &transition), over);
+                assert!(over || !touching, "a block is met outside of the swept boxes");
+                left += u32::from(outside);
+                touched += u32::from(touching);
+                covered += u32::from(over);
+            }
+        }
+        for n in [left, touched, covered] {
+            assert!((50..550).contains(&n), "one answer alone shows little: {left} {touched} {covered} of 600");
+        }
+    }
 }
