@@ -58,6 +58,13 @@ pub fn resolved_job(path: &Path) -> Result<(Job, String), Error> {
     Ok((job, text))
 }
 
+/// Reads an environment: a path, or the name of one that ships. Also tells how to call it in messages.
+pub fn environment(name: &str) -> Result<(Environment, String), Error> {
+    let source = find("environment", name, catalogue::environments(), None)?;
+    let environment = parse(&source, Environment::from_toml)?;
+    Ok((environment, source.label))
+}
+
 /// Reads a robot: a path, or the name of one that ships. Also tells how to call it in messages.
 pub fn robot(name: &str) -> Result<(RobotSpec, String), Error> {
     let source = find("robot", name, catalogue::robots(), None)?;

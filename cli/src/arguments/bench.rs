@@ -9,6 +9,7 @@ pub enum Bench {
     Fidelity(raw::BenchFidelity),
     Plan(raw::BenchPlan),
     Dispatch(raw::BenchDispatch),
+    Reuse(raw::BenchReuse),
 }
 
 impl From<raw::Bench> for Bench {
@@ -19,6 +20,7 @@ impl From<raw::Bench> for Bench {
             raw::BenchCommand::Fidelity(args) => Self::Fidelity(args),
             raw::BenchCommand::Plan(args) => Self::Plan(args),
             raw::BenchCommand::Dispatch(args) => Self::Dispatch(args),
+            raw::BenchCommand::Reuse(args) => Self::Reuse(args),
         }
     }
 }

@@ -17,6 +17,7 @@ mod map;
 mod palette;
 mod picture;
 mod robot;
+mod scatter;
 #[cfg(test)]
 mod tests;
 mod traces;
@@ -27,6 +28,7 @@ pub use frontier::{FrontierPoint, FrontierSet, frontier};
 pub use map::map;
 pub use picture::{DrawError, PNG_SCALE, Picture};
 pub use robot::{DrawnBox, robot};
+pub use scatter::{ScatterSet, scatter};
 pub use traces::gait_traces;
 
 /// A generation of a search, as `history.csv` has it. Scores in the fitness's unit.

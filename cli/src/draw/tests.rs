@@ -104,6 +104,14 @@ fn all() -> Vec<Picture> {
         robot(&[cube(0.0, 0.0, 0.5, "a"), cube(1.0, 0.0, 0.5, "bad"), cube(0.0, 0.0, 0.5, "same place")], "sound"),
         robot(&odd.map(|v| cube(v, 0.0, 0.0, "odd")), "odd"),
     ];
+    let odd_pairs = |by: f64| odd.iter().map(|v| [*v, v + by]).collect::<Vec<_>>();
+    let scattered = |points: &[[f64; 2]]| [ScatterSet { name: "genomes".into(), points: points.to_vec() }];
+    pictures.extend([
+        scatter(&[], "none", "", "x", "y"),
+        scatter(&scattered(&[[1.0, 1.0]]), "one", "", "x", "y"),
+        scatter(&scattered(&[[1.0, 2.0], [3.0, 2.5], [0.0, 0.0]]), "sound", "two lines", "x", "y"),
+        scatter(&scattered(&odd_pairs(1.0)), "odd", "", "x", "y"),
+    ]);
     pictures.extend([
         frontier(&[], "none", ""),
         frontier(&[frontier_set(&[300.0]), frontier_set(&[300.0, 900.0]), frontier_set(&[])], "sound", ""),

@@ -83,6 +83,26 @@ generation, so that slots wait for each other only once. `plain` is the job with
 reuse_tolerance = 0; `trivial` is a job of almost no work, which shows what
 dispatching alone costs. Memory is the process' peak resident set.")]
     Dispatch(BenchDispatch),
+
+    /// What transition reuse changes: the same genomes with and without it
+    #[command(after_help = "\
+Examples:
+  evogait bench reuse --out bench/reuse
+  evogait bench reuse my-job.toml --robot lizard --genomes 40 --gait-seconds 4
+  evogait bench reuse --run runs/quadropod-empty-3f2a9c01d4e5 --environments empty
+
+Half of the genomes are a first generation's, half those of the last generations
+of a genetic algorithm run on the spot (or of the stored run). Each is scored
+without reuse (plain: every expanded node simulated), with the job's own reuse,
+with other tolerances and variants, on the same random streams; on other streams
+(--seeds), which shows what luck alone changes; and as the mean of several trees
+that share a table (--repeats). Intervals are 95 % bootstrap intervals over the
+genomes. The literal method simulates K x k rollouts whatever was expanded before.
+
+Files in the output folder:
+  reuse.md, reuse.json          the tables; the JSON has every score
+  scatter-ENVIRONMENT.svg, .png scores with reuse against plain ones")]
+    Reuse(BenchReuse),
 }
 
 /// A robot on flat ground.
@@ -268,6 +288,83 @@ pub struct BenchDispatch {
     /// Print JSON
     #[arg(long, display_order = 99)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchReuse {
+    /// Job file, or the name of a job that ships: gaits, planner, fitness, physics
+    #[arg(value_name = "JOB.toml", default_value = "quadropod-empty")]
+    pub job: String,
+
+    /// Replace the job's seed, 0 to 2⁶³ − 1
+    #[arg(long, value_name = "S", value_parser = seed())]
+    pub seed: Option<u64>,
+
+    /// Replace the job's robot: a name that ships, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: Option<String>,
+
+    /// Take job and genomes from this run's folder
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["job", "seed", "robot", "generations"])]
+    pub run: Option<PathBuf>,
+
+    /// Environments to score in: names that ship, or files
+    #[arg(long, value_name = "NAME|FILE,…", value_delimiter = ',', default_value = "empty,column")]
+    pub environments: Vec<String>,
+
+    /// Genomes
+    #[arg(long, value_name = "G", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub genomes: u32,
+
+    /// Generations of the evolution that half of them are from
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub generations: u32,
+
+    /// Tolerances to compare besides the job's
+    #[arg(long, value_name = "T,…", value_delimiter = ',', default_value = "0.02,0.05,0.1,0.2", value_parser = tolerance)]
+    pub tolerances: Vec<f64>,
+
+    /// Numbers of variants to compare at each tolerance
+    #[arg(long, value_name = "V,…", value_delimiter = ',', default_value = "1,4", value_parser = variants())]
+    pub variants: Vec<u32>,
+
+    /// Other draws of random streams, with the job's own reuse
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub seeds: u32,
+
+    /// Numbers of trees an evaluation, which share a table
+    #[arg(long, value_name = "R,…", value_delimiter = ',', default_value = "1,3,5", value_parser = repeats())]
+    pub repeats: Vec<u32>,
+
+    /// Replace how long each gait is applied, s: plain evaluations take long
+    #[arg(long, value_name = "S", value_parser = duration)]
+    pub gait_seconds: Option<f64>,
+
+    /// Evaluations at once [default: number of cores]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub threads: Option<u32>,
+
+    /// Write tables and pictures to this folder
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+/// As `planner.reuse_tolerance`.
+fn tolerance(text: &str) -> Result<f64, String> {
+    let tolerance: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
+    if (0.0..=1.0).contains(&tolerance) { Ok(tolerance) } else { Err("allowed is 0 to 1 rad".to_owned()) }
+}
+
+fn variants() -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(1..=i64::from(sim_core::limits::MAX_VARIANTS))
+}
+
+fn repeats() -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(1..=i64::from(sim_core::limits::MAX_REPEATS))
 }
 
 /// What is dispatched.

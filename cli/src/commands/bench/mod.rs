@@ -5,6 +5,7 @@ mod evaluate;
 mod fidelity;
 mod gaits;
 mod plan;
+mod reuse;
 mod rollout;
 mod subject;
 
@@ -22,6 +23,7 @@ pub fn run(what: Bench, quiet: bool) -> Result<(), Error> {
         Bench::Fidelity(args) => fidelity::run(args, quiet),
         Bench::Plan(args) => plan::run(args, quiet),
         Bench::Dispatch(args) => dispatch::run(args, quiet),
+        Bench::Reuse(args) => reuse::run(args, quiet),
     }
 }
 

@@ -1,0 +1,193 @@
+//! `evogait bench reuse`: the same genomes scored with and without transition reuse.
+
+mod genomes;
+mod report;
+
+use crate::arguments::{BenchReuse, JobFile, cores};
+use crate::console;
+use crate::error::Error;
+use crate::load;
+use crate::output::Stored;
+use crate::output::atomic::Batch;
+use crate::progress::Pieces;
+use serde::Serialize;
+use sim_core::job::{Job, Reference};
+use sim_core::measure::reuse::{Column, Measured, Row, Sample, Study, measure, rows};
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// What was found.
+#[derive(Debug, Serialize)]
+struct View {
+    job: String,
+    robot: String,
+    seed: u64,
+    /// s.
+    gait_seconds: f64,
+    /// k.
+    gaits: u32,
+    /// K.
+    iterations: u32,
+    /// The job's own tolerance and number of variants.
+    own: (f64, u32),
+    /// Where the evolved genomes are from.
+    evolved: String,
+    /// Name of the score.
+    score: &'static str,
+    /// Its unit.
+    unit: &'static str,
+    environments: Vec<Found>,
+}
+
+/// What was found in one environment.
+#[derive(Debug, Serialize)]
+struct Found {
+    environment: String,
+    rows: Vec<Row>,
+    /// What stands in the columns of `genomes[].measured`.
+    columns: Vec<ColumnView>,
+    genomes: Vec<GenomeView>,
+}
+
+#[derive(Debug, Serialize)]
+struct ColumnView {
+    tolerance: f64,
+    variants: u32,
+    repeats: u32,
+    draw: u32,
+}
+
+#[derive(Debug, Serialize)]
+struct GenomeView {
+    /// 0: random.
+    generation: u32,
+    measured: Vec<Measured>,
+}
+
+/// Measures and tells.
+pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
+    if let Some(out) = &args.out {
+        fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
+    }
+    let threads = args.threads.unwrap_or_else(cores) as usize;
+    let (base, stored) = match &args.run {
+        Some(folder) => (Stored::read(folder)?.job, Some(genomes::stored(folder, args.genomes as usize)?)),
+        None => (load::job(&JobFile { job: args.job.clone(), seed: args.seed })?, None),
+    };
+    let jobs = args.environments.iter().map(|name| in_environment(&args, &base, name));
+    let jobs = jobs.collect::<Result<Vec<Job>, Error>>()?;
+    let Some(first) = jobs.first() else {
+        return Err(Error::Usage { message: "--environments names none".to_owned() });
+    };
+    let evolved = match &args.run {
+        Some(_) => "the last generations of a stored run".to_owned(),
+        None => format!("the last generations of a genetic algorithm over {} generations", args.generations),
+    };
+    let mut view = View {
+        job: base.spec().name.clone(),
+        robot: first.robot_spec().name.clone(),
+        seed: first.spec().seed,
+        gait_seconds: first.spec().gaits.duration,
+        gaits: first.spec().gaits.count,
+        iterations: first.spec().planner.iterations,
+        own: (first.reuse().tolerance, first.reuse().variants),
+        evolved,
+        score: first.score_label().0,
+        unit: first.score_label().1,
+        environments: Vec::new(),
+    };
+    let study = Study {
+        tolerances: args.tolerances.clone(),
+        variants: args.variants.clone(),
+        seeds: args.seeds,
+        repeats: args.repeats.clone(),
+    };
+    for job in &jobs {
+        let samples = match &stored {
+            Some(samples) => samples.clone(),
+            None => genomes::evolved(job, args.genomes, args.generations, threads, quiet)?,
+        };
+        view.environments.push(found(job, &study, &samples, threads, quiet));
+    }
+    if let Some(out) = &args.out {
+        write(out, &view)?;
+    }
+    if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
+}
+
+/// The job in another environment, with another robot and shorter gaits if these were asked for.
+fn in_environment(args: &BenchReuse, base: &Job, name: &str) -> Result<Job, Error> {
+    let (environment, label) = load::environment(name)?;
+    let mut spec = base.spec().clone();
+    spec.environment = Reference::Inline(Box::new(environment));
+    if let Some(robot) = &args.robot {
+        spec.robot = Reference::Inline(Box::new(load::robot(robot)?.0));
+    }
+    spec.gaits.duration = args.gait_seconds.unwrap_or(spec.gaits.duration);
+    let file = format!("{} in {label}", base.spec().name);
+    Job::new(spec).map_err(|source| Error::Invalid { file, source })
+}
+
+fn found(job: &Job, study: &Study, samples: &[Sample], threads: usize, quiet: bool) -> Found {
+    let columns = study.columns(job);
+    let progress = Pieces::new("genomes", samples.len() as u64, quiet);
+    let measured = in_order(samples.len(), threads, |i| {
+        let measured = measure(job, &columns, i as u32, &samples[i].genome, &|| false);
+        progress.one_done();
+        measured.unwrap_or_else(|_| unreachable!("nobody asks it to stop"))
+    });
+    let view = |c: &Column| ColumnView {
+        tolerance: c.reuse.tolerance,
+        variants: c.reuse.variants,
+        repeats: c.repeats,
+        draw: c.draw,
+    };
+    Found {
+        environment: job.environment().name.clone(),
+        rows: rows(job, &columns, &measured),
+        columns: columns.iter().map(view).collect(),
+        genomes: samples
+            .iter()
+            .zip(measured)
+            .map(|(s, measured)| GenomeView { generation: s.generation, measured })
+            .collect(),
+    }
+}
+
+/// The values of a function at 0..n, computed by several threads.
+fn in_order<T: Send>(n: usize, threads: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let found = Mutex::new(Vec::with_capacity(n));
+    std::thread::scope(|scope| {
+        for _ in 0..threads.min(n) {
+            scope.spawn(|| {
+                loop {
+                    let i = next.fetch_add(1, Ordering::Relaxed);
+                    if i >= n {
+                        return;
+                    }
+                    let value = of(i);
+                    found.lock().unwrap_or_else(PoisonError::into_inner).push((i, value));
+                }
+            });
+        }
+    });
+    let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+    found.sort_unstable_by_key(|(i, _)| *i);
+    found.into_iter().map(|(_, value)| value).collect()
+}
+
+fn write(out: &Path, view: &View) -> Result<(), Error> {
+    let mut batch = Batch::new(out);
+    batch.add("reuse.md", report::markdown(view).as_bytes())?;
+    for found in &view.environments {
+        let name = format!("scatter-{}", found.environment);
+        let picture = report::scatter(view, found);
+        batch.add(&format!("{name}.svg"), picture.svg().as_bytes())?;
+        batch.add(&format!("{name}.png"), &crate::output::png(&name, &picture)?)?;
+    }
+    batch.add("reuse.json", console::json(view)?.as_bytes())?;
+    batch.commit()
+}

@@ -1,0 +1,67 @@
+//! Genomes to score: evolved on the spot, or those of a stored run.
+
+use super::in_order;
+use crate::commands::with_runtime;
+use crate::error::Error;
+use crate::output::{STORE, Stored};
+use crate::progress::Pieces;
+use coordinator::{StoreError, StoreUrl, store};
+use sim_core::evaluate::evaluate;
+use sim_core::job::Job;
+use sim_core::measure::reuse::{Sample, evolution, sampled, scores};
+use std::io;
+use std::path::Path;
+
+/// Smallest population that evolves.
+const LEAST_POPULATION: u32 = 4;
+
+/// Genomes of a short evolution with the job's own reuse.
+pub fn evolved(job: &Job, count: u32, generations: u32, threads: usize, quiet: bool) -> Result<Vec<Sample>, Error> {
+    let population = count.div_ceil(2).max(LEAST_POPULATION);
+    let file = format!("the evolution of {}", job.spec().name);
+    let search = evolution(job, population, generations).map_err(|source| Error::Invalid { file, source })?;
+    let progress = Pieces::new("generations of evolving genomes", u64::from(generations) - 1, quiet);
+    sampled(&search, count as usize, |generation, candidates| {
+        let each = in_order(candidates.len(), threads, |i| {
+            let one = evaluate(&search, generation, &candidates[i..=i], &|| false);
+            one.unwrap_or_else(|_| unreachable!("nobody asks it to stop"))
+        });
+        progress.one_done();
+        Ok(scores(&each.concat()))
+    })
+}
+
+/// Genomes of a finished run: its optimiser is led through the search again by the scores that the run's store holds.
+pub fn stored(folder: &Path, count: usize) -> Result<Vec<Sample>, Error> {
+    let job = Stored::read(folder)?.job;
+    let path = folder.join(STORE);
+    if !path.is_file() {
+        return Err(Error::Usage {
+            message: format!(
+                "--run {}: it has no {STORE}, which `evogait run` leaves and `fetch` does not",
+                folder.display()
+            ),
+        });
+    }
+    let unreadable = |reason: String| Error::read(&path, io::Error::other(reason));
+    let generations = job.spec().optimiser.generations();
+    let scores = with_runtime(async {
+        let read = async {
+            let store = store::open(&StoreUrl::Sqlite(path.clone())).await?;
+            let newest = store.jobs(i64::MAX as u64, 1, &[]).await?;
+            let mut scores = Vec::new();
+            if let Some(record) = newest.first() {
+                for generation in 0..generations {
+                    scores.extend(store.scores(&record.id, generation).await?);
+                }
+            }
+            Ok(scores)
+        };
+        read.await.map_err(|e: StoreError| unreadable(e.to_string()))
+    })?;
+    let population = job.spec().optimiser.population() as usize;
+    sampled(&job, count, |generation, _| match scores.get(generation as usize) {
+        Some(scores) if scores.len() == population => Ok(scores.clone()),
+        _ => Err(unreadable(format!("it lacks the scores of generation {generation}"))),
+    })
+}
