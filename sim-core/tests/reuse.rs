@@ -169,6 +169,6 @@ fn variants_lead_a_robot_off_the_polygon_that_one_transition_repeated_walks() {
     };
     let (plain, frozen, varied) = (farthest(0.0, 1), farthest(0.05, 1), farthest(0.05, 16));
     // The first transition turns by 1.6 (0.37 − 0.5) + 0.4 rad: a polygon in a circle of diameter 1 / sin(0.096).
-    assert!(frozen <= 1.0 / 0.096_f64.sin() + 1e-3, "{frozen}");
+    assert!(frozen <= 1.0 / libm::sin(0.096) + 1e-3, "{frozen}");
     assert!(plain > 2.0 * frozen && varied > 2.0 * frozen, "plain {plain}, 1 variant {frozen}, 16 variants {varied}");
 }

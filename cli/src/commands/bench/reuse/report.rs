@@ -62,7 +62,7 @@ pub fn scatter(view: &View, found: &Found) -> Picture {
     let correlation = correlation.and_then(|r| r.spearman).map_or("–".to_owned(), with_interval);
     let subtitle = format!("tolerance {}, same random streams; Spearman {correlation}", view.own.0);
     let sets = [set("random genomes", false), set("evolved genomes", true)];
-    draw::scatter(&sets, &title, &subtitle, &axis("plain"), &axis("with reuse:"))
+    draw::scatter(&sets, &title, &subtitle, &axis("plain"), &format!("{} with reuse, {}", view.score, view.unit))
 }
 
 fn heading(view: &View) -> String {
