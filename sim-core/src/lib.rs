@@ -13,6 +13,8 @@ pub mod fitness;
 pub mod identity;
 pub mod job;
 pub mod limits;
+#[cfg(feature = "lockstep")]
+pub mod lockstep;
 pub mod math;
 pub mod measure;
 pub mod optimise;

@@ -12,3 +12,4 @@ pub use settings::Physics;
 pub(crate) use settle::canonical;
 pub use settle::{Unsettled, settle};
 pub use trace::{Bound, Outcome, Rollout, Span, Trace};
+pub(crate) use trace::{sample_every, spans};

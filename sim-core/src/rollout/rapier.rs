@@ -5,7 +5,7 @@
 
 mod joints;
 
-use super::{Bound, Engine, Outcome, Physics, Request, Rollout, Span, Trace};
+use super::{Bound, Engine, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
 use crate::environment::Block;
 use crate::math::{Pose, Vector, about_z, angle_about};
 use crate::robot::{Robot, State};
@@ -14,11 +14,6 @@ use rapier3d::dynamics::{FrictionModel, IntegrationParameters, MassProperties, R
 use rapier3d::geometry::{ColliderBuilder, SharedShape};
 use rapier3d::math::Matrix;
 use rapier3d::pipeline::PhysicsWorld;
-
-/// Samples a second that a trace has at least, if there are as many steps.
-const SAMPLES_PER_SECOND: u32 = 20;
-/// Samples whose boxes are joined to one span.
-const SAMPLES_PER_SPAN: usize = 10;
 
 /// rapier3d, one rollout after the other.
 pub struct RapierEngine;
@@ -101,7 +96,7 @@ impl<'a> Simulation<'a> {
     fn run(mut self, request: &Request<'_>) -> Rollout {
         let rate = self.physics.steps_per_second;
         let steps = self.physics.steps(request.targets.duration());
-        let every = (rate / SAMPLES_PER_SECOND).max(1);
+        let every = sample_every(rate);
         let mut trace = Trace::new(self.robot.hinges.len());
         let mut boxes = Vec::new();
         let mut outcome = Outcome::Completed;
@@ -173,25 +168,6 @@ impl<'a> Simulation<'a> {
             mass += body.mass();
         }
         (energy > Bound::ENERGY * mass).then_some(Bound::Energy)
-    }
-}
-
-/// Joins the boxes of neighbouring samples; spans share their ends, so that nothing lies between two of them.
-fn spans(boxes: &[(Vector, Vector)]) -> Vec<Span> {
-    let mut spans = Vec::new();
-    let mut first = 0;
-    loop {
-        let last = (first + SAMPLES_PER_SPAN).min(boxes.len() - 1);
-        let (mut low, mut high) = boxes[first];
-        for (l, h) in &boxes[first..=last] {
-            low = low.min(*l);
-            high = high.max(*h);
-        }
-        spans.push(Span { first, last, low, high });
-        if last + 1 >= boxes.len() {
-            return spans;
-        }
-        first = last;
     }
 }
 

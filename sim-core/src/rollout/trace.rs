@@ -4,6 +4,11 @@ use crate::math::{Pose, Rotation, Vector};
 use crate::robot::State;
 use std::fmt;
 
+/// Samples a second that a trace has at least, if there are as many steps.
+const SAMPLES_PER_SECOND: u32 = 20;
+/// Samples whose boxes are joined to one span.
+const SAMPLES_PER_SPAN: usize = 10;
+
 /// A rollout's outcome and the way to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
@@ -137,5 +142,29 @@ impl Trace {
     /// The configuration at a moment.
     pub fn state(&self, i: usize) -> State {
         State { pivot: self.pivot(i), joints: self.joints(i).to_vec() }
+    }
+}
+
+/// Steps from one sample of a trace to the next, at so many steps a second.
+pub(crate) fn sample_every(steps_per_second: u32) -> u32 {
+    (steps_per_second / SAMPLES_PER_SECOND).max(1)
+}
+
+/// Joins the boxes of neighbouring samples; spans share their ends, so that nothing lies between two of them.
+pub(crate) fn spans(boxes: &[(Vector, Vector)]) -> Vec<Span> {
+    let mut spans = Vec::new();
+    let mut first = 0;
+    loop {
+        let last = (first + SAMPLES_PER_SPAN).min(boxes.len() - 1);
+        let (mut low, mut high) = boxes[first];
+        for (l, h) in &boxes[first..=last] {
+            low = low.min(*l);
+            high = high.max(*h);
+        }
+        spans.push(Span { first, last, low, high });
+        if last + 1 >= boxes.len() {
+            return spans;
+        }
+        first = last;
     }
 }

@@ -1,0 +1,95 @@
+//! The lockstep engine: many rollouts of one robot at once, one a SIMD lane.
+//!
+//! Reduced coordinates (a floating base and hinges), contacts linearised so that they become inertia of the bodies they
+//! touch, implicit motors: the cost of a step hardly depends on what happens in it, so lanes never wait for each other.
+//! For flat ground; a robot is any tree of hinges that the project can compile.
+//!
+//! Where the method stands: `model` robot and constants, `kinematics`, `inertia`, `contact` (ground), `touch` (bodies among
+//! themselves), `factor` (mass matrix), `step`, `batch` (lanes filled, outcomes taken out).
+//!
+//! Lanes are f32. Every operation is one that IEEE 754 rounds correctly and no lane sees another, so results have the same
+//! bits at any width, on any instruction set, in any company.
+
+mod batch;
+mod contact;
+mod factor;
+mod inertia;
+mod kinematics;
+mod lanes;
+mod model;
+mod step;
+mod touch;
+
+use crate::environment::Block;
+use crate::robot::Robot;
+use crate::rollout::{Engine, Physics, Request, Rollout};
+pub use fearless_simd::Level;
+
+/// The lockstep engine, at the widest instruction set that this CPU has. Its `substeps` are the times that contacts and
+/// motors are linearised anew within a step.
+pub struct LockstepEngine;
+
+/// Why the engine can't simulate something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsupported {
+    /// It knows flat ground only.
+    #[error("the lockstep engine knows flat ground only, and there is terrain")]
+    Terrain,
+    /// It knows boxes only.
+    #[error("the lockstep engine knows boxes only, and the robot has capsules")]
+    Capsules,
+}
+
+/// Whether the engine can simulate this robot on this terrain.
+pub fn supports(robot: &Robot, terrain: &[Block]) -> Result<(), Unsupported> {
+    if !terrain.is_empty() {
+        return Err(Unsupported::Terrain);
+    }
+    if robot.bodies.iter().any(|body| !body.capsules.is_empty()) {
+        return Err(Unsupported::Capsules);
+    }
+    Ok(())
+}
+
+impl Engine for LockstepEngine {
+    /// # Panics
+    /// If [`supports`] says no.
+    fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
+        if let Err(why) = supports(robot, terrain) {
+            panic!("{why}");
+        }
+        run_at(Level::new(), robot, physics, batch)
+    }
+}
+
+/// Does something generic over the instruction set at a level: AVX-512, AVX2, or the baseline, whose fused multiply-add
+/// is computed in software. Fewer than there are: each one is compiled in full.
+macro_rules! at_level {
+    ($level:expr, $simd:ident => $what:expr) => {{
+        use fearless_simd::Simd as _;
+        let level = $level;
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            if let Some($simd) = level.as_avx512() {
+                $simd.vectorize(|| $what)
+            } else if let Some($simd) = level.as_avx2() {
+                $simd.vectorize(|| $what)
+            } else {
+                let $simd = level.as_sse2().expect("x86 has SSE2");
+                $simd.vectorize(|| $what)
+            }
+        }
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+        {
+            fearless_simd::dispatch!(level, $simd => $what)
+        }
+    }};
+}
+/// Runs a batch on flat ground at a given instruction set.
+pub fn run_at(level: Level, robot: &Robot, physics: &Physics, batch: &[Request<'_>]) -> Vec<Rollout> {
+    let model = model::Model::new(robot, physics);
+    at_level!(level, simd => batch::run(simd, &model, physics, batch))
+}
+
+#[cfg(test)]
+mod tests;
