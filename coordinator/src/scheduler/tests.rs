@@ -2,6 +2,7 @@
 //!
 //! Evaluations are replaced by a pure function of the genome: what is tested here needs no physics.
 
+mod finish;
 mod laws;
 mod model;
 
@@ -322,4 +323,9 @@ impl Rig {
         }
         self.settle();
     }
+}
+
+/// How many of a job's leases are with workers.
+fn leased(rig: &Rig, job: &JobId) -> usize {
+    rig.scheduler.leases.values().filter(|l| l.job == *job).count()
 }
