@@ -13,7 +13,6 @@ pub mod fitness;
 pub mod identity;
 pub mod job;
 pub mod limits;
-#[cfg(feature = "lockstep")]
 pub mod lockstep;
 pub mod math;
 pub mod measure;

@@ -53,46 +53,54 @@ impl<S: Simd> Corners<S> {
     }
 
     /// Finds them; `height` is that of the base's origin.
-    #[inline(always)]
+    #[inline(never)]
     pub fn find(&mut self, simd: S, model: &Model, frames: &Frames<S>, height: Lanes<S>) {
-        self.0.clear();
-        let zero = all(simd, 0.0);
-        for part in &model.boxes {
-            let axes = box_axes(simd, part, frames);
-            let center = box_center(simd, part, frames);
-            let half = three(simd, part.half);
-            let down = [axes[0].z.abs(), axes[1].z.abs(), axes[2].z.abs()];
-            let reach = fma::<S>(down[0], half[0], fma::<S>(down[1], half[1], down[2] * half[2]));
-            let lowest = height + center.z - reach;
-            // `not higher` rather than `lower`: lanes that are not finite stay in.
-            let high: Mask<S> = lowest.simd_gt(all(simd, NEAR));
-            if high.all_true() {
-                continue;
-            }
-            // Half edges, pointing down; the one that points down most leads to the face.
-            let mut edges = axes;
-            for i in 0..3 {
-                edges[i] = axes[i].times(axes[i].z.simd_gt(zero).select(-half[i], half[i]));
-            }
-            let x_most: Mask<S> = down[0].simd_ge(down[1]) & down[0].simd_ge(down[2]);
-            let y_most: Mask<S> = down[1].simd_ge(down[2]);
-            let to_face = V3::select(x_most, edges[0], V3::select(y_most, edges[1], edges[2]));
-            let one = V3::select(x_most, edges[1], edges[0]);
-            let other = V3::select(x_most, edges[2], V3::select(y_most, edges[2], edges[1]));
-            let face = center.add(to_face);
-            for at in
-                [face.add(one).add(other), face.add(one).sub(other), face.sub(one).add(other), face.sub(one).sub(other)]
-            {
-                // What is high up is passed over in every company.
-                let depth = high.select(all(simd, -FAR), -(height + at.z));
-                self.0.push(Corner { body: part.body, at, depth });
-            }
-        }
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                self.0.clear();
+                let zero = all(simd, 0.0);
+                for part in &model.boxes {
+                    let axes = box_axes(simd, part, frames);
+                    let center = box_center(simd, part, frames);
+                    let half = three(simd, part.half);
+                    let down = [axes[0].z.abs(), axes[1].z.abs(), axes[2].z.abs()];
+                    let reach = fma::<S>(down[0], half[0], fma::<S>(down[1], half[1], down[2] * half[2]));
+                    let lowest = height + center.z - reach;
+                    // `not higher` rather than `lower`: lanes that are not finite stay in.
+                    let high: Mask<S> = lowest.simd_gt(all(simd, NEAR));
+                    if high.all_true() {
+                        continue;
+                    }
+                    // Half edges, pointing down; the one that points down most leads to the face.
+                    let mut edges = axes;
+                    for i in 0..3 {
+                        edges[i] = axes[i].times(axes[i].z.simd_gt(zero).select(-half[i], half[i]));
+                    }
+                    let x_most: Mask<S> = down[0].simd_ge(down[1]) & down[0].simd_ge(down[2]);
+                    let y_most: Mask<S> = down[1].simd_ge(down[2]);
+                    let to_face = V3::select(x_most, edges[0], V3::select(y_most, edges[1], edges[2]));
+                    let one = V3::select(x_most, edges[1], edges[0]);
+                    let other = V3::select(x_most, edges[2], V3::select(y_most, edges[2], edges[1]));
+                    let face = center.add(to_face);
+                    for at in [
+                        face.add(one).add(other),
+                        face.add(one).sub(other),
+                        face.sub(one).add(other),
+                        face.sub(one).sub(other),
+                    ] {
+                        // What is high up is passed over in every company.
+                        let depth = high.select(all(simd, -FAR), -(height + at.z));
+                        self.0.push(Corner { body: part.body, at, depth });
+                    }
+                }
+            },
+        )
     }
 
     /// Adds what the corners do, linearised about the motion of the bodies: dt times their resistance to the inertias, dt
     /// times the springs' forces to the impulses.
-    #[inline(always)]
+    #[inline(never)]
     pub fn press(
         &self,
         simd: S,
@@ -101,31 +109,36 @@ impl<S: Simd> Corners<S> {
         inertias: &mut [Inertia<S>],
         impulses: &mut [Spatial<S>],
     ) {
-        let zero = all(simd, 0.0);
-        let dt = all(simd, model.dt);
-        let stiffness = all(simd, model.contact.stiffness);
-        let resistance = all(simd, model.contact.stiffness * model.dt + model.contact.damping);
-        let slip = all(simd, model.contact.slip * model.contact.slip);
-        let friction = all(simd, model.friction);
-        for corner in &self.0 {
-            let body = motion[corner.body];
-            let velocity = body.l.add(body.a.cross(corner.at));
-            let force = fnma::<S>(resistance, velocity.z, stiffness * corner.depth);
-            let ends_below = fnma::<S>(dt, velocity.z, corner.depth).simd_gt(zero);
-            let touches: Mask<S> = ends_below & force.simd_gt(zero);
-            if !touches.any_true() {
-                continue;
-            }
-            let speed = fma::<S>(velocity.x, velocity.x, fma::<S>(velocity.y, velocity.y, slip)).sqrt();
-            let flat = touches.select(dt * friction * force / speed, zero);
-            let upright = touches.select(dt * resistance, zero);
-            let push = touches.select(dt * stiffness * corner.depth, zero);
-            inertias[corner.body].press(corner.at, flat, upright);
-            let impulse = &mut impulses[corner.body];
-            // r × (0, 0, push)
-            impulse.a.x = fma::<S>(corner.at.y, push, impulse.a.x);
-            impulse.a.y = fnma::<S>(corner.at.x, push, impulse.a.y);
-            impulse.l.z = impulse.l.z + push;
-        }
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let zero = all(simd, 0.0);
+                let dt = all(simd, model.dt);
+                let stiffness = all(simd, model.contact.stiffness);
+                let resistance = all(simd, model.contact.stiffness * model.dt + model.contact.damping);
+                let slip = all(simd, model.contact.slip * model.contact.slip);
+                let friction = all(simd, model.friction);
+                for corner in &self.0 {
+                    let body = motion[corner.body];
+                    let velocity = body.l.add(body.a.cross(corner.at));
+                    let force = fnma::<S>(resistance, velocity.z, stiffness * corner.depth);
+                    let ends_below = fnma::<S>(dt, velocity.z, corner.depth).simd_gt(zero);
+                    let touches: Mask<S> = ends_below & force.simd_gt(zero);
+                    if !touches.any_true() {
+                        continue;
+                    }
+                    let speed = fma::<S>(velocity.x, velocity.x, fma::<S>(velocity.y, velocity.y, slip)).sqrt();
+                    let flat = touches.select(dt * friction * force / speed, zero);
+                    let upright = touches.select(dt * resistance, zero);
+                    let push = touches.select(dt * stiffness * corner.depth, zero);
+                    inertias[corner.body].press(corner.at, flat, upright);
+                    let impulse = &mut impulses[corner.body];
+                    // r × (0, 0, push)
+                    impulse.a.x = fma::<S>(corner.at.y, push, impulse.a.x);
+                    impulse.a.y = fnma::<S>(corner.at.x, push, impulse.a.y);
+                    impulse.l.z = impulse.l.z + push;
+                }
+            },
+        )
     }
 }

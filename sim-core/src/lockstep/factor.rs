@@ -27,19 +27,24 @@ impl<S: Simd> System<S> {
     }
 
     /// The mass matrix. `inertias` become those of the subtrees.
-    #[inline(always)]
+    #[inline(never)]
     pub fn assemble(&mut self, simd: S, model: &Model, frames: &Frames<S>, inertias: &mut [Inertia<S>]) {
-        for (i, hinge) in model.hinges.iter().enumerate().rev() {
-            inertias[hinge.parent] = inertias[hinge.parent].add(&inertias[i + 1]);
-            let force = inertias[i + 1].times(frames.hinges[i]);
-            self.base_rows[i] = force;
-            let mut at = Some(i);
-            while let Some(j) = at {
-                self.rows[i * self.hinges + j] = frames.hinges[j].dot(force);
-                at = model.hinges[j].carrier;
-            }
-        }
-        self.base = inertias[0].matrix(simd);
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                for (i, hinge) in model.hinges.iter().enumerate().rev() {
+                    inertias[hinge.parent] = inertias[hinge.parent].add(&inertias[i + 1]);
+                    let force = inertias[i + 1].times(frames.hinges[i]);
+                    self.base_rows[i] = force;
+                    let mut at = Some(i);
+                    while let Some(j) = at {
+                        self.rows[i * self.hinges + j] = frames.hinges[j].dot(force);
+                        at = model.hinges[j].carrier;
+                    }
+                }
+                self.base = inertias[0].matrix(simd);
+            },
+        )
     }
 
     /// Adds to a hinge's diagonal.
@@ -50,47 +55,52 @@ impl<S: Simd> System<S> {
     }
 
     /// Solves for the velocity; the right side is given as `velocity` and overwritten. The matrix is used up.
-    #[inline(always)]
+    #[inline(never)]
     pub fn solve(&mut self, simd: S, model: &Model, velocity: &mut Velocity<S>) {
-        let n = self.hinges;
-        let one = all(simd, 1.0);
-        // Eliminate hinges from the leaves.
-        for k in (0..n).rev() {
-            let inverse = one / self.rows[k * n + k];
-            let (row, rate) = (self.base_rows[k], velocity.rates[k]);
-            let mut at = model.hinges[k].carrier;
-            while let Some(i) = at {
-                let share = self.rows[k * n + i] * inverse;
-                let mut below = Some(i);
-                while let Some(j) = below {
-                    self.rows[i * n + j] = fnma::<S>(share, self.rows[k * n + j], self.rows[i * n + j]);
-                    below = model.hinges[j].carrier;
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let n = self.hinges;
+                let one = all(simd, 1.0);
+                // Eliminate hinges from the leaves.
+                for k in (0..n).rev() {
+                    let inverse = one / self.rows[k * n + k];
+                    let (row, rate) = (self.base_rows[k], velocity.rates[k]);
+                    let mut at = model.hinges[k].carrier;
+                    while let Some(i) = at {
+                        let share = self.rows[k * n + i] * inverse;
+                        let mut below = Some(i);
+                        while let Some(j) = below {
+                            self.rows[i * n + j] = fnma::<S>(share, self.rows[k * n + j], self.rows[i * n + j]);
+                            below = model.hinges[j].carrier;
+                        }
+                        self.base_rows[i] = self.base_rows[i].plus(-share, row);
+                        velocity.rates[i] = fnma::<S>(share, rate, velocity.rates[i]);
+                        at = model.hinges[i].carrier;
+                    }
+                    let line = [row.a.x, row.a.y, row.a.z, row.l.x, row.l.y, row.l.z];
+                    for i in 0..6 {
+                        let share = line[i] * inverse;
+                        for j in 0..=i {
+                            self.base[i][j] = fnma::<S>(share, line[j], self.base[i][j]);
+                        }
+                    }
+                    velocity.base = velocity.base.plus(-(rate * inverse), row);
+                    // Kept for the way back: row k over its pivot.
+                    self.rows[k * n + k] = inverse;
                 }
-                self.base_rows[i] = self.base_rows[i].plus(-share, row);
-                velocity.rates[i] = fnma::<S>(share, rate, velocity.rates[i]);
-                at = model.hinges[i].carrier;
-            }
-            let line = [row.a.x, row.a.y, row.a.z, row.l.x, row.l.y, row.l.z];
-            for i in 0..6 {
-                let share = line[i] * inverse;
-                for j in 0..=i {
-                    self.base[i][j] = fnma::<S>(share, line[j], self.base[i][j]);
+                velocity.base = dense(simd, &mut self.base, velocity.base);
+                for k in 0..n {
+                    let mut sum = velocity.rates[k] - self.base_rows[k].dot(velocity.base);
+                    let mut at = model.hinges[k].carrier;
+                    while let Some(i) = at {
+                        sum = fnma::<S>(self.rows[k * n + i], velocity.rates[i], sum);
+                        at = model.hinges[i].carrier;
+                    }
+                    velocity.rates[k] = sum * self.rows[k * n + k];
                 }
-            }
-            velocity.base = velocity.base.plus(-(rate * inverse), row);
-            // Kept for the way back: row k over its pivot.
-            self.rows[k * n + k] = inverse;
-        }
-        velocity.base = dense(simd, &mut self.base, velocity.base);
-        for k in 0..n {
-            let mut sum = velocity.rates[k] - self.base_rows[k].dot(velocity.base);
-            let mut at = model.hinges[k].carrier;
-            while let Some(i) = at {
-                sum = fnma::<S>(self.rows[k * n + i], velocity.rates[i], sum);
-                at = model.hinges[i].carrier;
-            }
-            velocity.rates[k] = sum * self.rows[k * n + k];
-        }
+            },
+        )
     }
 }
 

@@ -83,25 +83,34 @@ impl<S: Simd> Frames<S> {
         }
     }
 
-    #[inline(always)]
+    #[inline(never)]
     pub fn update(&mut self, simd: S, model: &Model, motion: &Motion<S>) {
-        self.axes[0] = M3::of_quaternion(simd, motion.rotation);
-        self.origins[0] = V3::zero(simd);
-        for (i, hinge) in model.hinges.iter().enumerate() {
-            let carrier = self.axes[hinge.parent];
-            let axis = carrier.apply(V3::all(simd, hinge.axis));
-            let origin = self.origins[hinge.parent].add(carrier.apply(V3::all(simd, hinge.anchor)));
-            // R' = R + sin θ [a]ₓ R + (1 − cos θ) [a]ₓ [a]ₓ R, column by column, a in world axes.
-            let (sine, cosine) = half_sine_cosine(simd, motion.angles[i]);
-            let two = all(simd, 2.0) * sine;
-            let (sine, versine) = (two * cosine, two * sine);
-            let [a, b, c] = carrier.c;
-            self.axes[i + 1] = M3 {
-                c: [turned(a, axis, sine, versine), turned(b, axis, sine, versine), turned(c, axis, sine, versine)],
-            };
-            self.origins[i + 1] = origin;
-            self.hinges[i] = Spatial { a: axis, l: origin.cross(axis) };
-        }
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                self.axes[0] = M3::of_quaternion(simd, motion.rotation);
+                self.origins[0] = V3::zero(simd);
+                for (i, hinge) in model.hinges.iter().enumerate() {
+                    let carrier = self.axes[hinge.parent];
+                    let axis = carrier.apply(V3::all(simd, hinge.axis));
+                    let origin = self.origins[hinge.parent].add(carrier.apply(V3::all(simd, hinge.anchor)));
+                    // R' = R + sin θ [a]ₓ R + (1 − cos θ) [a]ₓ [a]ₓ R, column by column, a in world axes.
+                    let (sine, cosine) = half_sine_cosine(simd, motion.angles[i]);
+                    let two = all(simd, 2.0) * sine;
+                    let (sine, versine) = (two * cosine, two * sine);
+                    let [a, b, c] = carrier.c;
+                    self.axes[i + 1] = M3 {
+                        c: [
+                            turned(a, axis, sine, versine),
+                            turned(b, axis, sine, versine),
+                            turned(c, axis, sine, versine),
+                        ],
+                    };
+                    self.origins[i + 1] = origin;
+                    self.hinges[i] = Spatial { a: axis, l: origin.cross(axis) };
+                }
+            },
+        )
     }
 
     /// The velocity of every body.
@@ -123,23 +132,28 @@ fn turned<S: Simd>(v: V3<S>, axis: V3<S>, sine: Lanes<S>, versine: Lanes<S>) -> 
 
 impl<S: Simd> Motion<S> {
     /// A step of `dt` s with the velocity as it is.
-    #[inline(always)]
+    #[inline(never)]
     pub fn advance(&mut self, simd: S, dt: f32) {
-        let dt = all(simd, dt);
-        let base = self.velocity.base;
-        self.position = self.position.plus(dt, base.l);
-        for i in 0..self.angles.len() {
-            self.angles[i] = fma::<S>(dt, self.velocity.rates[i], self.angles[i]);
-        }
-        // q + dt/2 ω q, one unit long: the rotation by 2·atan(dt |ω| / 2).
-        let half = base.a.times(dt * all(simd, 0.5));
-        let [x, y, z, w] = self.rotation;
-        let x1 = fma::<S>(half.x, w, fma::<S>(half.y, z, fnma::<S>(half.z, y, x)));
-        let y1 = fma::<S>(half.y, w, fma::<S>(half.z, x, fnma::<S>(half.x, z, y)));
-        let z1 = fma::<S>(half.z, w, fma::<S>(half.x, y, fnma::<S>(half.y, x, z)));
-        let w1 = fnma::<S>(half.x, x, fnma::<S>(half.y, y, fnma::<S>(half.z, z, w)));
-        let square = fma::<S>(x1, x1, fma::<S>(y1, y1, fma::<S>(z1, z1, w1 * w1)));
-        let scale = all(simd, 1.0) / square.sqrt();
-        self.rotation = [x1 * scale, y1 * scale, z1 * scale, w1 * scale];
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let dt = all(simd, dt);
+                let base = self.velocity.base;
+                self.position = self.position.plus(dt, base.l);
+                for i in 0..self.angles.len() {
+                    self.angles[i] = fma::<S>(dt, self.velocity.rates[i], self.angles[i]);
+                }
+                // q + dt/2 ω q, one unit long: the rotation by 2·atan(dt |ω| / 2).
+                let half = base.a.times(dt * all(simd, 0.5));
+                let [x, y, z, w] = self.rotation;
+                let x1 = fma::<S>(half.x, w, fma::<S>(half.y, z, fnma::<S>(half.z, y, x)));
+                let y1 = fma::<S>(half.y, w, fma::<S>(half.z, x, fnma::<S>(half.x, z, y)));
+                let z1 = fma::<S>(half.z, w, fma::<S>(half.x, y, fnma::<S>(half.y, x, z)));
+                let w1 = fnma::<S>(half.x, x, fnma::<S>(half.y, y, fnma::<S>(half.z, z, w)));
+                let square = fma::<S>(x1, x1, fma::<S>(y1, y1, fma::<S>(z1, z1, w1 * w1)));
+                let scale = all(simd, 1.0) / square.sqrt();
+                self.rotation = [x1 * scale, y1 * scale, z1 * scale, w1 * scale];
+            },
+        )
     }
 }

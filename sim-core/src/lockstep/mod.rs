@@ -71,12 +71,12 @@ macro_rules! at_level {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         {
             if let Some($simd) = level.as_avx512() {
-                $simd.vectorize(|| $what)
+                $simd.vectorize(#[inline(always)] || $what)
             } else if let Some($simd) = level.as_avx2() {
-                $simd.vectorize(|| $what)
+                $simd.vectorize(#[inline(always)] || $what)
             } else {
                 let $simd = level.as_sse2().expect("x86 has SSE2");
-                $simd.vectorize(|| $what)
+                $simd.vectorize(#[inline(always)] || $what)
             }
         }
         #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]

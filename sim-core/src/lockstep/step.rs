@@ -94,63 +94,75 @@ impl<'a, S: Simd> Stepper<'a, S> {
     }
 
     /// Rigid inertias, and what every body carries: its momentum less dt times its bias force.
-    #[inline(always)]
+    #[inline(never)]
     fn bias(&mut self, motion: &Motion<S>) {
-        let (simd, model) = (self.simd, self.model);
-        let minus_dt = all(simd, -model.dt);
-        let base = self.motions[0];
-        // The base's linear acceleration is that of its moving origin: −ω × v; gravity is an acceleration upwards.
-        let mut linear = V3::zero(simd).sub(base.a.cross(base.l));
-        linear.z = linear.z + all(simd, model.gravity);
-        self.accelerations[0] = Spatial { a: V3::zero(simd), l: linear };
-        let mut energy = all(simd, 0.0);
-        let (mut fastest, mut lowest) = (all(simd, 0.0), all(simd, f32::MAX));
-        for (i, link) in model.bodies.iter().enumerate() {
-            let v = self.motions[i];
-            if i > 0 {
-                let hinge = &model.hinges[i - 1];
-                let s = self.frames.hinges[i - 1];
-                // V × S θ̇; with V = V_parent + S θ̇ the last term crosses itself away.
-                let turn = Spatial { a: v.a.cross(s.a), l: v.a.cross(s.l).add(v.l.cross(s.a)) };
-                self.accelerations[i] = self.accelerations[hinge.parent].plus(motion.velocity.rates[i - 1], turn);
-            }
-            let inertia = Inertia::of_body(simd, link, &self.frames, i);
-            let momentum = inertia.times(v);
-            energy = energy + v.dot(momentum);
-            let speed = v.l.add(v.a.cross(self.frames.origins[i]));
-            let square = speed.dot(speed);
-            // So that what is not a number wins.
-            fastest = square.simd_le(fastest).select(fastest, square);
-            let height = motion.position.z + inertia.first.z / inertia.flat;
-            lowest = height.simd_ge(lowest).select(lowest, height);
-            let rate_of_change = inertia.times(self.accelerations[i]);
-            let crossed = Spatial { a: v.a.cross(momentum.a).add(v.l.cross(momentum.l)), l: v.a.cross(momentum.l) };
-            let force = rate_of_change.add(crossed);
-            self.carried[i] = momentum.plus(minus_dt, force).without_negative_zeros(simd);
-            self.rigid[i] = inertia.without_negative_zeros(simd);
-        }
-        self.energy = energy * all(simd, 0.5);
-        self.extremes = (fastest, lowest);
+        self.simd.vectorize(
+            #[inline(always)]
+            || {
+                let (simd, model) = (self.simd, self.model);
+                let minus_dt = all(simd, -model.dt);
+                let base = self.motions[0];
+                // The base's linear acceleration is that of its moving origin: −ω × v; gravity is an acceleration upwards.
+                let mut linear = V3::zero(simd).sub(base.a.cross(base.l));
+                linear.z = linear.z + all(simd, model.gravity);
+                self.accelerations[0] = Spatial { a: V3::zero(simd), l: linear };
+                let mut energy = all(simd, 0.0);
+                let (mut fastest, mut lowest) = (all(simd, 0.0), all(simd, f32::MAX));
+                for (i, link) in model.bodies.iter().enumerate() {
+                    let v = self.motions[i];
+                    if i > 0 {
+                        let hinge = &model.hinges[i - 1];
+                        let s = self.frames.hinges[i - 1];
+                        // V × S θ̇; with V = V_parent + S θ̇ the last term crosses itself away.
+                        let turn = Spatial { a: v.a.cross(s.a), l: v.a.cross(s.l).add(v.l.cross(s.a)) };
+                        self.accelerations[i] =
+                            self.accelerations[hinge.parent].plus(motion.velocity.rates[i - 1], turn);
+                    }
+                    let inertia = Inertia::of_body(simd, link, &self.frames, i);
+                    let momentum = inertia.times(v);
+                    energy = energy + v.dot(momentum);
+                    let speed = v.l.add(v.a.cross(self.frames.origins[i]));
+                    let square = speed.dot(speed);
+                    // So that what is not a number wins.
+                    fastest = square.simd_le(fastest).select(fastest, square);
+                    let height = motion.position.z + inertia.first.z / inertia.flat;
+                    lowest = height.simd_ge(lowest).select(lowest, height);
+                    let rate_of_change = inertia.times(self.accelerations[i]);
+                    let crossed =
+                        Spatial { a: v.a.cross(momentum.a).add(v.l.cross(momentum.l)), l: v.a.cross(momentum.l) };
+                    let force = rate_of_change.add(crossed);
+                    self.carried[i] = momentum.plus(minus_dt, force).without_negative_zeros(simd);
+                    self.rigid[i] = inertia.without_negative_zeros(simd);
+                }
+                self.energy = energy * all(simd, 0.5);
+                self.extremes = (fastest, lowest);
+            },
+        )
     }
 
     /// One linearisation about `next` and its solution, into `next`.
-    #[inline(always)]
+    #[inline(never)]
     fn solve(&mut self, motion: &Motion<S>, targets: &[Lanes<S>]) {
-        let (simd, model) = (self.simd, self.model);
-        self.pressed.copy_from_slice(&self.rigid);
-        self.impulses.copy_from_slice(&self.carried);
-        self.corners.press(simd, model, &self.motions, &mut self.pressed, &mut self.impulses);
-        self.system.assemble(simd, model, &self.frames, &mut self.pressed);
-        for i in (0..model.hinges.len()).rev() {
-            let wrench = self.impulses[i + 1];
-            let parent = model.hinges[i].parent;
-            self.impulses[parent] = self.impulses[parent].add(wrench);
-            let drive = self.drive(motion.angles[i], self.next.rates[i], targets[i]);
-            self.system.stiffen(i, drive.stiffening);
-            self.next.rates[i] = self.frames.hinges[i].dot(wrench) + drive.impulse;
-        }
-        self.next.base = self.impulses[0];
-        self.system.solve(simd, model, &mut self.next);
+        self.simd.vectorize(
+            #[inline(always)]
+            || {
+                let (simd, model) = (self.simd, self.model);
+                self.pressed.copy_from_slice(&self.rigid);
+                self.impulses.copy_from_slice(&self.carried);
+                self.corners.press(simd, model, &self.motions, &mut self.pressed, &mut self.impulses);
+                self.system.assemble(simd, model, &self.frames, &mut self.pressed);
+                for i in (0..model.hinges.len()).rev() {
+                    let wrench = self.impulses[i + 1];
+                    let parent = model.hinges[i].parent;
+                    self.impulses[parent] = self.impulses[parent].add(wrench);
+                    let drive = self.drive(motion.angles[i], self.next.rates[i], targets[i]);
+                    self.system.stiffen(i, drive.stiffening);
+                    self.next.rates[i] = self.frames.hinges[i].dot(wrench) + drive.impulse;
+                }
+                self.next.base = self.impulses[0];
+                self.system.solve(simd, model, &mut self.next);
+            },
+        )
     }
 
     /// What motor and limits of a hinge do, linearised about a rate.
@@ -178,27 +190,32 @@ impl<'a, S: Simd> Stepper<'a, S> {
     }
 
     /// The box around the robot, in the world.
-    #[inline(always)]
+    #[inline(never)]
     pub fn bounds(&self, simd: S, model: &Model, motion: &Motion<S>) -> (V3<S>, V3<S>) {
-        let (mut low, mut high) = (V3::all(simd, Vector::MAX), V3::all(simd, Vector::MIN));
-        for part in &model.boxes {
-            let center = motion.position.add(box_center(simd, part, &self.frames));
-            let [a, b, c] = box_axes(simd, part, &self.frames);
-            let half = V3::all(simd, part.half);
-            let reach = V3 {
-                x: V3 { x: a.x.abs(), y: b.x.abs(), z: c.x.abs() }.dot(half),
-                y: V3 { x: a.y.abs(), y: b.y.abs(), z: c.y.abs() }.dot(half),
-                z: V3 { x: a.z.abs(), y: b.z.abs(), z: c.z.abs() }.dot(half),
-            };
-            let (bottom, top) = (center.sub(reach), center.add(reach));
-            low.x = bottom.x.simd_lt(low.x).select(bottom.x, low.x);
-            low.y = bottom.y.simd_lt(low.y).select(bottom.y, low.y);
-            low.z = bottom.z.simd_lt(low.z).select(bottom.z, low.z);
-            high.x = top.x.simd_gt(high.x).select(top.x, high.x);
-            high.y = top.y.simd_gt(high.y).select(top.y, high.y);
-            high.z = top.z.simd_gt(high.z).select(top.z, high.z);
-        }
-        (low, high)
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let (mut low, mut high) = (V3::all(simd, Vector::MAX), V3::all(simd, Vector::MIN));
+                for part in &model.boxes {
+                    let center = motion.position.add(box_center(simd, part, &self.frames));
+                    let [a, b, c] = box_axes(simd, part, &self.frames);
+                    let half = V3::all(simd, part.half);
+                    let reach = V3 {
+                        x: V3 { x: a.x.abs(), y: b.x.abs(), z: c.x.abs() }.dot(half),
+                        y: V3 { x: a.y.abs(), y: b.y.abs(), z: c.y.abs() }.dot(half),
+                        z: V3 { x: a.z.abs(), y: b.z.abs(), z: c.z.abs() }.dot(half),
+                    };
+                    let (bottom, top) = (center.sub(reach), center.add(reach));
+                    low.x = bottom.x.simd_lt(low.x).select(bottom.x, low.x);
+                    low.y = bottom.y.simd_lt(low.y).select(bottom.y, low.y);
+                    low.z = bottom.z.simd_lt(low.z).select(bottom.z, low.z);
+                    high.x = top.x.simd_gt(high.x).select(top.x, high.x);
+                    high.y = top.y.simd_gt(high.y).select(top.y, high.y);
+                    high.z = top.z.simd_gt(high.z).select(top.z, high.z);
+                }
+                (low, high)
+            },
+        )
     }
 }
 

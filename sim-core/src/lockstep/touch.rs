@@ -17,7 +17,7 @@ const FLAT: f32 = 0.05;
 const PARALLEL: f32 = 1e-4;
 
 /// Adds dt times the forces of overlapping boxes to what bodies carry.
-#[inline(always)]
+#[inline(never)]
 pub(super) fn bodies<S: Simd>(
     simd: S,
     model: &Model,
@@ -25,17 +25,22 @@ pub(super) fn bodies<S: Simd>(
     motions: &[Spatial<S>],
     carried: &mut [Spatial<S>],
 ) {
-    for &(i, j) in &model.pairs {
-        let (a, b) = (&model.boxes[i], &model.boxes[j]);
-        let from = box_center(simd, a, frames);
-        let apart = box_center(simd, b, frames).sub(from);
-        let reach = a.radius + b.radius;
-        let far: Mask<S> = apart.dot(apart).simd_ge(all(simd, reach * reach));
-        if far.all_true() {
-            continue;
-        }
-        push(simd, model, frames, (a, b), (from, apart, !far), motions, carried);
-    }
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            for &(i, j) in &model.pairs {
+                let (a, b) = (&model.boxes[i], &model.boxes[j]);
+                let from = box_center(simd, a, frames);
+                let apart = box_center(simd, b, frames).sub(from);
+                let reach = a.radius + b.radius;
+                let far: Mask<S> = apart.dot(apart).simd_ge(all(simd, reach * reach));
+                if far.all_true() {
+                    continue;
+                }
+                push(simd, model, frames, (a, b), (from, apart, !far), motions, carried);
+            }
+        },
+    )
 }
 
 /// A box of one lane each: centre from the base's origin, axes, half sides.
@@ -69,7 +74,7 @@ impl<S: Simd> Solid<S> {
     }
 }
 
-#[inline(always)]
+#[inline(never)]
 fn push<S: Simd>(
     simd: S,
     model: &Model,
@@ -79,98 +84,105 @@ fn push<S: Simd>(
     motions: &[Spatial<S>],
     carried: &mut [Spatial<S>],
 ) {
-    let zero = all(simd, 0.0);
-    let a = Solid { center: from, axes: box_axes(simd, first, frames), half: three(simd, first.half) };
-    let b = Solid { center: from.add(apart), axes: box_axes(simd, second, frames), half: three(simd, second.half) };
-    // Cosines between axes, and the offset in both frames.
-    let mut cosine = [[zero; 3]; 3];
-    let mut absolute = [[zero; 3]; 3];
-    let (mut in_a, mut in_b) = ([zero; 3], [zero; 3]);
-    for i in 0..3 {
-        for j in 0..3 {
-            cosine[i][j] = a.axes[i].dot(b.axes[j]);
-            absolute[i][j] = cosine[i][j].abs();
-        }
-        in_a[i] = a.axes[i].dot(apart);
-        in_b[i] = b.axes[i].dot(apart);
-    }
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let zero = all(simd, 0.0);
+            let a = Solid { center: from, axes: box_axes(simd, first, frames), half: three(simd, first.half) };
+            let b =
+                Solid { center: from.add(apart), axes: box_axes(simd, second, frames), half: three(simd, second.half) };
+            // Cosines between axes, and the offset in both frames.
+            let mut cosine = [[zero; 3]; 3];
+            let mut absolute = [[zero; 3]; 3];
+            let (mut in_a, mut in_b) = ([zero; 3], [zero; 3]);
+            for i in 0..3 {
+                for j in 0..3 {
+                    cosine[i][j] = a.axes[i].dot(b.axes[j]);
+                    absolute[i][j] = cosine[i][j].abs();
+                }
+                in_a[i] = a.axes[i].dot(apart);
+                in_b[i] = b.axes[i].dot(apart);
+            }
 
-    // The axis of greatest separation: its value, its direction, and on whose face it stands.
-    let mut gap = all(simd, f32::MIN);
-    let mut normal = V3::zero(simd);
-    let mut face_of_a: Mask<S> = zero.simd_gt(zero);
-    for i in 0..3 {
-        let mut sum = a.half[i];
-        for j in 0..3 {
-            sum = fma::<S>(b.half[j], absolute[i][j], sum);
-        }
-        let this = in_a[i].abs() - sum;
-        let better: Mask<S> = this.simd_gt(gap);
-        gap = better.select(this, gap);
-        normal = V3::select(better, a.axes[i], normal);
-        face_of_a = face_of_a | better;
-    }
-    for j in 0..3 {
-        let mut sum = b.half[j];
-        for i in 0..3 {
-            sum = fma::<S>(a.half[i], absolute[i][j], sum);
-        }
-        let this = in_b[j].abs() - sum;
-        let better: Mask<S> = this.simd_gt(gap);
-        gap = better.select(this, gap);
-        normal = V3::select(better, b.axes[j], normal);
-        face_of_a = face_of_a & !better;
-    }
-    // A lane that is not finite counts as overlapping; it harms itself only.
-    if gap.simd_ge(zero).all_true() {
-        return;
-    }
-    let mut edges: Mask<S> = zero.simd_gt(zero);
-    for i in 0..3 {
-        for j in 0..3 {
-            let square = fnma::<S>(cosine[i][j], cosine[i][j], all(simd, 1.0));
-            let crossing: Mask<S> = square.simd_gt(all(simd, PARALLEL));
-            let scale = all(simd, 1.0) / crossing.select(square, all(simd, 1.0)).sqrt();
-            let axis = a.axes[i].cross(b.axes[j]).times(scale);
-            let (p, q) = ((i + 1) % 3, (i + 2) % 3);
-            let (r, s) = ((j + 1) % 3, (j + 2) % 3);
-            let reach_a = fma::<S>(a.half[p], absolute[q][j], a.half[q] * absolute[p][j]);
-            let reach_b = fma::<S>(b.half[r], absolute[i][s], b.half[s] * absolute[i][r]);
-            let this = fnma::<S>(reach_a + reach_b, scale, axis.dot(apart).abs());
-            // Overlaps are negative: an edge's axis must overlap clearly less than the best so far.
-            let better: Mask<S> = crossing & this.simd_gt(gap * all(simd, FACE_FIRST));
-            gap = better.select(this, gap);
-            normal = V3::select(better, axis, normal);
-            edges = edges | better;
-        }
-    }
-    let overlap: Mask<S> = near & gap.simd_lt(zero);
-    if !overlap.any_true() {
-        return;
-    }
-    // From a to b.
-    let n = V3::select(normal.dot(apart).simd_lt(zero), V3::zero(simd).sub(normal), normal);
-    let on_b = b.support(simd, V3::zero(simd).sub(n));
-    let on_a = a.support(simd, n);
-    let between = on_a.add(on_b).times(all(simd, 0.5));
-    let faces = V3::select(face_of_a, a.nearest(on_b), b.nearest(on_a));
-    let at = V3::select(edges, between, faces);
+            // The axis of greatest separation: its value, its direction, and on whose face it stands.
+            let mut gap = all(simd, f32::MIN);
+            let mut normal = V3::zero(simd);
+            let mut face_of_a: Mask<S> = zero.simd_gt(zero);
+            for i in 0..3 {
+                let mut sum = a.half[i];
+                for j in 0..3 {
+                    sum = fma::<S>(b.half[j], absolute[i][j], sum);
+                }
+                let this = in_a[i].abs() - sum;
+                let better: Mask<S> = this.simd_gt(gap);
+                gap = better.select(this, gap);
+                normal = V3::select(better, a.axes[i], normal);
+                face_of_a = face_of_a | better;
+            }
+            for j in 0..3 {
+                let mut sum = b.half[j];
+                for i in 0..3 {
+                    sum = fma::<S>(a.half[i], absolute[i][j], sum);
+                }
+                let this = in_b[j].abs() - sum;
+                let better: Mask<S> = this.simd_gt(gap);
+                gap = better.select(this, gap);
+                normal = V3::select(better, b.axes[j], normal);
+                face_of_a = face_of_a & !better;
+            }
+            // A lane that is not finite counts as overlapping; it harms itself only.
+            if gap.simd_ge(zero).all_true() {
+                return;
+            }
+            let mut edges: Mask<S> = zero.simd_gt(zero);
+            for i in 0..3 {
+                for j in 0..3 {
+                    let square = fnma::<S>(cosine[i][j], cosine[i][j], all(simd, 1.0));
+                    let crossing: Mask<S> = square.simd_gt(all(simd, PARALLEL));
+                    let scale = all(simd, 1.0) / crossing.select(square, all(simd, 1.0)).sqrt();
+                    let axis = a.axes[i].cross(b.axes[j]).times(scale);
+                    let (p, q) = ((i + 1) % 3, (i + 2) % 3);
+                    let (r, s) = ((j + 1) % 3, (j + 2) % 3);
+                    let reach_a = fma::<S>(a.half[p], absolute[q][j], a.half[q] * absolute[p][j]);
+                    let reach_b = fma::<S>(b.half[r], absolute[i][s], b.half[s] * absolute[i][r]);
+                    let this = fnma::<S>(reach_a + reach_b, scale, axis.dot(apart).abs());
+                    // Overlaps are negative: an edge's axis must overlap clearly less than the best so far.
+                    let better: Mask<S> = crossing & this.simd_gt(gap * all(simd, FACE_FIRST));
+                    gap = better.select(this, gap);
+                    normal = V3::select(better, axis, normal);
+                    edges = edges | better;
+                }
+            }
+            let overlap: Mask<S> = near & gap.simd_lt(zero);
+            if !overlap.any_true() {
+                return;
+            }
+            // From a to b.
+            let n = V3::select(normal.dot(apart).simd_lt(zero), V3::zero(simd).sub(normal), normal);
+            let on_b = b.support(simd, V3::zero(simd).sub(n));
+            let on_a = a.support(simd, n);
+            let between = on_a.add(on_b).times(all(simd, 0.5));
+            let faces = V3::select(face_of_a, a.nearest(on_b), b.nearest(on_a));
+            let at = V3::select(edges, between, faces);
 
-    let (of_a, of_b) = (motions[first.body], motions[second.body]);
-    let relative = of_b.l.add(of_b.a.cross(at)).sub(of_a.l.add(of_a.a.cross(at)));
-    let along = relative.dot(n);
-    let force = fnma::<S>(all(simd, model.contact.own_damping), along, all(simd, -model.contact.own_stiffness) * gap);
-    let pushes: Mask<S> = overlap & force.simd_gt(zero);
-    let force = pushes.select(force, zero);
-    let sliding = relative.plus(-along, n);
-    let slip = all(simd, model.contact.slip * model.contact.slip);
-    let speed = (sliding.dot(sliding) + slip).sqrt();
-    // As strong as friction is, but never so strong that a step turns the motion round.
-    let drag = all(simd, model.friction) * force / speed;
-    let most = all(simd, model.contact.own_damping);
-    let drag = drag.simd_gt(most).select(most, drag);
-    let total = n.times(force).plus(-drag, sliding).times(all(simd, model.dt));
-    let wrench = Spatial { a: at.cross(total), l: total };
-    carried[second.body] = carried[second.body].add(wrench);
-    carried[first.body] = carried[first.body].plus(all(simd, -1.0), wrench);
+            let (of_a, of_b) = (motions[first.body], motions[second.body]);
+            let relative = of_b.l.add(of_b.a.cross(at)).sub(of_a.l.add(of_a.a.cross(at)));
+            let along = relative.dot(n);
+            let force =
+                fnma::<S>(all(simd, model.contact.own_damping), along, all(simd, -model.contact.own_stiffness) * gap);
+            let pushes: Mask<S> = overlap & force.simd_gt(zero);
+            let force = pushes.select(force, zero);
+            let sliding = relative.plus(-along, n);
+            let slip = all(simd, model.contact.slip * model.contact.slip);
+            let speed = (sliding.dot(sliding) + slip).sqrt();
+            // As strong as friction is, but never so strong that a step turns the motion round.
+            let drag = all(simd, model.friction) * force / speed;
+            let most = all(simd, model.contact.own_damping);
+            let drag = drag.simd_gt(most).select(most, drag);
+            let total = n.times(force).plus(-drag, sliding).times(all(simd, model.dt));
+            let wrench = Spatial { a: at.cross(total), l: total };
+            carried[second.body] = carried[second.body].add(wrench);
+            carried[first.body] = carried[first.body].plus(all(simd, -1.0), wrench);
+        },
+    )
 }
