@@ -41,7 +41,7 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     let written = match &args.output {
         None => None,
         Some(RobotOutput::Picture(path, format)) => {
-            let picture = draw::robot(&boxes(&robot), &spec.name);
+            let picture = draw::robot(&boxes(&robot), &spec.name, &pieces(&spec, &robot));
             let content = match format {
                 PictureFormat::Svg => picture.svg().into_bytes(),
                 PictureFormat::Png => png("the robot", &picture)?,
@@ -65,6 +65,16 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     }
     let next = || format!("  next      evogait robot {} --out {}.svg", args.robot, view.name);
     console::say(&format!("{}\n{}", text(&view), written.unwrap_or_else(next)))
+}
+
+/// What the robot's file counts: modules, or bodies where they are written out.
+fn pieces(spec: &RobotSpec, robot: &Robot) -> String {
+    match (spec.modules.len(), robot.bodies.len()) {
+        (0, 1) => "1 body".to_owned(),
+        (0, bodies) => format!("{bodies} bodies"),
+        (1, _) => "1 module".to_owned(),
+        (modules, _) => format!("{modules} modules"),
+    }
 }
 
 fn boxes(robot: &Robot) -> Vec<DrawnBox> {
