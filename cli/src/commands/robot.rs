@@ -148,3 +148,20 @@ fn text(view: &View) -> String {
     }
     lines.join("\n")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_core::job::Scale;
+    use sim_core::robot::exchange::{Format, read};
+
+    #[test]
+    fn a_robot_counts_modules_and_an_imported_one_bodies() {
+        let (spec, _) = load::robot("lizard").unwrap();
+        let robot = Robot::compile(&spec).unwrap();
+        assert_eq!(pieces(&spec, &robot), format!("{} modules", spec.modules.len()));
+        let imported = read(&Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper))).unwrap();
+        let robot = Robot::compile(&imported).unwrap();
+        assert_eq!(pieces(&imported, &robot), format!("{} bodies", robot.bodies.len()));
+    }
+}
