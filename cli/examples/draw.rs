@@ -56,9 +56,9 @@ fn pictures() -> Vec<(&'static str, Picture)> {
         ("boxes", draw::gait_boxes(&tree, 4, "quadropod-column: what the gaits do")),
         ("boxes-none", draw::gait_boxes(&TreeRecord::default(), 3, "No edges")),
         ("boxes-many", draw::gait_boxes(&self::tree(&column, &moves(&many), 40), 14, "Fourteen gaits")),
-        ("robot", draw::robot(&quadropod(), "quadropod, E2: two failed modules")),
-        ("robot-turned", draw::robot(&turned(), "Boxes at odd angles")),
-        ("robot-none", draw::robot(&[], "No robot")),
+        ("robot", draw::robot(&quadropod(), "quadropod, E2: two failed modules", "10 modules")),
+        ("robot-turned", draw::robot(&turned(), "Boxes at odd angles", "8 modules")),
+        ("robot-none", draw::robot(&[], "No robot", "0 modules")),
     ]
 }
 

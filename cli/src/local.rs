@@ -58,6 +58,10 @@ impl Local {
     pub async fn stop(self) -> Result<(), Error> {
         // Without a receiver the worker has ended already.
         let _ = self.stop_worker.send(true);
+        if self.coordinator_failed {
+            // Nobody is left to take what the worker would deliver: it would try for seconds.
+            self.worker.abort();
+        }
         if !self.worker.is_finished() {
             // How it ended no longer matters: whatever it had not delivered is computed again.
             let _ = self.worker.await;

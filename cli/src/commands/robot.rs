@@ -41,7 +41,7 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     let written = match &args.output {
         None => None,
         Some(RobotOutput::Picture(path, format)) => {
-            let picture = draw::robot(&boxes(&robot), &spec.name);
+            let picture = draw::robot(&boxes(&robot), &spec.name, &pieces(&spec, &robot));
             let content = match format {
                 PictureFormat::Svg => picture.svg().into_bytes(),
                 PictureFormat::Png => png("the robot", &picture)?,
@@ -65,6 +65,16 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     }
     let next = || format!("  next      evogait robot {} --out {}.svg", args.robot, view.name);
     console::say(&format!("{}\n{}", text(&view), written.unwrap_or_else(next)))
+}
+
+/// What the robot's file counts: modules, or bodies where they are written out.
+fn pieces(spec: &RobotSpec, robot: &Robot) -> String {
+    match (spec.modules.len(), robot.bodies.len()) {
+        (0, 1) => "1 body".to_owned(),
+        (0, bodies) => format!("{bodies} bodies"),
+        (1, _) => "1 module".to_owned(),
+        (modules, _) => format!("{modules} modules"),
+    }
 }
 
 fn boxes(robot: &Robot) -> Vec<DrawnBox> {
@@ -137,4 +147,21 @@ fn text(view: &View) -> String {
         lines.push(format!("  variant   {name}: {} fail", failed.join(", ")));
     }
     lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_core::job::Scale;
+    use sim_core::robot::exchange::{Format, read};
+
+    #[test]
+    fn a_robot_counts_modules_and_an_imported_one_bodies() {
+        let (spec, _) = load::robot("lizard").unwrap();
+        let robot = Robot::compile(&spec).unwrap();
+        assert_eq!(pieces(&spec, &robot), format!("{} modules", spec.modules.len()));
+        let imported = read(&Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper))).unwrap();
+        let robot = Robot::compile(&imported).unwrap();
+        assert_eq!(pieces(&imported, &robot), format!("{} bodies", robot.bodies.len()));
+    }
 }

@@ -24,15 +24,15 @@ pub struct DrawnBox {
     pub rotation: [f64; 4],
     /// Half of the side lengths along its own axes, mu.
     pub half: [f64; 3],
-    /// The module that the box is a part of; boxes of one module have one colour.
+    /// The module, or body where bodies are written out, that the box is a part of; boxes of one have one colour.
     pub module: String,
     /// Whether the module has failed.
     pub failed: bool,
 }
 
 /// The boxes in their place: a colour a module, failed ones hatched in red, names beside them, arrows for the axes that
-/// give the scale.
-pub fn robot(boxes: &[DrawnBox], title: &str) -> Picture {
+/// give the scale. The subtitle says how many of what there are.
+pub fn robot(boxes: &[DrawnBox], title: &str, subtitle: &str) -> Picture {
     let mut canvas = Canvas::new();
     let mut modules: Vec<&str> = Vec::new();
     for b in boxes {
@@ -40,8 +40,7 @@ pub fn robot(boxes: &[DrawnBox], title: &str) -> Picture {
             modules.push(&b.module);
         }
     }
-    let plural = if modules.len() == 1 { "" } else { "s" };
-    let top = heading(&mut canvas, title, &format!("{} module{plural}", modules.len()), WIDTH);
+    let top = heading(&mut canvas, title, subtitle, WIDTH);
     canvas.raw(&format!(
         "<defs><pattern id=\"failed\" patternUnits=\"userSpaceOnUse\" width=\"8\" height=\"8\" \
          patternTransform=\"rotate(45)\"><rect width=\"8\" height=\"8\" fill=\"#ffffff\"/>\

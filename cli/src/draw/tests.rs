@@ -100,9 +100,13 @@ fn all() -> Vec<Picture> {
         gait_traces(&[trace(0.0)], "at rest"),
         gait_traces(&odd.map(trace), "odd"),
         gait_traces(&[trace(3.0), trace(3.0), trace(-1.0)], "sound"),
-        robot(&[], "none"),
-        robot(&[cube(0.0, 0.0, 0.5, "a"), cube(1.0, 0.0, 0.5, "bad"), cube(0.0, 0.0, 0.5, "same place")], "sound"),
-        robot(&odd.map(|v| cube(v, 0.0, 0.0, "odd")), "odd"),
+        robot(&[], "none", ""),
+        robot(
+            &[cube(0.0, 0.0, 0.5, "a"), cube(1.0, 0.0, 0.5, "bad"), cube(0.0, 0.0, 0.5, "same place")],
+            "sound",
+            "3 modules",
+        ),
+        robot(&odd.map(|v| cube(v, 0.0, 0.0, "odd")), "odd", "odd"),
     ];
     let odd_pairs = |by: f64| odd.iter().map(|v| [*v, v + by]).collect::<Vec<_>>();
     let scattered = |points: &[[f64; 2]]| [ScatterSet { name: "genomes".into(), points: points.to_vec() }];
