@@ -10,6 +10,7 @@ use crate::job::{ControllerKind, Scale};
 use crate::random::{Purpose, Stream};
 use crate::robot::{Robot, State};
 use crate::rollout::{Outcome, Physics, Request, Rollout};
+use crate::simd::{at_level, levels};
 use fearless_simd::prelude::*;
 
 fn robot(name: &str) -> Robot {
@@ -32,17 +33,6 @@ fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
         hopf.compile(&parameters, robot.hinges.len(), duration)
     };
     (0..count).map(gait).collect()
-}
-
-fn levels() -> Vec<Level> {
-    let best = Level::new();
-    let mut levels = vec![best];
-    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    {
-        levels.extend(best.as_avx2().map(Level::Avx2));
-        levels.extend(best.as_sse2().map(Level::Sse2));
-    }
-    levels
 }
 
 fn run(robot: &Robot, physics: &Physics, start: &State, tables: &[Targets]) -> Vec<Rollout> {
