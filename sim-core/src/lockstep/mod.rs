@@ -70,4 +70,6 @@ pub fn run_at(level: Level, robot: &Robot, physics: &Physics, batch: &[Request<'
 }
 
 #[cfg(test)]
+mod closed_form;
+#[cfg(test)]
 mod tests;

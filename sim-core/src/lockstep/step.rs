@@ -103,8 +103,7 @@ impl<'a, S: Simd> Stepper<'a, S> {
                 let minus_dt = all(simd, -model.dt);
                 let base = self.motions[0];
                 // The base's linear acceleration is that of its moving origin: −ω × v; gravity is an acceleration upwards.
-                let mut linear = V3::zero(simd).sub(base.a.cross(base.l));
-                linear.z = linear.z + all(simd, model.gravity);
+                let linear = V3::all(simd, -model.gravity).sub(base.a.cross(base.l));
                 self.accelerations[0] = Spatial { a: V3::zero(simd), l: linear };
                 let mut energy = all(simd, 0.0);
                 let (mut fastest, mut lowest) = (all(simd, 0.0), all(simd, f32::MAX));
