@@ -12,6 +12,8 @@ pub(super) struct Model {
     /// Boxes of bodies that may touch each other: all but of bodies that share a joint.
     pub pairs: Vec<(usize, usize)>,
     pub boxes: Vec<Part>,
+    /// Of the whole robot, kg.
+    pub mass: f32,
     /// mu/s².
     pub gravity: Vector,
     pub friction: f32,
@@ -139,12 +141,13 @@ impl Model {
                 }
             }
         }
-        let (mass, dt) = (bodies.iter().map(|b| b.mass).sum(), 1.0 / physics.steps_per_second as f32);
+        let (mass, dt) = (bodies.iter().map(|b| b.mass).sum::<f32>(), 1.0 / physics.steps_per_second as f32);
         Self {
             bodies,
             hinges,
             pairs,
             boxes,
+            mass,
             gravity: Vector::new(0.0, 0.0, -physics.gravity),
             friction: physics.friction,
             stiffness: physics.stiffness,
@@ -155,6 +158,11 @@ impl Model {
             iterations: physics.substeps,
             contact: Contact::new(mass, physics.gravity, dt),
         }
+    }
+
+    /// Of the whole robot, kg·mu/s²; that under [`Contact::LEAST_GRAVITY`] at least.
+    pub fn weight(&self) -> f32 {
+        self.mass * self.gravity.length().max(Contact::LEAST_GRAVITY)
     }
 }
 
