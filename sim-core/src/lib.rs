@@ -23,5 +23,6 @@ pub mod report;
 pub mod robot;
 pub mod rollout;
 pub mod score;
+mod simd;
 
 pub use rollout::engine_digests;

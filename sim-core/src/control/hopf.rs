@@ -1,6 +1,8 @@
 //! A Hopf oscillator a joint: Eq. 2 of Vonásek and Faigl (2016), after Righetti and Ijspeert (2008).
 
 use super::{Controller, Parameter, TICK};
+use crate::simd::{Level, at_level};
+use fearless_simd::prelude::*;
 
 /// ẋ = α (μ − r²) x − ω y, ẏ = β (μ − r²) y + ω x, ω = ω₁ / (e^{−b y} + 1) + ω₂ / (e^{b y} + 1); the signal is x.
 ///
@@ -9,6 +11,9 @@ pub struct Hopf;
 
 /// Where oscillators start; the paper does not say.
 const START: (f64, f64) = (0.1, 0.0);
+
+/// Parameters of an oscillator.
+const EACH: usize = 6;
 
 impl Controller for Hopf {
     fn parameters(&self) -> &'static [Parameter] {
@@ -22,40 +27,110 @@ impl Controller for Hopf {
         ]
     }
 
-    fn signal(&self, parameters: &[f64], ticks: usize) -> Vec<f64> {
-        let &[mu, alpha, beta, omega1, omega2, b] = parameters else {
-            unreachable!("a Hopf oscillator has six parameters")
-        };
-        let rate = |(x, y): (f64, f64)| {
-            let omega = frequency(y, omega1, omega2, b);
-            let pull = mu - (x * x + y * y);
-            (alpha * pull * x - omega * y, beta * pull * y + omega * x)
-        };
-        let step = |from: (f64, f64), by: f64, rate: (f64, f64)| (from.0 + by * rate.0, from.1 + by * rate.1);
-        let mut at = START;
-        let mut signal = Vec::with_capacity(ticks);
-        for _ in 0..ticks {
-            signal.push(at.0);
-            // Runge–Kutta of fourth order, stable here up to steps of about 21 ms.
-            let k1 = rate(at);
-            let k2 = rate(step(at, TICK / 2.0, k1));
-            let k3 = rate(step(at, TICK / 2.0, k2));
-            let k4 = rate(step(at, TICK, k3));
-            at.0 += TICK / 6.0 * (k1.0 + 2.0 * (k2.0 + k3.0) + k4.0);
-            at.1 += TICK / 6.0 * (k1.1 + 2.0 * (k2.1 + k3.1) + k4.1);
-        }
-        signal
+    fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
+        at_level!(Level::new(), simd => integrate(simd, gait, ticks))
     }
 }
 
-/// ω of Eq. 2, rad/s.
-fn frequency(y: f64, omega1: f64, omega2: f64, b: f64) -> f64 {
-    omega1 / (libm::exp(-b * y) + 1.0) + omega2 / (libm::exp(b * y) + 1.0)
+/// All oscillators of a gait, as many side by side as there are lanes. Only sums, products and quotients, each rounded as
+/// IEEE 754 says: the bits are the same at every width.
+#[inline(always)]
+fn integrate<S: Simd>(simd: S, gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
+    let mut signals = Vec::with_capacity(gait.len() / EACH);
+    for some in gait.chunks(EACH * S::f64s::LEN) {
+        let oscillators = Oscillators::new(simd, some);
+        let first = signals.len();
+        signals.resize_with(first + some.len() / EACH, || Vec::with_capacity(ticks));
+        let mut at = (number(simd, START.0), number(simd, START.1));
+        for _ in 0..ticks {
+            for (lane, signal) in signals[first..].iter_mut().enumerate() {
+                signal.push(at.0[lane]);
+            }
+            at = oscillators.step(simd, at);
+        }
+    }
+    signals
+}
+
+/// Parameters of oscillators side by side; lanes that are not in use are all zero.
+struct Oscillators<S: Simd> {
+    mu: S::f64s,
+    alpha: S::f64s,
+    beta: S::f64s,
+    /// ω₂ and ω₁ − ω₂.
+    omega2: S::f64s,
+    more: S::f64s,
+    b: S::f64s,
+}
+
+impl<S: Simd> Oscillators<S> {
+    #[inline(always)]
+    fn new(simd: S, gait: &[f64]) -> Self {
+        let mut lanes = [number(simd, 0.0); EACH];
+        for (lane, own) in gait.chunks(EACH).enumerate() {
+            for i in 0..EACH {
+                lanes[i][lane] = own[i];
+            }
+        }
+        let [mu, alpha, beta, omega1, omega2, b] = lanes;
+        Self { mu, alpha, beta, omega2, more: omega1 - omega2, b }
+    }
+
+    /// A tick by Runge and Kutta's method of fourth order, stable here up to steps of about 21 ms.
+    #[inline(always)]
+    fn step(&self, simd: S, at: (S::f64s, S::f64s)) -> (S::f64s, S::f64s) {
+        let (half, whole, two) = (number(simd, TICK / 2.0), number(simd, TICK), number(simd, 2.0));
+        let k1 = self.rate(simd, at);
+        let k2 = self.rate(simd, (at.0 + half * k1.0, at.1 + half * k1.1));
+        let k3 = self.rate(simd, (at.0 + half * k2.0, at.1 + half * k2.1));
+        let k4 = self.rate(simd, (at.0 + whole * k3.0, at.1 + whole * k3.1));
+        let sixth = number(simd, TICK / 6.0);
+        (at.0 + sixth * (k1.0 + two * (k2.0 + k3.0) + k4.0), at.1 + sixth * (k1.1 + two * (k2.1 + k3.1) + k4.1))
+    }
+
+    /// Eq. 2.
+    #[inline(always)]
+    fn rate(&self, simd: S, (x, y): (S::f64s, S::f64s)) -> (S::f64s, S::f64s) {
+        // 1 / (e^{−z} + 1) + 1 / (e^{z} + 1) = 1, so one sigmoid does for both.
+        let omega = self.omega2 + self.more * sigmoid(simd, self.b * y);
+        let pull = self.mu - (x * x + y * y);
+        (self.alpha * pull * x - omega * y, self.beta * pull * y + omega * x)
+    }
+}
+
+/// The same number in every lane.
+#[inline(always)]
+fn number<S: Simd>(simd: S, value: f64) -> S::f64s {
+    S::f64s::splat(simd, value)
+}
+
+/// 1 / (1 + e^{−z}), off by less than 10⁻⁹: e^w = (e^{w/16})¹⁶ by Taylor's sum of degree 8, with z kept within ± 20.
+#[inline(always)]
+fn sigmoid<S: Simd>(simd: S, z: S::f64s) -> S::f64s {
+    let (one, most) = (number(simd, 1.0), number(simd, 20.0));
+    let z = z.simd_gt(most).select(most, z);
+    let z = z.simd_lt(-most).select(-most, z);
+    let w = z * number(simd, -1.0 / 16.0);
+    // Estrin's order: the chain of dependent operations is what takes the time.
+    let (w2, w4) = (w * w, w * w * (w * w));
+    let low = (one + w) + w2 * (number(simd, 1.0 / 2.0) + w * number(simd, 1.0 / 6.0));
+    let high = (number(simd, 1.0 / 24.0) + w * number(simd, 1.0 / 120.0))
+        + w2 * (number(simd, 1.0 / 720.0) + w * number(simd, 1.0 / 5040.0));
+    let mut power = low + w4 * (high + w4 * number(simd, 1.0 / 40_320.0));
+    for _ in 0..4 {
+        power = power * power;
+    }
+    one / (one + power)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// ω of Eq. 2 as printed, rad/s.
+    fn frequency(y: f64, omega1: f64, omega2: f64, b: f64) -> f64 {
+        omega1 / (libm::exp(-b * y) + 1.0) + omega2 / (libm::exp(b * y) + 1.0)
+    }
 
     fn maxima(signal: &[f64]) -> Vec<usize> {
         (1..signal.len() - 1).filter(|&i| signal[i - 1] < signal[i] && signal[i] >= signal[i + 1]).collect()
@@ -64,7 +139,7 @@ mod tests {
     #[test]
     fn limit_cycle_has_radius_root_mu() {
         for (mu, alpha, beta) in [(0.3, 5.0, 5.0), (1.0, 50.0, 10.0), (1.3, 20.0, 50.0)] {
-            let signal = Hopf.signal(&[mu, alpha, beta, 2.0, 3.0, 0.4], 6001);
+            let signal = &Hopf.signals(&[mu, alpha, beta, 2.0, 3.0, 0.4], 6001)[0];
             let peak = signal[3000..].iter().cloned().fold(f64::MIN, f64::max);
             assert!((peak - mu.sqrt()).abs() < 2e-4, "mu {mu}: peak {peak}");
         }
@@ -85,11 +160,75 @@ mod tests {
                 })
                 .sum();
             // α = β keeps the pull radial, so it does not turn the phase on the cycle.
-            let signal = Hopf.signal(&[mu, 20.0, 20.0, omega1, omega2, b], 20_001);
+            let signal = &Hopf.signals(&[mu, 20.0, 20.0, omega1, omega2, b], 20_001)[0];
             let peaks = maxima(&signal[4000..]);
             let turns = peaks.len() - 1;
             let measured = (peaks[turns] - peaks[0]) as f64 * TICK / turns as f64;
             assert!((measured - period).abs() < 2e-3 * period, "{measured} against {period}");
+        }
+    }
+
+    /// Eq. 2 as printed, with `libm`, oscillator by oscillator.
+    fn printed(parameters: &[f64], ticks: usize) -> Vec<f64> {
+        let &[mu, alpha, beta, omega1, omega2, b] = parameters else { unreachable!() };
+        let rate = |(x, y): (f64, f64)| {
+            let (omega, pull) = (frequency(y, omega1, omega2, b), mu - (x * x + y * y));
+            (alpha * pull * x - omega * y, beta * pull * y + omega * x)
+        };
+        let step = |from: (f64, f64), by: f64, rate: (f64, f64)| (from.0 + by * rate.0, from.1 + by * rate.1);
+        let mut at = START;
+        let mut signal = Vec::new();
+        for _ in 0..ticks {
+            signal.push(at.0);
+            let k1 = rate(at);
+            let k2 = rate(step(at, TICK / 2.0, k1));
+            let k3 = rate(step(at, TICK / 2.0, k2));
+            let k4 = rate(step(at, TICK, k3));
+            at.0 += TICK / 6.0 * (k1.0 + 2.0 * (k2.0 + k3.0) + k4.0);
+            at.1 += TICK / 6.0 * (k1.1 + 2.0 * (k2.1 + k3.1) + k4.1);
+        }
+        signal
+    }
+
+    fn drawn(oscillators: u32) -> Vec<f64> {
+        let mut stream = crate::random::Stream::new(1, crate::random::Purpose::Sample, 0, 0, 0);
+        let each = Hopf.parameters();
+        (0..oscillators)
+            .flat_map(|_| each.iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
+            .collect()
+    }
+
+    #[test]
+    fn every_oscillator_is_the_printed_equation_whatever_runs_beside_it() {
+        for joints in [1, 3, 8, 17] {
+            let gait = drawn(joints);
+            let signals = Hopf.signals(&gait, 2001);
+            assert_eq!(signals.len(), joints as usize);
+            for (own, signal) in gait.chunks(6).zip(&signals) {
+                assert_eq!(signal, &Hopf.signals(own, 2001)[0], "alone");
+                for (a, b) in signal.iter().zip(printed(own, 2001)) {
+                    assert!((a - b).abs() < 1e-8, "{a} against {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn steep_frequency_switches_saturate() {
+        for b in [0.5, 5.0, 50.0, 1000.0] {
+            let p = [1.0, 10.0, 10.0, 3.0, 1.0, b];
+            let worst =
+                Hopf.signals(&p, 1001)[0].iter().zip(printed(&p, 1001)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 1e-7, "b = {b}: off by {worst}");
+        }
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let gait = drawn(13);
+        let signals = Hopf.signals(&gait, 2001);
+        for level in crate::simd::levels() {
+            assert_eq!(signals, at_level!(level, simd => integrate(simd, &gait, 2001)));
         }
     }
 
@@ -102,7 +241,7 @@ mod tests {
                 .enumerate()
                 .map(|(i, q)| if corner >> i & 1 == 0 { q.bounds.0 } else { q.bounds.1 })
                 .collect();
-            assert!(Hopf.signal(&p, 6001).iter().all(|x| x.abs() < 1.3), "{p:?}");
+            assert!(Hopf.signals(&p, 6001)[0].iter().all(|x| x.abs() < 1.3), "{p:?}");
         }
     }
 }

@@ -30,8 +30,9 @@ pub trait Controller: Sync {
     /// The parameters of one joint.
     fn parameters(&self) -> &'static [Parameter];
 
-    /// The signal of one joint, rad, at `ticks` instants [`TICK`] apart, the first at time 0.
-    fn signal(&self, parameters: &[f64], ticks: usize) -> Vec<f64>;
+    /// The signal of every joint of a gait, rad, at `ticks` instants [`TICK`] apart, the first at time 0. No joint's signal
+    /// depends on another's parameters.
+    fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>>;
 
     /// The joint targets of a gait over `duration` s.
     ///
@@ -40,8 +41,7 @@ pub trait Controller: Sync {
     fn compile(&self, gait: &[f64], joints: usize, duration: f64) -> Targets {
         let each = self.parameters().len();
         assert_eq!(gait.len(), joints * each, "a gait of {joints} joints has {} parameters", joints * each);
-        let signals: Vec<Vec<f64>> = gait.chunks(each).map(|p| self.signal(p, Targets::ticks(duration))).collect();
-        Targets::new(&signals, duration)
+        Targets::new(&self.signals(gait, Targets::ticks(duration)), duration)
     }
 }
 

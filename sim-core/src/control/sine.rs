@@ -17,9 +17,12 @@ impl Controller for Sine {
         ]
     }
 
-    fn signal(&self, parameters: &[f64], ticks: usize) -> Vec<f64> {
-        let &[amplitude, offset, omega, phase] = parameters else { unreachable!("a sine has four parameters") };
-        (0..ticks).map(|t| amplitude * libm::sin(omega * (t as f64 * TICK) + phase) + offset).collect()
+    fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
+        let signal = |parameters: &[f64]| {
+            let &[amplitude, offset, omega, phase] = parameters else { unreachable!("a sine has four parameters") };
+            (0..ticks).map(|t| amplitude * libm::sin(omega * (t as f64 * TICK) + phase) + offset).collect()
+        };
+        gait.chunks(4).map(signal).collect()
     }
 }
 
@@ -29,7 +32,7 @@ mod tests {
 
     #[test]
     fn signal_is_the_formula() {
-        let signal = Sine.signal(&[0.7, -0.2, 3.0, 0.4], 401);
+        let signal = &Sine.signals(&[0.7, -0.2, 3.0, 0.4], 401)[0];
         for (tick, value) in [(0, 0.4), (200, 3.4), (400, 6.4)] {
             assert_eq!(signal[tick], 0.7 * libm::sin(value) - 0.2, "at tick {tick}");
         }

@@ -1,7 +1,7 @@
 //! Lanes filled with rollouts, and their outcomes taken out.
 
 use super::kinematics::{Motion, Spatial, Velocity};
-use super::lanes::{Lanes, Mask, V3, all};
+use super::lanes::{Lanes, Mask, V3, all, fma};
 use super::model::Model;
 use super::step::Stepper;
 use crate::math::{Pose, Rotation, Vector};
@@ -58,6 +58,7 @@ fn roll<S: Simd>(
     let mut targets = vec![all(simd, 0.0); joints];
     let mut rows = vec![vec![0.0; joints]; requests.len()];
     let mut speeds = all(simd, 0.0);
+    let mut ledger = Ledger::new(simd);
     for done in 0..=steps {
         stepper.place(&motion);
         if done % every == 0 || done == steps {
@@ -76,9 +77,11 @@ fn roll<S: Simd>(
             stepper.step(&mut motion, &targets);
         }
         // What is checked here is the motion at the end of step `done`.
-        let (fastest, lowest) = stepper.extremes;
-        speeds = fastest;
-        check(simd, model, done, (fastest, lowest, stepper.energy), &mut lanes);
+        speeds = stepper.extremes.0;
+        check(simd, model, done, stepper, &mut ledger, &mut lanes);
+        if done < steps {
+            ledger.post(stepper.work);
+        }
         if lanes.iter().all(|lane| lane.broken.is_some()) {
             break;
         }
@@ -158,28 +161,59 @@ fn sample<S: Simd>(
     }
 }
 
+/// Energy that a lane's motors gave: all of it, and without the signs.
+struct Ledger<S: Simd> {
+    /// Energy at the start.
+    start: Option<Lanes<S>>,
+    given: Lanes<S>,
+    turnover: Lanes<S>,
+}
+
+impl<S: Simd> Ledger<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        Self { start: None, given: all(simd, 0.0), turnover: all(simd, 0.0) }
+    }
+
+    #[inline(always)]
+    fn post(&mut self, work: Lanes<S>) {
+        self.given = self.given + work;
+        self.turnover = self.turnover + work.abs();
+    }
+}
+
 /// Finds lanes that left the bounds of a sound simulation.
 #[inline(always)]
 fn check<S: Simd>(
     simd: S,
     model: &Model,
     step: u32,
-    (fastest, lowest, energy): (Lanes<S>, Lanes<S>, Lanes<S>),
+    stepper: &Stepper<'_, S>,
+    ledger: &mut Ledger<S>,
     lanes: &mut [Lane],
 ) {
-    let mass: f32 = model.bodies.iter().map(|b| b.mass).sum();
+    let ((fastest, lowest), energy) = (stepper.extremes, stepper.energy);
     let most = all(simd, f32::MAX);
     let finite: Mask<S> = fastest.simd_le(most) & energy.abs().simd_le(most) & lowest.abs().simd_le(most);
     let slow: Mask<S> = fastest.simd_le(all(simd, Bound::SPEED * Bound::SPEED));
     let above: Mask<S> = lowest.simd_ge(all(simd, -Bound::DEPTH));
-    let calm: Mask<S> = energy.simd_le(all(simd, Bound::ENERGY * mass));
-    if (finite & slow & above & calm).all_true() {
+    let calm: Mask<S> = energy.simd_le(all(simd, Bound::ENERGY * model.mass));
+    let whole = energy + stepper.potential;
+    let start = *ledger.start.get_or_insert(whole);
+    let slack = fma::<S>(all(simd, Bound::DRIFT), ledger.turnover, all(simd, Bound::LIFT * model.weight()));
+    let paid: Mask<S> = (whole - start - ledger.given).simd_le(slack);
+    if (finite & slow & above & calm & paid).all_true() {
         return;
     }
     for (i, lane) in lanes.iter_mut().enumerate().filter(|(_, lane)| lane.broken.is_none()) {
-        let left = [(finite, Bound::Finite), (slow, Bound::Speed), (above, Bound::Penetration), (calm, Bound::Energy)]
-            .into_iter()
-            .find(|(sound, _)| !sound.test(i));
+        let bounds = [
+            (finite, Bound::Finite),
+            (slow, Bound::Speed),
+            (above, Bound::Penetration),
+            (calm, Bound::Energy),
+            (paid, Bound::Work),
+        ];
+        let left = bounds.into_iter().find(|(sound, _)| !sound.test(i));
         lane.broken = left.map(|(_, bound)| (step, bound));
     }
 }

@@ -1,8 +1,11 @@
 //! Contact with flat ground at z = 0.
 //!
-//! A corner at depth φ that moves at u resists with f_n = k φ⁺ − d u_z, φ⁺ = φ − dt u_z, where that is positive and the
-//! corner ends the step below the ground, and with regularised Coulomb friction −μ f_n u_t / √(|u_t|² + v_s²). With f_n and
-//! the root taken from the last iterate both are linear in the new velocity: they become inertia of the corner's body.
+//! A corner at depth φ that moves at u resists with f_n = k φ − r u_z, where that is positive and the corner ends the step
+//! below the ground, and with regularised Coulomb friction −μ f_n u_t / √(|u_t|² + v_s²). With f_n and the root taken from
+//! the last iterate both are linear in the new velocity: they become inertia of the corner's body.
+//!
+//! A spring whose force is that at the step's end brings a damper k·dt with it. r is what the damper should be in all, but
+//! never less than that: so the bounce hardly depends on the step, and the spring holds at any.
 
 use super::inertia::Inertia;
 use super::kinematics::{Frames, Spatial};
@@ -115,7 +118,7 @@ impl<S: Simd> Corners<S> {
                 let zero = all(simd, 0.0);
                 let dt = all(simd, model.dt);
                 let stiffness = all(simd, model.contact.stiffness);
-                let resistance = all(simd, model.contact.stiffness * model.dt + model.contact.damping);
+                let resistance = all(simd, model.contact.resistance);
                 let slip = all(simd, model.contact.slip * model.contact.slip);
                 let friction = all(simd, model.friction);
                 for corner in &self.0 {

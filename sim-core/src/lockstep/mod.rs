@@ -23,7 +23,8 @@ mod touch;
 use crate::environment::Block;
 use crate::robot::Robot;
 use crate::rollout::{Engine, Physics, Request, Rollout};
-pub use fearless_simd::Level;
+pub use crate::simd::Level;
+use crate::simd::at_level;
 
 /// The lockstep engine, at the widest instruction set that this CPU has. Its `substeps` are the times that contacts and
 /// motors are linearised anew within a step.
@@ -62,34 +63,13 @@ impl Engine for LockstepEngine {
     }
 }
 
-/// Does something generic over the instruction set at a level: AVX-512, AVX2, or the baseline, whose fused multiply-add
-/// is computed in software. Fewer than there are: each one is compiled in full.
-macro_rules! at_level {
-    ($level:expr, $simd:ident => $what:expr) => {{
-        use fearless_simd::Simd as _;
-        let level = $level;
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        {
-            if let Some($simd) = level.as_avx512() {
-                $simd.vectorize(#[inline(always)] || $what)
-            } else if let Some($simd) = level.as_avx2() {
-                $simd.vectorize(#[inline(always)] || $what)
-            } else {
-                let $simd = level.as_sse2().expect("x86 has SSE2");
-                $simd.vectorize(#[inline(always)] || $what)
-            }
-        }
-        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
-        {
-            fearless_simd::dispatch!(level, $simd => $what)
-        }
-    }};
-}
 /// Runs a batch on flat ground at a given instruction set.
 pub fn run_at(level: Level, robot: &Robot, physics: &Physics, batch: &[Request<'_>]) -> Vec<Rollout> {
     let model = model::Model::new(robot, physics);
     at_level!(level, simd => batch::run(simd, &model, physics, batch))
 }
 
+#[cfg(test)]
+mod closed_form;
 #[cfg(test)]
 mod tests;

@@ -12,7 +12,10 @@ pub(super) struct Model {
     /// Boxes of bodies that may touch each other: all but of bodies that share a joint.
     pub pairs: Vec<(usize, usize)>,
     pub boxes: Vec<Part>,
-    pub gravity: f32,
+    /// Of the whole robot, kg.
+    pub mass: f32,
+    /// mu/s².
+    pub gravity: Vector,
     pub friction: f32,
     pub stiffness: f32,
     pub damping: f32,
@@ -25,19 +28,46 @@ pub(super) struct Model {
     pub contact: Contact,
 }
 
-/// How contacts give way. Forces are a spring and a damper a corner.
+/// How contacts give way: a spring and a damper a corner. They follow from the robot's weight, so that robots of any mass
+/// under any gravity sink in alike.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contact {
-    /// kg/s².
+    /// k, kg/s².
     pub stiffness: f32,
-    /// kg/s.
-    pub damping: f32,
-    /// Speed at which friction reaches 1/√2 of its full force, mu/s.
+    /// r, kg/s; see `contact`.
+    pub resistance: f32,
+    /// v_s, the speed at which friction reaches 1/√2 of its full force, mu/s.
     pub slip: f32,
     /// Between two bodies of the robot, kg/s²; explicit, so bounded by the step.
     pub own_stiffness: f32,
     /// kg/s.
     pub own_damping: f32,
+}
+
+impl Contact {
+    /// How deep the whole weight presses a single corner, mu.
+    const SINK: f32 = 0.004;
+    /// Damper of a corner, as a share of √(k m).
+    const DAMPING: f32 = 0.5;
+    /// v_s as a share of √(g · SINK), a speed of 0.2 mu/s under 9.81 mu/s².
+    const SLIP: f32 = 0.01;
+    /// What bodies oppose to each other, as a share of what the ground does.
+    const OWN: (f32, f32) = (0.2, 0.1);
+    /// Weightless robots get the contacts of this gravity, mu/s².
+    const LEAST_GRAVITY: f32 = 0.1;
+
+    fn new(mass: f32, gravity: f32, dt: f32) -> Self {
+        let gravity = gravity.max(Self::LEAST_GRAVITY);
+        let stiffness = mass * gravity / Self::SINK;
+        let damping = Self::DAMPING * (stiffness * mass).sqrt();
+        Self {
+            stiffness,
+            resistance: damping.max(stiffness * dt),
+            slip: Self::SLIP * (gravity * Self::SINK).sqrt(),
+            own_stiffness: Self::OWN.0 * stiffness,
+            own_damping: Self::OWN.1 * damping,
+        }
+    }
 }
 
 pub(super) struct Link {
@@ -111,21 +141,28 @@ impl Model {
                 }
             }
         }
+        let (mass, dt) = (bodies.iter().map(|b| b.mass).sum::<f32>(), 1.0 / physics.steps_per_second as f32);
         Self {
             bodies,
             hinges,
             pairs,
             boxes,
-            gravity: physics.gravity,
+            mass,
+            gravity: Vector::new(0.0, 0.0, -physics.gravity),
             friction: physics.friction,
             stiffness: physics.stiffness,
             damping: physics.damping,
             max_torque: physics.max_torque,
             limit: JOINT_LIMIT,
-            dt: 1.0 / physics.steps_per_second as f32,
+            dt,
             iterations: physics.substeps,
-            contact: Contact { stiffness: 2e4, damping: 200.0, slip: 2e-3, own_stiffness: 4e3, own_damping: 20.0 },
+            contact: Contact::new(mass, physics.gravity, dt),
         }
+    }
+
+    /// Of the whole robot, kg·mu/s²; that under [`Contact::LEAST_GRAVITY`] at least.
+    pub fn weight(&self) -> f32 {
+        self.mass * self.gravity.length().max(Contact::LEAST_GRAVITY)
     }
 }
 

@@ -32,8 +32,14 @@ pub(super) struct Stepper<'a, S: Simd> {
     carried: Vec<Spatial<S>>,
     impulses: Vec<Spatial<S>>,
     next: Velocity<S>,
+    /// What motors did in the last linearisation.
+    motors: Vec<Drive<S>>,
     /// Kinetic energy at the step's start, kg·mu²/s².
     pub energy: Lanes<S>,
+    /// Potential energy at the step's start, 0 with all centres of mass at height 0, kg·mu²/s².
+    pub potential: Lanes<S>,
+    /// What the motors gave in the last step, kg·mu²/s².
+    pub work: Lanes<S>,
     /// The greatest squared speed of a body's origin at the step's start, mu²/s², and the height of the lowest centre of
     /// mass, mu.
     pub extremes: (Lanes<S>, Lanes<S>),
@@ -56,7 +62,10 @@ impl<'a, S: Simd> Stepper<'a, S> {
             carried: vec![zero; bodies],
             impulses: vec![zero; bodies],
             next: Velocity { base: zero, rates: vec![all(simd, 0.0); hinges] },
+            motors: vec![Drive { stiffening: all(simd, 0.0), impulse: all(simd, 0.0) }; hinges],
             energy: all(simd, 0.0),
+            potential: all(simd, 0.0),
+            work: all(simd, 0.0),
             extremes: (all(simd, 0.0), all(simd, 0.0)),
         }
     }
@@ -103,10 +112,9 @@ impl<'a, S: Simd> Stepper<'a, S> {
                 let minus_dt = all(simd, -model.dt);
                 let base = self.motions[0];
                 // The base's linear acceleration is that of its moving origin: −ω × v; gravity is an acceleration upwards.
-                let mut linear = V3::zero(simd).sub(base.a.cross(base.l));
-                linear.z = linear.z + all(simd, model.gravity);
+                let linear = V3::all(simd, -model.gravity).sub(base.a.cross(base.l));
                 self.accelerations[0] = Spatial { a: V3::zero(simd), l: linear };
-                let mut energy = all(simd, 0.0);
+                let (mut energy, mut potential) = (all(simd, 0.0), all(simd, 0.0));
                 let (mut fastest, mut lowest) = (all(simd, 0.0), all(simd, f32::MAX));
                 for (i, link) in model.bodies.iter().enumerate() {
                     let v = self.motions[i];
@@ -127,6 +135,7 @@ impl<'a, S: Simd> Stepper<'a, S> {
                     fastest = square.simd_le(fastest).select(fastest, square);
                     let height = motion.position.z + inertia.first.z / inertia.flat;
                     lowest = height.simd_ge(lowest).select(lowest, height);
+                    potential = fma::<S>(inertia.flat, height, potential);
                     let rate_of_change = inertia.times(self.accelerations[i]);
                     let crossed =
                         Spatial { a: v.a.cross(momentum.a).add(v.l.cross(momentum.l)), l: v.a.cross(momentum.l) };
@@ -135,6 +144,7 @@ impl<'a, S: Simd> Stepper<'a, S> {
                     self.rigid[i] = inertia.without_negative_zeros(simd);
                 }
                 self.energy = energy * all(simd, 0.5);
+                self.potential = potential * all(simd, -model.gravity.z);
                 self.extremes = (fastest, lowest);
             },
         )
@@ -155,38 +165,58 @@ impl<'a, S: Simd> Stepper<'a, S> {
                     let wrench = self.impulses[i + 1];
                     let parent = model.hinges[i].parent;
                     self.impulses[parent] = self.impulses[parent].add(wrench);
-                    let drive = self.drive(motion.angles[i], self.next.rates[i], targets[i]);
-                    self.system.stiffen(i, drive.stiffening);
-                    self.next.rates[i] = self.frames.hinges[i].dot(wrench) + drive.impulse;
+                    let rate = self.next.rates[i];
+                    let motor = self.motor(motion.angles[i], rate, targets[i]);
+                    let limit = self.limit(motion.angles[i], rate);
+                    self.system.stiffen(i, motor.stiffening + limit.stiffening);
+                    self.next.rates[i] = self.frames.hinges[i].dot(wrench) + (motor.impulse + limit.impulse);
+                    self.motors[i] = motor;
                 }
                 self.next.base = self.impulses[0];
                 self.system.solve(simd, model, &mut self.next);
+                // An impulse works at the mean of the rates before and after it.
+                let mut work = all(simd, 0.0);
+                for i in 0..model.hinges.len() {
+                    let after = self.next.rates[i];
+                    let impulse = fnma::<S>(self.motors[i].stiffening, after, self.motors[i].impulse);
+                    work = fma::<S>(impulse, after + motion.velocity.rates[i], work);
+                }
+                self.work = work * all(simd, 0.5);
             },
         )
     }
 
-    /// What motor and limits of a hinge do, linearised about a rate.
+    /// The motor of a hinge, linearised about a rate: an implicit spring and damper, or a constant torque where that would
+    /// be too strong.
     #[inline(always)]
-    fn drive(&self, angle: Lanes<S>, rate: Lanes<S>, target: Lanes<S>) -> Drive<S> {
+    fn motor(&self, angle: Lanes<S>, rate: Lanes<S>, target: Lanes<S>) -> Drive<S> {
         let (simd, model) = (self.simd, self.model);
-        let zero = all(simd, 0.0);
         let dt = all(simd, model.dt);
         let ahead = fma::<S>(dt, rate, angle);
-        // Motor: an implicit spring and damper, or a constant torque where that would be too strong.
         let stiffness = all(simd, model.stiffness);
         let torque = fnma::<S>(all(simd, model.damping), rate, stiffness * (target - ahead));
         let most = all(simd, model.max_torque);
         let weak: Mask<S> = torque.abs().simd_le(most);
-        let mut stiffening = weak.select(all(simd, model.dt * (model.damping + model.dt * model.stiffness)), zero);
-        let mut impulse = dt * weak.select(stiffness * (target - angle), clamp::<S>(torque, most));
-        // Limit: a spring and damper, only while it pushes back.
+        let stiffening = all(simd, model.dt * (model.damping + model.dt * model.stiffness));
+        Drive {
+            stiffening: weak.select(stiffening, all(simd, 0.0)),
+            impulse: dt * weak.select(stiffness * (target - angle), clamp::<S>(torque, most)),
+        }
+    }
+
+    /// The limits of a hinge, linearised about a rate: a spring and damper, only while it pushes back.
+    #[inline(always)]
+    fn limit(&self, angle: Lanes<S>, rate: Lanes<S>) -> Drive<S> {
+        let (simd, model) = (self.simd, self.model);
+        let zero = all(simd, 0.0);
         let edge = all(simd, model.limit);
         let bound = angle.simd_gt(zero).select(edge, -edge);
-        let beyond: Mask<S> = ahead.abs().simd_gt(edge);
+        let beyond: Mask<S> = fma::<S>(all(simd, model.dt), rate, angle).abs().simd_gt(edge);
         let (spring, damper) = (LIMIT_STIFFNESS * model.stiffness, LIMIT_STIFFNESS * model.damping);
-        stiffening = stiffening + beyond.select(all(simd, model.dt * (damper + model.dt * spring)), zero);
-        impulse = impulse + beyond.select(all(simd, model.dt * spring) * (bound - angle), zero);
-        Drive { stiffening, impulse }
+        Drive {
+            stiffening: beyond.select(all(simd, model.dt * (damper + model.dt * spring)), zero),
+            impulse: beyond.select(all(simd, model.dt * spring) * (bound - angle), zero),
+        }
     }
 
     /// The box around the robot, in the world.
@@ -220,6 +250,7 @@ impl<'a, S: Simd> Stepper<'a, S> {
 }
 
 /// A hinge's part of the system.
+#[derive(Clone, Copy)]
 struct Drive<S: Simd> {
     /// Added to the diagonal.
     stiffening: Lanes<S>,

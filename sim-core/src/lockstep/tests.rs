@@ -1,27 +1,27 @@
-//! Laws of the engine: bits, mechanics in closed form, contact.
+//! Laws of the engine: bits, the mass matrix, contact among bodies.
 
 use super::kinematics::{Frames, Motion, Spatial, Velocity};
 use super::lanes::{Lanes, V3, all};
 use super::model::Model;
-use super::step::Stepper;
 use super::{Level, run_at};
 use crate::control::{Targets, controller};
 use crate::job::{ControllerKind, Scale};
 use crate::random::{Purpose, Stream};
 use crate::robot::{Robot, State};
 use crate::rollout::{Outcome, Physics, Request, Rollout};
+use crate::simd::{at_level, levels};
 use fearless_simd::prelude::*;
 
-fn robot(name: &str) -> Robot {
+pub(super) fn robot(name: &str) -> Robot {
     let entry = crate::catalogue::robots().iter().find(|r| r.name == name).unwrap();
     Robot::compile(&toml::from_str(entry.toml).unwrap()).unwrap()
 }
 
-fn physics() -> Physics {
+pub(super) fn physics() -> Physics {
     Physics { steps_per_second: 200, substeps: 2, ..Physics::of_scale(Scale::Paper) }
 }
 
-fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
+pub(super) fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
     let hopf = controller(ControllerKind::Hopf);
     let gait = |c: u32| {
         let mut stream = Stream::new(0, Purpose::Sample, 0, c, 0);
@@ -32,17 +32,6 @@ fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
         hopf.compile(&parameters, robot.hinges.len(), duration)
     };
     (0..count).map(gait).collect()
-}
-
-fn levels() -> Vec<Level> {
-    let best = Level::new();
-    let mut levels = vec![best];
-    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-    {
-        levels.extend(best.as_avx2().map(Level::Avx2));
-        levels.extend(best.as_sse2().map(Level::Sse2));
-    }
-    levels
 }
 
 fn run(robot: &Robot, physics: &Physics, start: &State, tables: &[Targets]) -> Vec<Rollout> {
@@ -142,39 +131,6 @@ fn a_robot_at_rest_stays_where_it_is() {
 }
 
 #[test]
-fn a_sliding_robot_brakes_with_friction_times_gravity_in_every_direction() {
-    for (x, y) in [(3.0, 0.0), (0.0, -3.0), (2.0, 2.0)] {
-        at_level!(Level::new(), simd => slide(simd, x, y));
-    }
-}
-
-fn slide<S: Simd>(simd: S, x: f32, y: f32) {
-    let robot = robot("quadropod");
-    let model = Model::new(&robot, &physics());
-    let mut motion = at(simd, &robot.neutral());
-    let mut stepper = Stepper::new(simd, &model);
-    let zero = vec![all(simd, 0.0); model.hinges.len()];
-    let mut step = |motion: &mut Motion<S>, steps: u32| {
-        for _ in 0..steps {
-            stepper.place(motion);
-            stepper.step(motion, &zero);
-        }
-    };
-    step(&mut motion, 200);
-    motion.velocity.base.l = V3 { x: all(simd, x), y: all(simd, y), z: all(simd, 0.0) };
-    let speed = |motion: &Motion<S>| {
-        let v = motion.velocity.base.l;
-        (v.x[0] * v.x[0] + v.y[0] * v.y[0]).sqrt()
-    };
-    step(&mut motion, 10);
-    let before = speed(&motion);
-    step(&mut motion, 40);
-    let deceleration = (before - speed(&motion)) / 0.2;
-    let expected = model.friction * model.gravity;
-    assert!((deceleration - expected).abs() < 0.02 * expected, "{deceleration} against {expected}");
-}
-
-#[test]
 fn solving_for_the_velocity_that_carries_a_momentum_gives_the_velocity_back() {
     for name in ["quadropod", "lizard", "h-shape"] {
         at_level!(Level::new(), simd => momentum(simd, name));
@@ -269,7 +225,7 @@ fn legs_pressed_against_each_other_do_not_pass_through() {
 }
 
 /// A motion at rest, the same in all lanes.
-fn at<S: Simd>(simd: S, state: &State) -> Motion<S> {
+pub(super) fn at<S: Simd>(simd: S, state: &State) -> Motion<S> {
     let r = state.pivot.rotation;
     Motion {
         position: V3::all(simd, state.pivot.translation),

@@ -2,4 +2,5 @@
 
 pub mod fidelity;
 pub mod reuse;
+pub mod soundness;
 pub mod statistics;

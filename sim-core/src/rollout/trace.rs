@@ -51,6 +51,9 @@ pub enum Bound {
     Penetration,
     /// More kinetic energy a kg of the robot than [`Bound::ENERGY`].
     Energy,
+    /// More energy than the start had and the motors gave, by more than what lifts the robot by [`Bound::LIFT`] and
+    /// [`Bound::DRIFT`] of what the motors gave and took. Told by the lockstep engine only.
+    Work,
 }
 
 impl Bound {
@@ -60,6 +63,10 @@ impl Bound {
     pub const DEPTH: f32 = 0.5;
     /// mu²/s².
     pub const ENERGY: f32 = 5000.0;
+    /// mu.
+    pub const LIFT: f32 = 0.1;
+    /// A share.
+    pub const DRIFT: f32 = 0.05;
 }
 
 impl fmt::Display for Outcome {
@@ -73,6 +80,13 @@ impl fmt::Display for Outcome {
             }
             Bound::Energy => {
                 write!(f, "kinetic energy exceeded {} mu²/s² times the robot's mass after {time:.2} s", Bound::ENERGY)
+            }
+            Bound::Work => {
+                let lift = Bound::LIFT;
+                write!(
+                    f,
+                    "it had gained more energy than its motors gave, enough to lift it by {lift} mu, after {time:.2} s"
+                )
             }
         }
     }
