@@ -1,5 +1,6 @@
 //! Measures of the engine itself: how near one setting comes to another, and the statistics that say how sure that is.
 
 pub mod fidelity;
+pub mod known;
 pub mod reuse;
 pub mod statistics;
