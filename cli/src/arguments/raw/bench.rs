@@ -64,8 +64,8 @@ tests/fidelity-table.sh does it for every robot that ships.
 Evolved gaits are those of a stored run's winner (--gaits), or evolved on the
 spot: genetic algorithms of 8 generations of 17 candidates of two gaits of 4 s,
 for coverage, as many as it takes (34 gaits each, some seconds), on the engine of
-the reference. With the
-defaults nearly all time goes to the reference: some minutes.
+the reference. With the defaults nearly all time goes to the reference: some
+minutes.
 
 Files in the output folder:
   fidelity.md, fidelity.json    the tables

@@ -61,6 +61,9 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     let halved = halves(reference)?;
     subject::check(&settings, duration)?;
     subject::supported(&settings, &job)?;
+    if args.table.is_some() {
+        row::check(reference, &settings, args.subject.scale.into(), [args.random, args.evolved])?;
+    }
 
     let drawn = gaits::random(&job, args.random, args.seed);
     let (evolved, from) = evolved(&args, &job, stored, quiet)?;

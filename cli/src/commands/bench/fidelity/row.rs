@@ -11,17 +11,32 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
+/// Refuses, before anything is measured, what could not make a row.
+pub fn check(reference: Setting, settings: &[Setting], scale: Scale, gaits: [u32; 2]) -> Result<(), Error> {
+    let own = Setting::own(EngineKind::Lockstep, scale);
+    if reference.engine != EngineKind::Lockstep {
+        return Err(refused(format!("the reference {reference} is not one of the lockstep engine")));
+    }
+    if !settings.contains(&own) {
+        return Err(refused(format!("{own}, the scale's own setting, is not among those compared")));
+    }
+    if gaits.iter().any(|n| *n < 2) {
+        return Err(refused("a row needs at least two random and two evolved gaits".to_owned()));
+    }
+    Ok(())
+}
+
+fn refused(what: String) -> Error {
+    Error::Usage { message: format!("--table can't be written: {what}") }
+}
+
 /// The row of the lockstep engine's own setting. Refuses measurements that don't tell what a row needs.
 pub fn of(job: &Job, variant: Option<&str>, scale: Scale, view: &View) -> Result<Row, Error> {
     let own = Setting::own(EngineKind::Lockstep, scale);
-    let refused = |what: String| Error::Usage { message: format!("--table can't be written: {what}") };
-    if view.reference.engine != EngineKind::Lockstep {
-        return Err(refused(format!("the reference {} is not one of the lockstep engine", view.reference)));
-    }
     let agreement = |gaits: &str| {
         let set = view.sets.iter().find(|set| set.gaits == gaits);
         set.and_then(|set| agreement(set, own))
-            .ok_or_else(|| refused(format!("{own} was not compared on two or more {gaits} gaits")))
+            .ok_or_else(|| refused(format!("too few {gaits} gaits completed with {own} and with the reference")))
     };
     Ok(Row {
         robot: job.robot_spec().name.clone(),
