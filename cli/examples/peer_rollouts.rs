@@ -1,4 +1,4 @@
-//! Our side of `tests/peers`: random gaits of a robot as tables of joint targets, and what our engine makes of them at
+//! Our side of `tests/peers`: random gaits of a robot as tables of joint targets, and what our engines make of them at
 //! any number of settings, as JSON on standard output.
 //!
 //! Lengths are in mu, angles in rad, times in s. Tables have a row every 5 ms, linear between, held at the end.
@@ -12,6 +12,7 @@ use sim_core::math::heading;
 use sim_core::random::{Purpose, Stream};
 use sim_core::robot::{Robot, State};
 use sim_core::rollout::{Outcome, Physics, Request, engine, settle};
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 #[derive(Parser)]
@@ -30,25 +31,55 @@ struct Arguments {
     /// Gravity and motors of scale "real" instead of "paper"
     #[arg(long)]
     real: bool,
-    /// Steps a second and substeps, such as 60x8; may be given several times
+    /// Steps a second and substeps, such as 60x8 or 200x2-lockstep; may be given several times
     #[arg(long = "setting", value_parser = setting)]
-    settings: Vec<(u32, u32)>,
+    settings: Vec<Setting>,
     /// Print the tables of joint targets
     #[arg(long)]
     tables: bool,
 }
 
-fn setting(text: &str) -> Result<(u32, u32), String> {
-    let parts = text.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
-    parts.filter(|(a, b)| *a > 0 && *b > 0).ok_or_else(|| "a setting is STEPSxSUBSTEPS, such as 60x8".to_owned())
+/// An engine's steps a second and substeps.
+#[derive(Clone, Copy, Debug)]
+struct Setting {
+    engine: EngineKind,
+    steps: u32,
+    substeps: u32,
+}
+
+impl Setting {
+    fn own(engine: EngineKind, scale: Scale) -> Self {
+        let Physics { steps_per_second: steps, substeps, .. } = Physics::of(engine, scale);
+        Self { engine, steps, substeps }
+    }
+}
+
+impl Serialize for Setting {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { engine, steps, substeps } = self;
+        match engine {
+            EngineKind::Rapier => serializer.collect_str(&format_args!("{steps}x{substeps}")),
+            EngineKind::Lockstep => serializer.collect_str(&format_args!("{steps}x{substeps}-lockstep")),
+        }
+    }
+}
+
+fn setting(text: &str) -> Result<Setting, String> {
+    let (numbers, engine) =
+        text.strip_suffix("-lockstep").map_or((text, EngineKind::Rapier), |n| (n, EngineKind::Lockstep));
+    let parts = numbers.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    parts
+        .filter(|(a, b)| *a > 0 && *b > 0)
+        .map(|(steps, substeps)| Setting { engine, steps, substeps })
+        .ok_or_else(|| "a setting is STEPSxSUBSTEPS, such as 60x8 or 200x2-lockstep".to_owned())
 }
 
 #[derive(Serialize)]
 struct Answer {
     robot: String,
     scale: Scale,
-    /// Steps a second and substeps that a job gets unless it says otherwise.
-    default_setting: (u32, u32),
+    /// What a job gets unless it says otherwise, by engine.
+    default_settings: BTreeMap<&'static str, Setting>,
     gravity: f32,
     joints: Vec<String>,
     bodies: Vec<BodyFacts>,
@@ -100,8 +131,8 @@ struct Drop {
 
 #[derive(Serialize)]
 struct Run {
-    setting: (u32, u32),
-    /// s of this clock and of simulated time, all gaits together, one after the other on one core.
+    setting: Setting,
+    /// s of this clock and of simulated time, all gaits together, on one core.
     wall: f64,
     simulated: f64,
     ends: Vec<Option<Pose>>,
@@ -119,15 +150,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let gaits: Vec<Targets> =
         (0..arguments.gaits).map(|i| gait(&robot, arguments.seed, i, arguments.duration)).collect();
-    let runs = arguments.settings.iter().map(|&(steps_per_second, substeps)| {
-        let physics = Physics { steps_per_second, substeps, ..physics };
+    let runs = arguments.settings.iter().map(|&setting| {
+        let physics = Physics { steps_per_second: setting.steps, substeps: setting.substeps, ..physics };
         let requests: Vec<Request<'_>> = gaits.iter().map(|targets| Request { start: &start, targets }).collect();
         let clock = Instant::now();
-        let rollouts = rapier.run(&robot, &physics, &[], &requests);
+        let rollouts = engine(setting.engine).run(&robot, &physics, &[], &requests);
         let wall = clock.elapsed().as_secs_f64();
         let simulated = rollouts.iter().map(|r| r.simulated_ms as f64 / 1000.0).sum();
         let ends = rollouts.iter().map(|r| (r.outcome == Outcome::Completed).then(|| Pose::of(&r.end)));
-        Run { setting: (steps_per_second, substeps), wall, simulated, ends: ends.collect() }
+        Run { setting, wall, simulated, ends: ends.collect() }
     });
     let runs = runs.collect();
 
@@ -146,7 +177,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let answer = Answer {
         robot: robot.name.clone(),
         scale,
-        default_setting: (physics.steps_per_second, physics.substeps),
+        default_settings: [EngineKind::Rapier, EngineKind::Lockstep]
+            .map(|engine| (engine.name(), Setting::own(engine, scale)))
+            .into(),
         gravity: physics.gravity,
         joints: robot.joint_names(),
         bodies: robot.bodies.iter().map(facts).collect(),

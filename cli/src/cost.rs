@@ -3,6 +3,7 @@
 use crate::clock::{Spent, timed};
 use sim_core::environment::Block;
 use sim_core::evaluate::{Stopped, Trial, grow_on, search_streams};
+use sim_core::finish::total as total_counts;
 use sim_core::job::Job;
 use sim_core::robot::Robot;
 use sim_core::rollout::{Engine, Physics, Request, Rollout};
@@ -21,7 +22,7 @@ pub struct Budget {
     pub first: Duration,
 }
 
-/// What evaluations took, one after the other on one thread.
+/// What evaluations took, one range of candidates after the other on one thread.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cost {
     /// Evaluations done.
@@ -40,27 +41,53 @@ pub struct Cost {
     pub counts: Counts,
     /// The scores, in the order of the candidates: those of the search.
     pub scores: Vec<f64>,
+    /// Rollouts asked for, and those that could have been simulated in the same time.
+    pub lanes: Lanes,
+}
+
+/// How well an engine's lanes were filled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lanes {
+    /// Rollouts that somebody asked for.
+    pub useful: u64,
+    /// Lanes that were simulated.
+    pub all: u64,
+}
+
+/// Candidates that are evaluated together: as many as a slot of this machine gets at once of a generation.
+pub fn at_once(job: &Job) -> u32 {
+    match job.candidates_at_once() {
+        1 => 1,
+        least => job.spec().optimiser.population().div_ceil(crate::arguments::cores()).max(least),
+    }
 }
 
 /// Evaluates a job's first candidates, generation 0 again and again with other trees if there are not enough.
-/// `each` is called after every one.
+/// `each` is called after every one. Engines with lanes get [`at_once`] candidates together.
 pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
     let started = Instant::now();
     let mut cost = Cost::default();
     let genomes = job.optimiser().ask();
-    let candidates =
-        (0..).flat_map(|generation| (0..).zip(&genomes).map(move |(index, genome)| (generation, index, genome)));
-    for (generation, index, genome) in candidates.take(budget.evaluations as usize) {
+    let candidates: Vec<(u32, &Genome)> = (0..).zip(&genomes).collect();
+    let ranges = (0..).flat_map(|generation| {
+        candidates.chunks(at_once(job) as usize).map(move |candidates| (generation, candidates))
+    });
+    for (generation, candidates) in ranges {
+        let left = (budget.evaluations - cost.evaluations) as usize;
+        let candidates = &candidates[..left.min(candidates.len())];
+        if candidates.is_empty() {
+            break;
+        }
         let limit = if cost.evaluations == 0 { budget.first } else { budget.time };
-        match evaluation(job, generation, index, genome, &|| started.elapsed() > limit) {
-            Ok(one) => cost.add(one),
+        match evaluations(job, generation, candidates, &|| started.elapsed() > limit) {
+            Ok(range) => cost.add(range),
             Err(Stopped) if cost.evaluations == 0 => {
                 let wall = started.elapsed().as_secs_f64();
                 return Cost { given_up: true, total: Spent { wall, cpu: wall }, ..cost };
             }
             Err(Stopped) => return cost,
         }
-        each();
+        candidates.iter().for_each(|_| each());
         if started.elapsed() > budget.time {
             break;
         }
@@ -68,25 +95,30 @@ pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
     cost
 }
 
-/// What `sim_core::evaluate::evaluate` does with one candidate, in its three parts.
-fn evaluation(
+/// What `sim_core::evaluate::evaluate` does with candidates, in its three parts.
+fn evaluations(
     job: &Job,
     generation: u32,
-    index: u32,
-    genome: &Genome,
+    candidates: &[(u32, &Genome)],
     stop: &dyn Fn() -> bool,
 ) -> Result<Cost, Stopped> {
-    let engine = Watched { engine: job.engine(), spent: Mutex::default() };
+    let engine = Watched { engine: job.engine(), seen: Mutex::default() };
     let (done, total) = timed(|| {
         let tolerance = job.spec().planner.reuse_tolerance;
-        let (mut trial, tables) = timed(|| Trial::new(job, genome, tolerance, search_streams(job, generation, index)));
-        let (grown, growth) = timed(|| grow_on(&engine, job, std::slice::from_mut(&mut trial), stop));
-        grown.map(|()| (trial.score(job), trial.counts(), tables, growth))
+        let trial = |&(index, genome): &(u32, &Genome)| {
+            Trial::new(job, genome, tolerance, search_streams(job, generation, index))
+        };
+        let (mut trials, tables) = timed(|| candidates.iter().map(trial).collect::<Vec<_>>());
+        let (grown, growth) = timed(|| grow_on(&engine, job, &mut trials, stop));
+        let scores: Vec<f64> = trials.iter().map(|trial| trial.score(job)).collect();
+        let counts = total_counts(trials.iter().map(Trial::counts).collect::<Vec<_>>().iter());
+        grown.map(|()| (scores, counts, tables, growth))
     });
-    let (score, counts, tables, growth) = done?;
-    let physics = engine.spent.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let (scores, counts, tables, growth) = done?;
+    let (physics, lanes) = engine.seen.into_inner().unwrap_or_else(PoisonError::into_inner);
     let planning = Spent { wall: growth.wall - physics.wall, cpu: growth.cpu - physics.cpu };
-    Ok(Cost { evaluations: 1, given_up: false, total, physics, tables, planning, counts, scores: vec![score] })
+    let evaluations = candidates.len() as u32;
+    Ok(Cost { evaluations, given_up: false, total, physics, tables, planning, counts, scores, lanes })
 }
 
 impl Cost {
@@ -98,20 +130,35 @@ impl Cost {
         self.planning += other.planning;
         self.counts += other.counts;
         self.scores.extend(other.scores);
+        self.lanes += other.lanes;
     }
 }
 
-/// An engine with a clock.
+impl std::ops::AddAssign for Lanes {
+    fn add_assign(&mut self, other: Self) {
+        self.useful += other.useful;
+        self.all += other.all;
+    }
+}
+
+/// An engine with a clock, and a tally of its lanes.
 struct Watched {
     engine: &'static dyn Engine,
-    spent: Mutex<Spent>,
+    seen: Mutex<(Spent, Lanes)>,
 }
 
 impl Engine for Watched {
     fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
         let (rollouts, spent) = timed(|| self.engine.run(robot, physics, terrain, batch));
-        *self.spent.lock().unwrap_or_else(PoisonError::into_inner) += spent;
+        let (useful, width) = (batch.len() as u64, self.engine.lanes() as u64);
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        seen.0 += spent;
+        seen.1 += Lanes { useful, all: useful.next_multiple_of(width) };
         rollouts
+    }
+
+    fn lanes(&self) -> usize {
+        self.engine.lanes()
     }
 }
 
@@ -122,27 +169,34 @@ mod tests {
 
     const ALWAYS: Duration = Duration::MAX;
 
-    fn job() -> Job {
+    fn job(engine: &str) -> Job {
         let text = "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 2\nduration = 1.0\n\
                     [planner]\niterations = 10\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\nparticles = 3";
-        Job::from_toml(text).unwrap()
+        Job::from_toml(&format!("{text}\n[physics]\nengine = \"{engine}\"\n")).unwrap()
     }
 
     #[test]
     fn what_is_measured_is_what_a_worker_does() {
-        let job = job();
-        let cost = measure(&job, Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
+        for engine in ["rapier", "lockstep"] {
+            is_what_a_worker_does(&job(engine));
+        }
+    }
+
+    fn is_what_a_worker_does(job: &Job) {
+        let cost = measure(job, Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
         let candidates: Vec<(u32, Genome)> = (0..).zip(job.optimiser().ask()).collect();
-        let scored = evaluate(&job, 0, &candidates, &|| false).unwrap();
+        let scored = evaluate(job, 0, &candidates, &|| false).unwrap();
         assert_eq!(cost.scores, scored.iter().map(|e| e.score.unwrap()).collect::<Vec<_>>());
         let mut counts = Counts::default();
         scored.iter().for_each(|e| counts += e.counts);
         assert_eq!((cost.evaluations, cost.counts), (3, counts));
+        assert_eq!(cost.lanes.useful, counts.rollouts);
+        assert_eq!(cost.lanes.all % job.engine().lanes() as u64, 0);
     }
 
     #[test]
     fn parts_are_not_more_than_the_whole() {
-        let cost = measure(&job(), Budget { evaluations: 4, time: ALWAYS, first: ALWAYS }, &|| ());
+        let cost = measure(&job("rapier"), Budget { evaluations: 4, time: ALWAYS, first: ALWAYS }, &|| ());
         let parts = cost.physics.cpu + cost.tables.cpu + cost.planning.cpu;
         assert!(cost.physics.cpu > 0.0 && cost.planning.cpu > 0.0 && parts <= cost.total.cpu, "{cost:?}");
     }
@@ -150,9 +204,9 @@ mod tests {
     #[test]
     fn a_first_evaluation_that_takes_too_long_is_given_up() {
         let none = Duration::ZERO;
-        let cost = measure(&job(), Budget { evaluations: 3, time: none, first: none }, &|| ());
+        let cost = measure(&job("rapier"), Budget { evaluations: 3, time: none, first: none }, &|| ());
         assert!(cost.given_up && cost.evaluations == 0, "{cost:?}");
-        let one = measure(&job(), Budget { evaluations: 3, time: none, first: ALWAYS }, &|| ());
+        let one = measure(&job("rapier"), Budget { evaluations: 3, time: none, first: ALWAYS }, &|| ());
         assert_eq!((one.given_up, one.evaluations), (false, 1));
     }
 }

@@ -1,8 +1,8 @@
-//! An engine setting as a word: `30x8` is 30 steps a second of 8 substeps each, `30x8-multibody` the same with multibody
-//! joints.
+//! An engine setting as a word: `30x8` is 30 steps a second of 8 substeps each on rapier, `30x8-multibody` the same with
+//! multibody joints, `200x2-lockstep` 200 steps a second of 2 linearisations each on the lockstep engine.
 
 use serde::{Serialize, Serializer};
-use sim_core::job::JointKind;
+use sim_core::job::{EngineChoice, EngineKind, Job, JointKind, PhysicsSpec, Scale};
 use sim_core::rollout::Physics;
 use std::fmt;
 use std::str::FromStr;
@@ -10,6 +10,8 @@ use std::str::FromStr;
 /// What of the physics may be traded for speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setting {
+    /// The engine.
+    pub engine: EngineKind,
     /// Steps in a simulated second, 1 to 10000.
     pub steps_per_second: u32,
     /// Substeps of a step, 1 to 1000.
@@ -19,15 +21,43 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// That of some physics.
-    pub fn of(physics: &Physics) -> Self {
+    /// That of a job's search.
+    pub fn of(job: &Job) -> Self {
+        Self::from_physics(job.chosen().engine, job.physics())
+    }
+
+    /// That of a resolved job's `[physics]`; `None` if it is not resolved.
+    pub fn of_resolved(spec: &PhysicsSpec) -> Option<Self> {
+        let engine = match spec.engine {
+            EngineChoice::Auto => return None,
+            EngineChoice::Rapier => EngineKind::Rapier,
+            EngineChoice::Lockstep => EngineKind::Lockstep,
+        };
+        let (steps_per_second, substeps) = (spec.steps_per_second?, spec.substeps?);
+        Some(Self { engine, steps_per_second, substeps, joints: spec.joints })
+    }
+
+    /// What a scale ships with on an engine.
+    pub fn own(engine: EngineKind, scale: Scale) -> Self {
+        Self::from_physics(engine, &Physics::of(engine, scale))
+    }
+
+    fn from_physics(engine: EngineKind, physics: &Physics) -> Self {
         let Physics { steps_per_second, substeps, joints, .. } = *physics;
-        Self { steps_per_second, substeps, joints }
+        Self { engine, steps_per_second, substeps, joints }
+    }
+
+    /// Writes this setting into a job's physics.
+    pub fn write(self, spec: &mut PhysicsSpec) {
+        spec.engine = self.engine.into();
+        spec.steps_per_second = Some(self.steps_per_second);
+        spec.substeps = Some(self.substeps);
+        spec.joints = self.joints;
     }
 
     /// The physics with this setting.
     pub fn apply(self, physics: &Physics) -> Physics {
-        let Self { steps_per_second, substeps, joints } = self;
+        let Self { steps_per_second, substeps, joints, .. } = self;
         Physics { steps_per_second, substeps, joints, ..*physics }
     }
 
@@ -41,9 +71,10 @@ impl Setting {
 impl fmt::Display for Setting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{}", self.steps_per_second, self.substeps)?;
-        match self.joints {
-            JointKind::Impulse => Ok(()),
-            JointKind::Multibody => f.write_str("-multibody"),
+        match (self.engine, self.joints) {
+            (EngineKind::Lockstep, _) => f.write_str("-lockstep"),
+            (EngineKind::Rapier, JointKind::Impulse) => Ok(()),
+            (EngineKind::Rapier, JointKind::Multibody) => f.write_str("-multibody"),
         }
     }
 }
@@ -55,17 +86,21 @@ impl FromStr for Setting {
         let wrong = || {
             format!(
                 "'{text}' is no engine setting: write STEPSxSUBSTEPS, steps a second (1 to 10000) and substeps of a step \
-                 (1 to 1000), such as 30x8 or 30x8-multibody"
+                 (1 to 1000), such as 30x8, 30x8-multibody or 200x2-lockstep"
             )
         };
-        let (numbers, joints) = match text.split_once('-') {
-            None | Some((_, "impulse")) => (text.strip_suffix("-impulse").unwrap_or(text), JointKind::Impulse),
-            Some((numbers, "multibody")) => (numbers, JointKind::Multibody),
+        let (rapier, lockstep) = (EngineKind::Rapier, EngineKind::Lockstep);
+        let (numbers, engine, joints) = match text.split_once('-') {
+            None => (text, rapier, JointKind::Impulse),
+            Some((numbers, "impulse")) => (numbers, rapier, JointKind::Impulse),
+            Some((numbers, "multibody")) => (numbers, rapier, JointKind::Multibody),
+            Some((numbers, "lockstep")) => (numbers, lockstep, JointKind::default()),
             Some(_) => return Err(wrong()),
         };
         let (steps, substeps) = numbers.split_once('x').ok_or_else(wrong)?;
         let number = |text: &str, most: u32| text.parse().ok().filter(|n| (1..=most).contains(n)).ok_or_else(wrong);
-        Ok(Self { steps_per_second: number(steps, 10_000)?, substeps: number(substeps, 1000)?, joints })
+        let (steps_per_second, substeps) = (number(steps, 10_000)?, number(substeps, 1000)?);
+        Ok(Self { engine, steps_per_second, substeps, joints })
     }
 }
 
@@ -81,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_setting_is_read_as_it_is_written() {
-        for text in ["30x8", "240x4", "60x16-multibody"] {
+        for text in ["30x8", "240x4", "60x16-multibody", "200x2-lockstep"] {
             assert_eq!(text.parse::<Setting>().unwrap().to_string(), text);
         }
         assert_eq!("30x8-impulse".parse::<Setting>(), "30x8".parse());
@@ -89,8 +124,21 @@ mod tests {
 
     #[test]
     fn what_is_no_setting_is_refused() {
-        for text in ["", "30", "30x", "x8", "0x8", "30x0", "30x1001", "10001x1", "-30x8", "30x8-glue", "30x8-", "3.5x8"]
-        {
+        for text in [
+            "",
+            "30",
+            "30x",
+            "x8",
+            "0x8",
+            "30x0",
+            "30x1001",
+            "10001x1",
+            "-30x8",
+            "30x8-glue",
+            "30x8-",
+            "3.5x8",
+            "200x2-lockstep-multibody",
+        ] {
             let refused = text.parse::<Setting>().unwrap_err();
             assert!(refused.contains("30x8-multibody") && refused.contains(&format!("'{text}'")), "{refused}");
         }

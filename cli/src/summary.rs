@@ -92,6 +92,11 @@ fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
         lines.push(row("reference", &|c| spread(c.reference, c.reference_deviation), result.reference_ratio));
     }
     lines.push(row("without reuse", &|c| known(c.without_reuse), None));
+    let engines = match &result.engines.reference {
+        None => result.engines.search.clone(),
+        Some(reference) => format!("{}; reference and friction on {reference}", result.engines.search),
+    };
+    lines.push(format!("  engine             {engines}"));
     if winner.less_friction.is_some() || winner.more_friction.is_some() {
         let (less, more) = (with_unit(winner.less_friction), with_unit(winner.more_friction));
         lines.push(format!("  friction ± 10 %    {less} with less, {more} with more, on the reference"));

@@ -88,7 +88,7 @@ pub struct WorkerView {
     slots: u32,
     busy: u32,
     evaluations: u64,
-    engine_digest: String,
+    engine_digests: Vec<String>,
     connected_at_ms: i64,
 }
 
@@ -102,7 +102,7 @@ impl WorkerView {
             slots: worker.slots,
             busy: worker.busy,
             evaluations: worker.evaluations,
-            engine_digest: hex(&worker.engine_digest),
+            engine_digests: worker.engine_digests.iter().map(|digest| hex(digest)).collect(),
             connected_at_ms: worker.connected_at_ms,
         }
     }

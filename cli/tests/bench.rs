@@ -4,6 +4,7 @@ mod common;
 
 use common::{SMALL_JOB, listing, run};
 use serde_json::Value;
+use sim_core::measure::known::Known;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -108,6 +109,50 @@ fn fidelity_depends_on_no_thread_and_is_written_as_it_is_printed() {
 }
 
 #[test]
+fn settings_of_both_engines_are_compared_with_a_reference_of_either() {
+    let folder = folder();
+    let arguments = "fidelity --settings 200x2-lockstep,30x8 --random 4 --evolved 0 --duration 1";
+    for (reference, halved) in [("60x4", ["60x8", "120x4"]), ("200x2-lockstep", ["200x4-lockstep", "400x2-lockstep"])] {
+        let found = bench(folder.path(), &format!("{arguments} --reference {reference}"));
+        let set = &list(&found["sets"])[0];
+        let names: Vec<_> = list(&set["halved"]).iter().map(|h| h["setting"].as_str().unwrap()).collect();
+        assert_eq!((&found["reference"], names.as_slice()), (&reference.into(), halved.as_slice()));
+        let off = |i: usize| number(&set["settings"][i]["fidelity"]["position"]["median"]["value"]);
+        assert_eq!(off(0) == 0.0, reference == "200x2-lockstep");
+        assert!(off(1) > 0.0);
+    }
+    let found = bench(folder.path(), "rollout --settings 200x2-lockstep,30x8 --gaits 3 --duration 0.5");
+    assert_eq!(list(&found["settings"])[0]["setting"], "200x2-lockstep");
+}
+
+#[test]
+fn a_row_of_the_table_is_kept_and_replaced() {
+    let folder = folder();
+    let table = folder.path().join("table.toml");
+    let measure = |more: &str| {
+        let arguments = "fidelity l-shape --reference 400x2-lockstep --random 6 --evolved 2 --duration 0.5";
+        bench(folder.path(), &format!("{arguments} --table table.toml{more}"));
+        Known::from_toml(&fs::read_to_string(&table).unwrap()).unwrap().rows
+    };
+    let first = measure("");
+    assert_eq!((first.len(), first[0].robot.as_str(), first[0].variant.as_str()), (1, "l-shape", "none"));
+    assert_eq!((first[0].random.gaits, first[0].reference.as_str()), (6, "400x2"));
+    assert_eq!(measure("").len(), 1, "the same robot again");
+    let both = measure(" --variant E1");
+    assert_eq!(both.len(), 2);
+    assert_ne!(both[0].mechanics, both[1].mechanics);
+}
+
+#[test]
+fn lanes_are_told_of_an_engine_that_has_some() {
+    let folder = folder();
+    fs::write(folder.path().join("fast.toml"), format!("{SMALL_JOB}\n[physics]\nengine = \"lockstep\"\n")).unwrap();
+    let found = bench(folder.path(), "evaluate fast.toml --evaluations 3");
+    assert_eq!(found["engine"], "200x2-lockstep");
+    assert!((0.0..=1.0).contains(&number(&found["useful_lanes"])) && number(&found["useful_lanes"]) > 0.0);
+}
+
+#[test]
 fn gaits_of_a_stored_run_are_measured() {
     let folder = folder();
     run(folder.path(), &["run", "job.toml", "--out", "run", "--quiet"]).success();
@@ -174,6 +219,10 @@ fn what_can_not_be_measured_is_said() {
         "fidelity --reference 6000x8",
         "fidelity --gaits nowhere",
         "fidelity --gaits nowhere --scale real",
+        "fidelity --evolved 0 --table t.toml",
+        "fidelity --table t.toml --reference 60x4",
+        "fidelity --table t.toml --settings 100x2-lockstep",
+        "rollout --settings 200x2-lockstep-multibody",
         "evaluate nosuch",
         "evaluate job.toml --evaluations 0",
         "plan lizard-stairs",

@@ -269,8 +269,8 @@ fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
     let StoredJob { record, toml, search, results, last_scores } = stored;
     match Job::from_toml(&toml) {
         Ok(job) if job.digest() == record.job_digest => {
-            let (optimiser, finish) = (job.optimiser(), Plan::of(&job));
-            Ok(Resumed { record, toml, optimiser, finish, search, results, last_scores })
+            let (at_once, optimiser, finish) = (job.candidates_at_once(), job.optimiser(), Plan::of(&job));
+            Ok(Resumed { record, toml, at_once, optimiser, finish, search, results, last_scores })
         }
         Ok(job) => {
             let reason = format!(

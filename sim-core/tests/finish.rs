@@ -50,6 +50,23 @@ fn without_reuse_the_same_trees_are_grown_with_every_expansion_simulated() {
 }
 
 #[test]
+fn a_lockstep_job_is_scored_on_rapier_in_its_finish_and_on_lockstep_on_fresh_seeds() {
+    let on = |engine: &str| job(&format!("{PLANNER}\nfinish = {{ seeds = 2 }}\nphysics = {{ engine = \"{engine}\" }}"));
+    let (lockstep, rapier) = (on("lockstep"), on("rapier"));
+    let scored = candidate(&lockstep, 1);
+    let same = |question| {
+        let [a, b] = [&lockstep, &rapier].map(|job| ask(job, question, &scored));
+        assert_eq!(
+            a.scores.len(),
+            if question == Question::WithoutReuse { 2 } else { lockstep.fresh_seeds() as usize }
+        );
+        bits(&a.scores) == bits(&b.scores)
+    };
+    assert!([Question::Reference, Question::LessFriction, Question::MoreFriction].into_iter().all(same));
+    assert!(![Question::Fresh, Question::WithoutReuse].into_iter().any(same));
+}
+
+#[test]
 fn the_reference_is_the_same_job_in_finer_steps_on_seeds_of_its_own() {
     let finish = "finish = { seeds = 3, steps_per_second = 60, substeps = 16 }";
     let coarse = job(&format!("{PLANNER}\n{finish}"));

@@ -1,8 +1,9 @@
 //! Laws of job files: identity, round trips, and that everything that ships is sound.
 
 use sim_core::catalogue;
-use sim_core::job::{Job, JobSpec, JointKind};
+use sim_core::job::{EngineChoice, EngineKind, Job, JobSpec, JointKind, Reference, Why};
 use sim_core::robot::{Robot, RobotSpec};
+use sim_core::rollout::{engine_digest, engine_digests, engines_digest};
 
 fn text(more: &str) -> String {
     format!(
@@ -90,6 +91,72 @@ fn names_and_descriptions_are_no_part_of_a_jobs_identity_but_settings_are() {
         assert_ne!(base, digest(text(change)), "{change}");
     }
     assert_ne!(base, digest(text("").replace("\"empty\"", "\"column\"")));
+    let engines = ["rapier", "lockstep"].map(|engine| digest(text(&format!("physics = {{ engine = \"{engine}\" }}"))));
+    assert_ne!(engines[0], engines[1]);
+}
+
+/// The lizard with a joint stuck that none of its variants has: no table knows it.
+fn unknown_robot(more: &str) -> Job {
+    let mut spec: JobSpec = toml::from_str(&text(more)).unwrap();
+    let lizard = catalogue::find(catalogue::robots(), "lizard").unwrap();
+    let mut robot: RobotSpec = toml::from_str(lizard.toml).unwrap();
+    robot.failed = vec!["spine3".to_owned()];
+    spec.robot = Reference::Inline(Box::new(robot));
+    Job::new(spec).unwrap()
+}
+
+#[test]
+fn a_job_that_leaves_its_engine_open_says_which_it_got_and_resolves_to_itself() {
+    let job = unknown_robot("");
+    assert_eq!((job.chosen().engine, job.chosen().why), (EngineKind::Rapier, Why::Unmeasured));
+    assert_eq!(job.spec().physics.engine, EngineChoice::Rapier);
+    let again = Job::from_toml(&job.to_toml()).unwrap();
+    assert_eq!((again.chosen().engine, again.chosen().why), (EngineKind::Rapier, Why::Asked));
+    assert_eq!((again.digest(), again.to_toml()), (job.digest(), job.to_toml()));
+    assert_eq!(job.digest(), unknown_robot("physics = { engine = \"rapier\" }").digest());
+}
+
+#[test]
+fn a_lockstep_job_has_steps_of_its_own_and_is_finished_on_rapier_s_reference() {
+    for (scale, steps) in [("paper", 200), ("real", 600)] {
+        let of = |engine: &str, more: &str| {
+            Job::from_toml(&text(&format!("physics = {{ scale = \"{scale}\", engine = \"{engine}\" }}\n{more}")))
+                .unwrap()
+        };
+        let (lockstep, rapier) = (of("lockstep", ""), of("rapier", ""));
+        assert_eq!((lockstep.physics().steps_per_second, lockstep.physics().substeps), (steps, 2));
+        let written: JobSpec = toml::from_str(&lockstep.to_toml()).unwrap();
+        assert_eq!(written.physics.engine, EngineChoice::Lockstep);
+        assert_eq!(Job::from_toml(&lockstep.to_toml()).unwrap().digest(), lockstep.digest());
+        let (a, b) = (lockstep.reference().unwrap(), rapier.reference().unwrap());
+        assert_eq!((a.chosen().engine, a.physics()), (EngineKind::Rapier, b.physics()));
+        assert_eq!(a.start(), b.start());
+        // With a finish a worker needs both engines, without one only the search's.
+        let bare = of("lockstep", "finish = { kind = \"none\" }");
+        assert_eq!(bare.engine_digest(), engine_digest(EngineKind::Lockstep));
+        assert_eq!(rapier.engine_digest(), engine_digest(EngineKind::Rapier));
+        assert_eq!(lockstep.engine_digest(), engines_digest(EngineKind::Lockstep, EngineKind::Rapier));
+        let offered: Vec<_> = engine_digests().into_iter().map(|(_, digest)| digest).collect();
+        for job in [&lockstep, &rapier, &bare] {
+            assert!(offered.contains(&job.engine_digest()));
+        }
+    }
+}
+
+#[test]
+fn a_lockstep_job_on_stairs_is_refused_and_one_that_leaves_it_open_gets_rapier() {
+    let on_stairs = |engine: &str| {
+        let text = text(&format!("physics = {{ engine = \"{engine}\" }}"));
+        Job::from_toml(&text.replace("\"empty\"", "\"stairs\""))
+    };
+    let said = on_stairs("lockstep").unwrap_err().to_string();
+    assert!(
+        said.starts_with("physics.engine: \"lockstep\" can't run this job: ") && said.contains("terrain"),
+        "{said}"
+    );
+    assert_eq!(on_stairs("auto").unwrap().chosen().to_string(), "auto: rapier, since there is terrain");
+    let said = on_stairs("bullet").unwrap_err().to_string();
+    assert!(said.contains("bullet") && said.contains("`auto`, `rapier`, `lockstep`"), "{said}");
 }
 
 #[test]

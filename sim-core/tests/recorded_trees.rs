@@ -16,6 +16,7 @@ fn recorded(robot: &str, environment: &str, planner: &str, duration: f64) -> Str
         fitness = {{ kind = "coverage", cell = 0.5 }}
         optimiser = {{ kind = "pso", particles = 4, generations = 2 }}
         planner = {{ {planner} }}
+        physics = {{ engine = "rapier" }}
         "#
     ))
     .unwrap();

@@ -61,6 +61,28 @@ fn golden_rollouts_have_their_recorded_bits() {
     ");
 }
 
+/// The same for the lockstep engine, whose own revision is raised with a change.
+#[test]
+fn golden_rollouts_of_the_lockstep_engine_have_their_recorded_bits() {
+    let physics = Physics::of(EngineKind::Lockstep, Scale::Paper);
+    let engine = engine(EngineKind::Lockstep);
+    let robots = robots();
+    let recorded = robots.iter().map(|robot| {
+        let start = settle(engine, robot, &physics).unwrap();
+        let targets = gait(robot, 1, 5.0);
+        let rollout = engine.run(robot, &physics, &[], &[Request { start: &start, targets: &targets }]).swap_remove(0);
+        assert_eq!(rollout.outcome, Outcome::Completed, "{}", robot.name);
+        format!("{} {}", robot.name, Digest::of("golden", &bits(&rollout)).short())
+    });
+    insta::assert_snapshot!(recorded.collect::<Vec<_>>().join("\n"), @r"
+    quadropod ba25a3feee0c
+    lizard d3c4a6f62cb9
+    l-shape ee3c4ece3ad7
+    h-shape d015bb5e235e
+    t-shape c68696a31719
+    ");
+}
+
 /// The same for joints in reduced coordinates, and from the rest that they come to by themselves.
 #[test]
 fn multibody_joints_settle_and_have_their_recorded_bits() {

@@ -1,6 +1,7 @@
-"""The same gaits on the same robots in our engine and in MuJoCo. Started by run.sh, which builds what it needs."""
+"""The same gaits on the same robots in our two engines and in MuJoCo. Started by run.sh, which builds what it needs."""
 
 import argparse
+import itertools
 import json
 import platform
 import statistics
@@ -14,11 +15,19 @@ from measure import pose_errors, rank_agreement
 from ours import Ours
 from theirs import Theirs
 
-# (steps a second, substeps) and (cone, step in s); each engine's first entry is what the others are measured against.
+# Steps a second x substeps, and (cone, step in s); each engine's first entry is what the others are measured against.
 OUR_SETTINGS = {
-    "paper": [(480, 8), (240, 8), (240, 4), (60, 16), (60, 8), (30, 16), (30, 8)],
-    "real": [(960, 8), (480, 8), (240, 8), (120, 16), (60, 16), (60, 8)],
+    "rapier": {
+        "paper": ["480x8", "240x8", "240x4", "60x16", "60x8", "30x16", "30x8"],
+        "real": ["960x8", "480x8", "240x8", "120x16", "60x16", "60x8"],
+    },
+    "lockstep": {
+        "paper": ["1600x4-lockstep", "800x4-lockstep", "400x2-lockstep", "200x2-lockstep", "200x1-lockstep"],
+        "real": ["4800x4-lockstep", "2400x4-lockstep", "1200x2-lockstep", "600x2-lockstep"],
+    },
 }
+# The lockstep engine simulates gaits side by side: fewer than this in a timed run say nothing of its speed.
+LEAST_SIDE_BY_SIDE = 64
 STEPS = {
     "paper": {"elliptic": (0.0005, 0.001, 0.002, 0.005, 0.01), "pyramidal": (0.005, 0.01)},
     "real": {"elliptic": (0.00025, 0.0005, 0.001, 0.002, 0.005), "pyramidal": (0.002, 0.005)},
@@ -29,7 +38,7 @@ THEIR_SETTINGS = {scale: [(c, s) for c, steps in cones.items() for s in steps] f
 def arguments():
     parser = argparse.ArgumentParser(prog="tests/peers/run.sh", description=__doc__.splitlines()[0])
     parser.add_argument("robots", nargs="*", metavar="ROBOT", help="robots that ship [default: quadropod lizard]")
-    parser.add_argument("--quick", action="store_true", help="only check that both engines have the same robots")
+    parser.add_argument("--quick", action="store_true", help="only check that all engines have the same robots")
     parser.add_argument("--gaits", type=int, help="random gaits a robot [default: 100; quick: 16]")
     parser.add_argument("--seed", type=int, default=1, help="where they come from [default: 1]")
     parser.add_argument("--duration", type=float, help="length of a gait, s [default: 10; quick: 4]")
@@ -49,8 +58,10 @@ def arguments():
 
 
 def label(setting):
-    first, second = setting
-    return f"{first} × {second}" if isinstance(second, int) else f"{first} {1000 * second:g} ms"
+    if isinstance(setting, str):
+        return setting.removesuffix("-lockstep").replace("x", " × ")
+    cone, step = setting
+    return f"{cone} {1000 * step:g} ms"
 
 
 def note(text):
@@ -62,10 +73,11 @@ def compare(given, robot):
     facts = ours.facts()
     theirs = Theirs(ours.export("mjcf"), facts)
     scale = facts["scale"]
-    engines = {
-        "rapier": (ours.run, OUR_SETTINGS[scale], tuple(facts["default_setting"])),
-        "MuJoCo": (theirs.run, THEIR_SETTINGS[scale], theirs.default),
-    }
+    engines = {name: (ours.run, settings[scale], facts["default_settings"][name])
+               for name, settings in OUR_SETTINGS.items()}
+    engines["MuJoCo"] = (theirs.run, THEIR_SETTINGS[scale], theirs.default)
+    timed_gaits = {name: given.timed for name in engines}
+    timed_gaits["lockstep"] = min(given.gaits, max(given.timed, LEAST_SIDE_BY_SIDE))
     rows, ends, tasks = [], {}, []
     for engine, (run, settings, default) in engines.items():
         settings = settings if default in settings else [*settings, default]
@@ -82,7 +94,7 @@ def compare(given, robot):
     speeds = {}
     for _ in range(given.repeats):
         for engine, setting, run in tasks:
-            timed = run(setting, given.timed)
+            timed = run(setting, timed_gaits[engine])
             speeds.setdefault((engine, label(setting)), []).append(timed.simulated / timed.wall)
     for row in rows:
         own = speeds[row["engine"], row["setting"]]
@@ -91,9 +103,10 @@ def compare(given, robot):
     chosen = [(engine, default) for engine, (_, _, default) in engines.items()]
     finest = [(engine, settings[0]) for engine, (_, settings, _) in engines.items()]
     between = []
-    for what, (a, b) in (("defaults", chosen), ("references", finest)):
-        pair = {"robot": robot, "what": what, "rapier": label(a[1]), "MuJoCo": label(b[1])}
-        between.append(pair | rank_agreement(ends[a], ends[b]) | pose_errors(ends[a], ends[b]))
+    for what, settings in (("defaults", chosen), ("references", finest)):
+        for a, b in itertools.combinations(settings, 2):
+            pair = {"robot": robot, "what": what, "engines": [f"{engine} {label(setting)}" for engine, setting in (a, b)]}
+            between.append(pair | rank_agreement(ends[a], ends[b]) | pose_errors(ends[a], ends[b]))
     return rows, between
 
 
@@ -103,7 +116,8 @@ def markdown(given, rows, between):
     error = lambda e, digits: f"{e['median']:.{digits}f} / {e['p95']:.{digits}f}"
     lines = [
         f"{given.gaits} random gaits of {given.duration:g} s (seed {given.seed}), scale `{scale}`, from the same "
-        f"settled start. Speeds: one core, median of {given.repeats} runs of {given.timed} gaits, engines in turn. MuJoCo "
+        f"settled start. Speeds: one core, median of {given.repeats} runs of {given.timed} gaits (lockstep: "
+        f"{LEAST_SIDE_BY_SIDE}, side by side), engines in turn. MuJoCo "
         f"{mujoco.mj_versionString()}, integrator implicitfast. Bold: the default.",
         "",
         "Each setting against its engine's own finest one (ref):",
@@ -118,11 +132,12 @@ def markdown(given, rows, between):
         broken = f", {r['broken']} broken" if r["broken"] else ""
         lines.append(f"| {r['robot']} | {r['engine']} | {name} | {r['speed']['median']:.0f} | {same[0]}{broken} | "
                      f"{same[1]} | {same[2]} |")
-    lines += ["", "The two engines against each other:", "",
-              "| robot | rapier | MuJoCo | Spearman of distance (95 %) | place, median / 95 %, mu | heading, rad |",
+    lines += ["", "The engines against each other:", "",
+              "| robot | one | other | Spearman of distance (95 %) | place, median / 95 %, mu | heading, rad |",
               "|---|---|---|---|---|---|"]
     for b in between:
-        lines.append(f"| {b['robot']} | {b['rapier']} | {b['MuJoCo']} | {span(b)} | {error(b['place'], 3)} | "
+        one, other = b["engines"]
+        lines.append(f"| {b['robot']} | {one} | {other} | {span(b)} | {error(b['place'], 3)} | "
                      f"{error(b['yaw'], 3)} |")
     return "\n".join(lines) + "\n"
 

@@ -1,4 +1,4 @@
-"""Our side: the exported robot, and gaits run by our engine."""
+"""Our side: the exported robot, and gaits run by our engines."""
 
 import json
 import subprocess
@@ -42,8 +42,8 @@ class Ours:
         command = [self.arguments.rollouts, self.robot, "--gaits", str(gaits), "--seed", str(self.arguments.seed)]
         command += ["--duration", str(self.arguments.duration), *more]
         command += ["--real"] if self.arguments.real else []
-        for steps, substeps in settings:
-            command += ["--setting", f"{steps}x{substeps}"]
+        for setting in settings:
+            command += ["--setting", setting]
         return json.loads(told(command))
 
     def facts(self):

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# The same gaits on the same robots in our engine and in MuJoCo: speed, fidelity, agreement. See README.md beside this.
+# The same gaits on the same robots in our two engines and in MuJoCo: speed, fidelity, agreement. See README.md beside this.
 #
 #   tests/peers/run.sh                      measure the quadropod and the lizard (some minutes; a quiet machine, please)
 #   tests/peers/run.sh ROBOT …              measure these robots that ship
-#   tests/peers/run.sh --quick              only check that the two engines have the same robots (CI)
+#   tests/peers/run.sh --quick              only check that all engines have the same robots (CI)
 #   tests/peers/run.sh --help               all options
 #
 # PEERS_PROFILE=dev uses an unoptimised build of our command: good for correctness, not for speeds.

@@ -15,10 +15,14 @@ async fn undisturbed(seed: u32, generations: u32) -> Vec<u8> {
 }
 
 async fn digest_with_workers(seed: u32, generations: u32, workers: usize) -> Vec<u8> {
+    digest_of(&tiny_job(seed, generations), generations, workers).await
+}
+
+async fn digest_of(job: &str, generations: u32, workers: usize) -> Vec<u8> {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let _workers: Vec<Process> = (0..workers).map(|_| sandbox.worker(1)).collect();
-    let job = sandbox.submit("r", &tiny_job(seed, generations)).await;
+    let job = sandbox.submit("r", job).await;
     let result = sandbox.result(&job.id).await;
     assert_eq!(result.result_digest.len(), 32);
     assert_eq!(result.history.len(), generations as usize);
@@ -35,6 +39,14 @@ async fn the_same_job_gives_the_same_bits_with_one_two_and_five_workers() {
     assert_eq!(one, digest_with_workers(1, GENERATIONS, 2).await);
     assert_eq!(one, digest_with_workers(1, GENERATIONS, 5).await);
     assert_ne!(one, digest_with_workers(2, GENERATIONS, 2).await, "another seed is another job");
+}
+
+#[tokio::test]
+async fn so_does_a_job_that_searches_on_the_lockstep_engine_and_finishes_on_rapier() {
+    let job = format!("{}[physics]\nengine = \"lockstep\"\n", tiny_job(1, GENERATIONS));
+    let one = digest_of(&job, GENERATIONS, 1).await;
+    assert_eq!(one, digest_of(&job, GENERATIONS, 2).await);
+    assert_eq!(one, digest_of(&job, GENERATIONS, 5).await);
 }
 
 #[tokio::test]

@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::local::Local;
 use crate::output::{self, Folder, ResultFile, STORE, Stored};
 use crate::progress::{Label, Progress};
+use crate::setting::Setting;
 use crate::signals::Interrupt;
 use crate::watch::{self, Watched};
 use crate::{load, summary};
@@ -80,11 +81,13 @@ async fn finish(
     if !quiet {
         let how = if created { "evolving" } else { "going on with" };
         console::note(&format!(
-            "{how} \"{}\" in {}: {} generations of {} candidates",
+            "{how} \"{}\" in {}: {} generations of {} candidates on {} ({})",
             status.name,
             folder.path().display(),
             status.generations_total,
-            status.population
+            status.population,
+            Setting::of(job),
+            job.chosen()
         ));
     }
     let mut progress = Progress::new(&status, &Label::of_job(job), quiet);

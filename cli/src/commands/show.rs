@@ -5,9 +5,11 @@ use crate::client::Client;
 use crate::console::{self, count};
 use crate::error::Error;
 use crate::progress::Label;
+use crate::setting::Setting;
 use crate::view::{JobView, hex, running_time};
 use crate::watch::phase;
 use proto::v1::JobState;
+use sim_core::job::JobSpec;
 
 /// Prints a job's facts, or its file.
 pub async fn run(args: Show) -> Result<(), Error> {
@@ -20,6 +22,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
         return console::say_json(&JobView::new(&job));
     }
     let label = Label::of_toml(&job_toml);
+    let engine = toml_engine(&job_toml);
     let counts = job.counts.unwrap_or_default();
     let because = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
     let best = job.best.as_ref().map_or_else(
@@ -46,6 +49,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
         ),
         format!("  submitted      {} UTC, ran {}", console::moment(job.submitted_at_ms), running_time(&job)),
         format!("  priority       {}", job.priority),
+        format!("  engine         {engine}"),
         format!("  job digest     {}", hex(&job.job_digest)),
         format!("  engine digest  {}", hex(&job.engine_digest)),
     ];
@@ -57,4 +61,10 @@ pub async fn run(args: Show) -> Result<(), Error> {
         _ => {}
     }
     console::say(&lines.join("\n"))
+}
+
+/// Engine and setting of a job that was submitted, as a word; the text is resolved.
+fn toml_engine(job_toml: &str) -> String {
+    let spec: Option<JobSpec> = toml::from_str(job_toml).ok();
+    spec.as_ref().and_then(|spec| Setting::of_resolved(&spec.physics)).map_or("–".to_owned(), |s| s.to_string())
 }

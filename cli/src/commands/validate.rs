@@ -5,6 +5,7 @@ use crate::console::{self, count, duration};
 use crate::cost::{self, Budget};
 use crate::error::Error;
 use crate::load;
+use crate::setting::Setting;
 use serde::Serialize;
 use sim_core::identity::Digest;
 use sim_core::job::Job;
@@ -22,6 +23,11 @@ struct View<'a> {
     robot: &'a str,
     environment: &'a str,
     job_digest: Digest,
+    /// The engine that searches, its setting, and why it is this one.
+    engine: String,
+    setting: Setting,
+    /// The engine and setting that chooses the winner; `null` without a reference.
+    reference: Option<Setting>,
     engine_digest: Digest,
     seed: u64,
     gaits: u32,
@@ -68,6 +74,9 @@ pub fn run(args: Validate) -> Result<(), Error> {
         robot: &job.robot_spec().name,
         environment: &job.environment().name,
         job_digest: job.digest(),
+        engine: job.chosen().to_string(),
+        setting: Setting::of(&job),
+        reference: job.reference().map(Setting::of),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
         gaits: job.spec().gaits.count,
@@ -113,6 +122,7 @@ fn text(view: &View) -> String {
             count(view.evaluations),
             view.seed
         ),
+        format!("  engine         {} ({})", view.setting, view.engine),
         format!("  evaluation     at most {} rollouts, with reuse far fewer", count(view.most_rollouts_per_evaluation)),
         format!("  job digest     {}", view.job_digest),
         format!("  engine digest  {}", view.engine_digest),

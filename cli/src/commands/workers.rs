@@ -24,9 +24,13 @@ pub async fn run(on: Url, json: bool) -> Result<(), Error> {
                 format!("{}/{}", w.busy, w.slots),
                 console::count(w.evaluations),
                 console::moment(w.connected_at_ms),
-                hex(&w.engine_digest).chars().take(12).collect(),
+                w.engine_digests
+                    .iter()
+                    .map(|d| hex(d).chars().take(12).collect::<String>())
+                    .collect::<Vec<_>>()
+                    .join(" "),
             ]
         })
         .collect();
-    console::say(&table(&["name", "address", "busy", "evaluations", "connected (UTC)", "engine"], &rows))
+    console::say(&table(&["name", "address", "busy", "evaluations", "connected (UTC)", "engines"], &rows))
 }

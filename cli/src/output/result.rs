@@ -1,6 +1,7 @@
 //! result.json: the summary of a job's result.
 
 use crate::progress::Label;
+use crate::setting::Setting;
 use proto::v1;
 use serde::{Deserialize, Serialize};
 use sim_core::identity::Digest;
@@ -11,7 +12,7 @@ use sim_core::score::{Direction, Scored, mean};
 use std::collections::BTreeMap;
 
 /// Version of the file's layout.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// What a job found, in a file. Numbers are written so that they read back to the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,8 +27,10 @@ pub struct ResultFile {
     pub job_digest: Digest,
     /// The result digest: bits of all scores, of search and finish, and the winner.
     pub result_digest: Digest,
-    /// Digest of the engine that made it.
+    /// Digest of the engine that made it, or of both.
     pub engine_digest: Digest,
+    /// What it was made on.
+    pub engines: Engines,
     /// What the score is.
     pub score: Score,
     /// Best score of the search; `null` if every evaluation failed.
@@ -52,6 +55,15 @@ pub struct ResultFile {
     pub wall_seconds: f64,
     /// What wrote this.
     pub versions: Versions,
+}
+
+/// Engine settings as words, such as `200x2-lockstep`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Engines {
+    /// Of the search, and of the finish's scores on fresh seeds and without reuse.
+    pub search: String,
+    /// Of the reference setting, and of the scores with other friction; `null` if the job's finish has none.
+    pub reference: Option<String>,
 }
 
 /// What a job's score is.
@@ -224,6 +236,10 @@ impl ResultFile {
             job_digest,
             result_digest,
             engine_digest: job.engine_digest(),
+            engines: Engines {
+                search: Setting::of(job).to_string(),
+                reference: job.reference().map(|reference| Setting::of(reference).to_string()),
+            },
             score: Score { name, unit, direction: job.direction() },
             best_fitness: status.best.as_ref().and_then(|b| b.score),
             fresh_ratio: ratio(|c| c.fresh_mean),

@@ -64,6 +64,7 @@ fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Res
         job_digest: job.digest(),
         engine_digest: job.engine_digest(),
         generations: job.spec().optimiser.generations(),
+        at_once: job.candidates_at_once(),
         optimiser: job.optimiser(),
         finish: Plan::of(&job),
         // Resolved, so that workers need no files and a later version no other defaults.

@@ -7,7 +7,7 @@
 use super::job::ActiveJob;
 use super::lease::{AssignmentId, Lease, Task};
 use super::round::Work;
-use super::sizing::{may_prefetch, range_size};
+use super::sizing::{Cut, may_prefetch, range_size};
 use super::worker::{Worker, WorkerId};
 use super::{Action, Message, Now, Scheduler};
 use crate::record::JobId;
@@ -80,7 +80,8 @@ impl Scheduler {
         let most = round.work.most_at_once();
         match round.work {
             Work::Candidates(_) => {
-                let size = range_size(round.pending(), self.slots_for(engine), job.cost, most);
+                let (all, pending, slots) = (round.size(), round.pending(), self.slots_for(engine));
+                let size = range_size(Cut { all, pending, slots, cost: job.cost, at_once: job.at_once, most });
                 (fill == Fill::FreeSlots || may_prefetch(size, job.cost)).then_some(size)
             }
             Work::Examinations(_) => (fill == Fill::FreeSlots).then_some(most),

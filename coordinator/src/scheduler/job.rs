@@ -32,6 +32,8 @@ pub struct NewJob {
     pub engine_digest: Digest,
     /// The resolved job, for workers.
     pub toml: Arc<str>,
+    /// Candidates that take as long together as one alone, at least 1.
+    pub at_once: u32,
     /// At generation 0.
     pub optimiser: Box<dyn Optimiser>,
     /// How many generations to score, at least 1.
@@ -46,6 +48,8 @@ pub struct Resumed {
     pub record: JobRecord,
     /// The resolved job, for workers.
     pub toml: Arc<str>,
+    /// Candidates that take as long together as one alone, at least 1.
+    pub at_once: u32,
     /// Fresh: its state is taken from `state`.
     pub optimiser: Box<dyn Optimiser>,
     /// What is done once the search is over.
@@ -61,6 +65,8 @@ pub struct Resumed {
 pub(super) struct ActiveJob {
     pub record: JobRecord,
     pub toml: Arc<str>,
+    /// Candidates that take as long together as one alone.
+    pub at_once: u32,
     optimiser: Box<dyn Optimiser>,
     plan: Plan,
     archive: Archive,
@@ -119,6 +125,7 @@ impl ActiveJob {
         let mut job = Self {
             record,
             toml: new.toml,
+            at_once: new.at_once,
             optimiser: new.optimiser,
             plan: new.finish,
             archive: new.finish.new_archive(),
@@ -136,7 +143,7 @@ impl ActiveJob {
 
     /// A job from the store.
     pub fn resumed(resumed: Resumed, virtual_time: f64) -> Result<Self, BadState> {
-        let Resumed { record, toml, mut optimiser, finish: plan, search, mut results, last_scores } = resumed;
+        let Resumed { record, toml, at_once, mut optimiser, finish: plan, search, mut results, last_scores } = resumed;
         let (state, archive) = decode_search(&plan, &search)?;
         optimiser.restore(&state)?;
         if optimiser.generation() != record.generations_done {
@@ -154,6 +161,7 @@ impl ActiveJob {
         let mut job = Self {
             record,
             toml,
+            at_once,
             optimiser,
             plan,
             archive,

@@ -8,20 +8,44 @@ const MOST: f64 = 5.0;
 /// might have gone to a slot that falls idle.
 const PREFETCH_BELOW: f64 = 1.0;
 
-/// The size of the next range of `pending` candidates for `slots` slots. `cost` is the measured time of an evaluation in
-/// s, `most` the hard limit.
+/// What is to be cut.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cut {
+    /// Candidates of the generation.
+    pub all: u32,
+    /// Of these, those that nobody has.
+    pub pending: u32,
+    /// Slots that may get them.
+    pub slots: u32,
+    /// Measured time of an evaluation, s.
+    pub cost: Option<f64>,
+    /// Candidates that take as long together as one alone.
+    pub at_once: u32,
+    /// The hard limit.
+    pub most: u32,
+}
+
+/// The size of the next range.
 ///
 /// Guided self-scheduling: a fixed share of what is left, so ranges get smaller towards the end of a generation and all
 /// slots end at about the same time. About three ranges a slot while nothing is measured, two afterwards.
-pub(super) fn range_size(pending: u32, slots: u32, cost: Option<f64>, most: u32) -> u32 {
+///
+/// An engine that simulates many candidates at once wants all of a slot's candidates in one range, and never so few that
+/// part of it runs empty.
+pub(super) fn range_size(cut: Cut) -> u32 {
+    let Cut { all, pending, slots, cost, at_once, most } = cut;
     let share = |ranges_a_slot: u32| pending.div_ceil((slots * ranges_a_slot).max(1));
+    let longest = |cost: f64| (MOST / cost).floor().min(f64::from(u32::MAX)) as u32;
+    let cost = cost.map(|cost| cost.max(1e-6));
     let size = match cost {
+        _ if at_once > 1 => {
+            let share = all.div_ceil(slots.max(1)).max(at_once);
+            cost.map_or(share, |cost| share.min(longest(cost)))
+        }
         None => pending / (slots * 3).max(1),
         Some(cost) => {
-            let cost = cost.max(1e-6);
             let least = (LEAST / cost).ceil().min(f64::from(u32::MAX)) as u32;
-            let longest = (MOST / cost).floor().min(f64::from(u32::MAX)) as u32;
-            share(2).min(longest).max(least)
+            share(2).min(longest(cost)).max(least)
         }
     };
     size.clamp(1, most.max(1))
@@ -35,6 +59,31 @@ pub(super) fn may_prefetch(size: u32, cost: Option<f64>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn range_size(pending: u32, slots: u32, cost: Option<f64>, most: u32) -> u32 {
+        super::range_size(Cut { all: pending, pending, slots, cost, at_once: 1, most })
+    }
+
+    #[test]
+    fn an_engine_with_lanes_gets_a_generation_in_one_range_a_slot() {
+        let sizes = |all: u32, slots: u32, cost: Option<f64>| {
+            let (mut pending, mut sizes) = (all, Vec::new());
+            while pending > 0 {
+                let size = super::range_size(Cut { all, pending, slots, cost, at_once: 5, most: 1000 }).min(pending);
+                sizes.push(size);
+                pending -= size;
+            }
+            sizes
+        };
+        assert_eq!(sizes(20, 2, None), [10, 10]);
+        assert_eq!(sizes(20, 2, Some(0.02)), [10, 10]);
+        assert_eq!(sizes(20, 3, Some(0.02)), [7, 7, 6]);
+        // One candidate alone would take as long as five.
+        assert_eq!(sizes(20, 100, Some(0.02)), [5, 5, 5, 5]);
+        // A range still ends within a few seconds.
+        assert_eq!(sizes(20, 1, Some(1.0)), [5, 5, 5, 5]);
+        assert_eq!(sizes(3, 1, Some(100.0)), [1, 1, 1]);
+    }
 
     #[test]
     fn twenty_candidates_on_two_slots_start_as_two_to_three_ranges_a_slot() {

@@ -101,6 +101,7 @@ pub fn new_job(name: &str, population: u32, generations: u32) -> NewJob {
         job_digest: Digest::of("test job", &name),
         engine_digest: ENGINE,
         toml: format!("name = \"{name}\"").into(),
+        at_once: 1,
         optimiser: Box::new(Fake::new(population)),
         generations,
         finish: finish(name),
@@ -318,7 +319,7 @@ impl Rig {
             let optimiser = Box::new(Fake::new(population(&stored.record.id)));
             let crate::store::StoredJob { record, toml, search, results, last_scores } = stored;
             let finish = finish(&record.name);
-            let resumed = Resumed { record, toml, optimiser, finish, search, results, last_scores };
+            let resumed = Resumed { record, toml, at_once: 1, optimiser, finish, search, results, last_scores };
             self.scheduler.resume(self.now, resumed).expect("a stored job resumes");
         }
         self.settle();

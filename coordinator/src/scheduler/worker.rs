@@ -205,7 +205,7 @@ impl Scheduler {
                 name: w.name.clone(),
                 slots: w.slots,
                 busy: w.held.len().min(w.slots as usize) as u32,
-                engine_digest: w.engines.first().map(|d| d.0.to_vec()).unwrap_or_default(),
+                engine_digests: w.engines.iter().map(|d| d.0.to_vec()).collect(),
                 connected_at_ms: w.connected_at_ms,
                 evaluations: w.evaluations,
                 address: w.address.clone(),

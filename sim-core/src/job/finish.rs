@@ -1,6 +1,6 @@
 //! The `[finish]` table of a job: what is done once the search is over.
 
-use super::{PhysicsSpec, Scale};
+use super::{EngineChoice, PhysicsSpec, Scale};
 use crate::error::{Invalid, in_range};
 use crate::limits::{MAX_ARCHIVE, MAX_FINISH_SEEDS};
 use crate::rollout::Physics;
@@ -119,8 +119,13 @@ impl Finish {
         }
     }
 
-    /// A job's physics, with the steps of the reference setting.
+    /// A job's physics on the reference setting: always rapier, with steps of its own.
     pub fn physics(&self, search: &PhysicsSpec) -> PhysicsSpec {
-        PhysicsSpec { steps_per_second: Some(self.steps_per_second), substeps: Some(self.substeps), ..search.clone() }
+        PhysicsSpec {
+            engine: EngineChoice::Rapier,
+            steps_per_second: Some(self.steps_per_second),
+            substeps: Some(self.substeps),
+            ..search.clone()
+        }
     }
 }

@@ -1,8 +1,10 @@
 //! A job: one optimisation, from its file to everything an evaluation needs.
 
+mod engine;
 mod finish;
 mod spec;
 
+pub use engine::{Chosen, Why};
 pub use finish::*;
 pub use spec::*;
 
@@ -13,10 +15,11 @@ use crate::error::{Invalid, in_range, name};
 use crate::fitness::Fitness;
 use crate::identity::Digest;
 use crate::limits;
+use crate::measure::known::Known;
 use crate::optimise::{self, Bounds, Optimiser};
 use crate::plan::{Metric, Place, Planner, Reuse, Setting, state_touches};
 use crate::robot::{Robot, RobotSpec, State};
-use crate::rollout::{Engine, Physics, engine, engine_digest, settle};
+use crate::rollout::{Engine, Physics, engine, engines_digest, settle};
 use crate::score::Direction;
 use serde::Serialize;
 use std::sync::Arc;
@@ -31,6 +34,7 @@ struct Resolved {
     robot_spec: RobotSpec,
     environment: Environment,
     robot: Robot,
+    engine: Chosen,
     physics: Physics,
     fitness: Fitness,
     bounds: Bounds,
@@ -59,7 +63,8 @@ impl Job {
         let robot_spec = resolve_robot(&spec)?;
         let environment = resolve_environment(&spec.environment)?;
         let robot = Robot::compile(&robot_spec)?;
-        let physics = Physics::resolve(&spec.physics)?;
+        let chosen = engine::choose(&spec.physics, &robot, &environment, Known::shipped())?;
+        let physics = Physics::resolve(chosen.engine, &spec.physics)?;
         validate_gaits(&spec.gaits, &physics)?;
         validate_planner(&spec.planner)?;
         spec.optimiser.validate()?;
@@ -69,13 +74,12 @@ impl Job {
         if let Some(finish) = &finish {
             whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
         }
-        let engine = engine(spec.physics.engine);
-        let start = settle(engine, &robot, &physics)
+        let start = settle(engine(chosen.engine), &robot, &physics)
             .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
         refuse_blocked_start(&robot, &environment, &start)?;
 
         spec.variant = None;
-        spec.physics = physics.written_out(&spec.physics);
+        spec.physics = physics.written_out(chosen.engine, &spec.physics);
         spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
         spec.environment = Reference::Inline(Box::new(environment.clone()));
         spec.finish = Finish::written_out(finish.as_ref());
@@ -85,6 +89,7 @@ impl Job {
             robot_spec,
             environment,
             robot,
+            engine: chosen,
             physics,
             fitness,
             bounds,
@@ -124,9 +129,22 @@ impl Job {
         Digest::of("evogait job 1", &Identity { spec: &spec, engine: self.engine_digest() })
     }
 
-    /// The digest of the engine that the job runs on, as this build has it. A worker must offer the same.
+    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting is another
+    /// engine's. A worker must offer the same.
     pub fn engine_digest(&self) -> Digest {
-        engine_digest(self.0.spec.physics.engine)
+        let search = self.chosen().engine;
+        engines_digest(search, self.reference().map_or(search, |reference| reference.chosen().engine))
+    }
+
+    /// Which engine the job runs on, and why. [`Self::reference`] has one of its own.
+    pub fn chosen(&self) -> Chosen {
+        self.0.engine
+    }
+
+    /// Candidates whose first rollouts fill the engine's lanes on this machine: fewer in a batch take as long. 1 for an
+    /// engine without lanes.
+    pub fn candidates_at_once(&self) -> u32 {
+        (self.engine().lanes() as u32 / self.0.spec.gaits.count).max(1)
     }
 
     /// The resolved job as written.
@@ -181,7 +199,7 @@ impl Job {
 
     /// The engine.
     pub fn engine(&self) -> &'static dyn Engine {
-        engine(self.0.spec.physics.engine)
+        engine(self.0.engine.engine)
     }
 
     /// The controller.

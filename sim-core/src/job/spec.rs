@@ -188,11 +188,11 @@ pub enum Scale {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsSpec {
-    /// The engine.
-    pub engine: EngineKind,
+    /// The engine, or `auto`; in a resolved job the one that this became.
+    pub engine: EngineChoice,
     /// How big the robot is.
     pub scale: Scale,
-    /// How joints are held together.
+    /// How joints are held together, on rapier; the lockstep engine has reduced coordinates only.
     pub joints: JointKind,
     /// mu/s².
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -212,18 +212,58 @@ pub struct PhysicsSpec {
     /// Physics steps in a second of simulated time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps_per_second: Option<u32>,
-    /// Solver iterations (substeps) of a step.
+    /// Solver iterations (substeps) of a step; on the lockstep engine, the times that a step linearises contacts and
+    /// motors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps: Option<u32>,
 }
 
-/// The physics engines there are.
+/// The engine that a job asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EngineChoice {
+    /// Lockstep where its fidelity is known, else rapier.
+    #[default]
+    Auto,
+    /// rapier.
+    Rapier,
+    /// Lockstep.
+    Lockstep,
+}
+
+/// The physics engines there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EngineKind {
     /// rapier3d: any terrain.
-    #[default]
     Rapier,
+    /// Many rollouts side by side: flat ground, boxes.
+    Lockstep,
+}
+
+impl EngineKind {
+    /// As job files call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rapier => "rapier",
+            Self::Lockstep => "lockstep",
+        }
+    }
+}
+
+impl fmt::Display for EngineKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl From<EngineKind> for EngineChoice {
+    fn from(kind: EngineKind) -> Self {
+        match kind {
+            EngineKind::Rapier => Self::Rapier,
+            EngineKind::Lockstep => Self::Lockstep,
+        }
+    }
 }
 
 /// How an engine holds the two bodies of a joint together.

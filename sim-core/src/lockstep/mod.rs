@@ -25,6 +25,10 @@ use crate::robot::Robot;
 use crate::rollout::{Engine, Physics, Request, Rollout};
 pub use crate::simd::Level;
 use crate::simd::at_level;
+use fearless_simd::{Simd, SimdBase};
+
+/// Raised by hand when a change of this engine alters results. What was measured of its fidelity holds for one revision.
+pub const REVISION: u32 = 1;
 
 /// The lockstep engine, at the widest instruction set that this CPU has. Its `substeps` are the times that contacts and
 /// motors are linearised anew within a step.
@@ -61,12 +65,24 @@ impl Engine for LockstepEngine {
         }
         run_at(Level::new(), robot, physics, batch)
     }
+
+    fn lanes(&self) -> usize {
+        width(Level::new())
+    }
 }
 
 /// Runs a batch on flat ground at a given instruction set.
 pub fn run_at(level: Level, robot: &Robot, physics: &Physics, batch: &[Request<'_>]) -> Vec<Rollout> {
     let model = model::Model::new(robot, physics);
     at_level!(level, simd => batch::run(simd, &model, physics, batch))
+}
+
+/// Lanes of an instruction set.
+fn width(level: Level) -> usize {
+    fn of<S: Simd>(_: S) -> usize {
+        <S::f32s as SimdBase<S>>::LEN
+    }
+    at_level!(level, simd => of(simd))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ mod assemble;
 mod body;
 pub mod exchange;
 mod kind;
+mod mechanics;
 mod pose;
 mod rigid;
 mod spec;

@@ -6,7 +6,7 @@ mod settings;
 mod settle;
 mod trace;
 
-pub use engine::{Engine, NUMERIC_CRATES, Request, engine, engine_digest, engine_digests};
+pub use engine::{Engine, NUMERIC_CRATES, Request, engine, engine_digest, engine_digests, engines_digest};
 pub use rapier::RapierEngine;
 pub use settings::Physics;
 pub(crate) use settle::canonical;

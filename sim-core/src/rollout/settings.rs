@@ -1,7 +1,11 @@
 //! What physics a job runs on, every number resolved.
 
 use crate::error::{Invalid, in_range};
-use crate::job::{JointKind, PhysicsSpec, Scale};
+use crate::job::{EngineKind, JointKind, PhysicsSpec, Scale};
+
+/// Steps a second and substeps of the lockstep engine, by scale. Those of `real` are provisional.
+const LOCKSTEP_PAPER: (u32, u32) = (200, 2);
+const LOCKSTEP_REAL: (u32, u32) = (600, 2);
 
 /// Resolved `[physics]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,15 +22,26 @@ pub struct Physics {
     pub max_torque: f32,
     /// Steps in a second. Collisions are detected once a step.
     pub steps_per_second: u32,
-    /// Solver iterations of a step: rapier integrates in this many substeps. `1 / (steps_per_second · substeps)` decides
-    /// the fidelity.
+    /// rapier integrates a step in this many substeps: `1 / (steps_per_second · substeps)` decides the fidelity. The
+    /// lockstep engine linearises contacts and motors this many times in a step.
     pub substeps: u32,
     /// How joints are held together.
     pub joints: JointKind,
 }
 
 impl Physics {
-    /// What a scale ships with. `paper`: modules of 1 m under 9.81 m/s². `real`: CoSMO modules of 0.105 m, so
+    /// What a scale ships with on an engine: on lockstep that of rapier, in other steps.
+    pub fn of(engine: EngineKind, scale: Scale) -> Self {
+        let rapier = Self::of_scale(scale);
+        let (steps_per_second, substeps) = match (engine, scale) {
+            (EngineKind::Rapier, _) => return rapier,
+            (EngineKind::Lockstep, Scale::Paper) => LOCKSTEP_PAPER,
+            (EngineKind::Lockstep, Scale::Real) => LOCKSTEP_REAL,
+        };
+        Self { steps_per_second, substeps, ..rapier }
+    }
+
+    /// What a scale ships with on rapier. `paper`: modules of 1 m under 9.81 m/s². `real`: CoSMO modules of 0.105 m, so
     /// 9.81 / 0.105 mu/s², with motors ten times as strong and finer steps, because joints carry ten times the load.
     pub fn of_scale(scale: Scale) -> Self {
         let paper = Self {
@@ -53,7 +68,7 @@ impl Physics {
         }
     }
 
-    /// The setting that winners are chosen and judged on: that of the scale, in finer steps.
+    /// The setting that winners are chosen and judged on: rapier's for the scale, in finer steps.
     pub fn reference_of(scale: Scale) -> Self {
         let (steps_per_second, substeps) = match scale {
             Scale::Paper => (60, 16),
@@ -63,8 +78,8 @@ impl Physics {
     }
 
     /// Resolves and validates the `[physics]` table.
-    pub fn resolve(spec: &PhysicsSpec) -> Result<Self, Invalid> {
-        let scale = Self::of_scale(spec.scale);
+    pub fn resolve(engine: EngineKind, spec: &PhysicsSpec) -> Result<Self, Invalid> {
+        let scale = Self::of(engine, spec.scale);
         let number = |field: &str, value: Option<f64>, scale: f32, range: (f64, f64), unit: &'static str| {
             let value = value.unwrap_or(shortest(scale));
             in_range(format!("physics.{field}"), value, range, unit).map(|()| value as f32)
@@ -85,10 +100,10 @@ impl Physics {
         })
     }
 
-    /// The table with every number written out.
-    pub fn written_out(&self, spec: &PhysicsSpec) -> PhysicsSpec {
+    /// The table with engine and every number written out.
+    pub fn written_out(&self, engine: EngineKind, spec: &PhysicsSpec) -> PhysicsSpec {
         PhysicsSpec {
-            engine: spec.engine,
+            engine: engine.into(),
             scale: spec.scale,
             joints: self.joints,
             gravity: Some(shortest(self.gravity)),

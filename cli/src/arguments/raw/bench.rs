@@ -18,11 +18,14 @@ pub enum BenchCommand {
 Examples:
   evogait bench rollout
   evogait bench rollout lizard --settings 30x8,60x16,60x16-multibody --gaits 50
+  evogait bench rollout quadropod --settings 30x8,200x2-lockstep --gaits 128
 
 Random gaits from the settled start, on one thread. A setting is steps a second
-x substeps of a step, with -multibody for multibody joints. Settings take turns
-gait by gait, so that their ratio holds on a busy machine too. CPU seconds are
-those of the own thread. Intervals are 95 % bootstrap intervals over the gaits.")]
+x substeps of a step, with -multibody for multibody joints, -lockstep for the
+lockstep engine. Settings take turns gait by gait (with a lockstep one: 64 gaits
+by 64, which it simulates at once), so that their ratio holds on a busy machine
+too. CPU seconds are those of the own thread. Intervals are 95 % bootstrap
+intervals over the gaits.")]
     Rollout(BenchRollout),
 
     /// Whole evaluations of a job, and what their time goes to
@@ -30,7 +33,8 @@ those of the own thread. Intervals are 95 % bootstrap intervals over the gaits."
 Example:
   evogait bench evaluate quadropod-empty --evaluations 20
 
-Candidates of the job's first generation, one after the other on one thread.
+Candidates of the job's first generation, one after the other on one thread; on
+the lockstep engine as many at once as a slot of this machine gets of a generation.
 Shares are of CPU time: physics (the engine), target tables (oscillators),
 planning (nearest neighbours, obstacles, transitions), the rest (fitness).")]
     Evaluate(BenchEvaluate),
@@ -41,6 +45,8 @@ Examples:
   evogait bench fidelity quadropod --settings 30x8,60x16,240x4 --out bench/quadropod
   evogait bench fidelity --gaits runs/quadropod-empty-3f2a9c01d4e5 --random 0
   evogait bench fidelity lizard --random 10 --evolved 10 --duration 2
+  evogait bench fidelity quadropod --settings 30x8,200x2-lockstep
+  evogait bench fidelity quadropod --table scenarios/fidelity.toml
 
 The same gaits, from the same settled start, with every setting and with the
 reference. Errors are those of the pivot's pose after the gait; the rank
@@ -50,10 +56,16 @@ of the start off by a millionth rad; the halved steps are the reference against
 one with twice its substeps, and one with twice its steps. docs/performance.md
 says how to read them.
 
+Settings of both engines may be compared with a reference of either. --table
+measures the lockstep engine's own setting against its converged reference and
+keeps that as a row of the table by which engine = \"auto\" chooses;
+tests/fidelity-table.sh does it for every robot that ships.
+
 Evolved gaits are those of a stored run's winner (--gaits), or evolved on the
 spot: genetic algorithms of 8 generations of 17 candidates of two gaits of 4 s,
-for coverage, as many as it takes (34 gaits each, some seconds). With the
-defaults nearly all time goes to the reference: some minutes.
+for coverage, as many as it takes (34 gaits each, some seconds), on the engine of
+the reference. With the defaults nearly all time goes to the reference: some
+minutes.
 
 Files in the output folder:
   fidelity.md, fidelity.json    the tables
@@ -201,11 +213,12 @@ pub struct BenchFidelity {
     #[command(flatten)]
     pub subject: Subject,
 
-    /// Engine settings to compare [default: that of the scale]
+    /// Engine settings to compare [default: that of the scale, on the reference's engine]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
     pub settings: Vec<Setting>,
 
-    /// The converged setting [default: 480x8 for the scale paper, 960x16 for real]
+    /// The converged setting [default: 480x8 for the scale paper, 960x16 for real; where all settings are lockstep,
+    /// 1600x4-lockstep and 4800x4-lockstep]
     #[arg(long, value_name = "SETTING")]
     pub reference: Option<Setting>,
 
@@ -236,6 +249,10 @@ pub struct BenchFidelity {
     /// Write tables and picture to this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+
+    /// Keep the lockstep engine's own setting as a row of this file
+    #[arg(long, value_name = "FILE", conflicts_with = "gaits")]
+    pub table: Option<PathBuf>,
 
     /// Print JSON
     #[arg(long, display_order = 99)]

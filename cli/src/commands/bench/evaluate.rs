@@ -7,6 +7,7 @@ use crate::cost::{self, Budget};
 use crate::error::Error;
 use crate::load;
 use crate::progress::Pieces;
+use crate::setting::Setting;
 use serde::Serialize;
 use sim_core::identity::Digest;
 use sim_core::score::Counts;
@@ -17,6 +18,10 @@ struct View<'a> {
     job: &'a str,
     job_digest: Digest,
     evaluations: u32,
+    /// The engine and its setting.
+    engine: Setting,
+    /// Candidates evaluated together.
+    at_once: u32,
     machine: Machine,
     /// On one slot, by the wall.
     evaluations_per_second: f64,
@@ -25,6 +30,8 @@ struct View<'a> {
     rollouts_per_evaluation: f64,
     /// Simulated s a CPU s of the engine.
     simulated_per_physics_cpu: f64,
+    /// Lanes of the engine that simulated a rollout somebody asked for, of all; `null` for an engine without lanes.
+    useful_lanes: Option<f64>,
     /// Shares of the CPU time.
     shares: Shares,
     counts: Counts,
@@ -53,11 +60,14 @@ pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
         job: &job.spec().name,
         job_digest: job.digest(),
         evaluations: cost.evaluations,
+        engine: Setting::of(&job),
+        at_once: cost::at_once(&job),
         machine: Machine::here(),
         evaluations_per_second: n / cost.total.wall,
         cpu_seconds_per_evaluation: cost.total.cpu / n,
         rollouts_per_evaluation: cost.counts.rollouts as f64 / n,
         simulated_per_physics_cpu: cost.counts.simulated_ms as f64 / 1000.0 / cost.physics.cpu,
+        useful_lanes: (job.engine().lanes() > 1).then(|| cost.lanes.useful as f64 / cost.lanes.all as f64),
         shares: Shares { physics, target_tables, planning, rest: 1.0 - physics - target_tables - planning },
         counts: cost.counts,
     };
@@ -75,12 +85,16 @@ fn text(view: &View) -> String {
         row("planning", view.shares.planning),
         row("the rest", view.shares.rest),
     ];
+    let lanes = view.useful_lanes.map_or_else(String::new, |useful| {
+        format!("; {:.1} % of its lanes useful, {} candidates at once", 100.0 * useful, view.at_once)
+    });
     format!(
-        "{}: {} evaluations, one slot ({})\n\
+        "{}: {} evaluations on {}, one slot ({})\n\
          {} evaluations a second, {:.4} CPU s each\n\
-         {:.1} rollouts an evaluation, {:.0} simulated s a CPU s of physics\n\n{}",
+         {:.1} rollouts an evaluation, {:.0} simulated s a CPU s of physics{lanes}\n\n{}",
         view.job,
         view.evaluations,
+        view.engine,
         view.machine.line(),
         console::score(view.evaluations_per_second),
         each,

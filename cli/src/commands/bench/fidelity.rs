@@ -1,12 +1,13 @@
 //! `evogait bench fidelity`: engine settings against a converged reference, on random and evolved gaits.
 
 mod report;
+mod row;
 mod view;
 
-use super::gaits;
 use super::subject::{self, Machine};
+use super::{gaits, rollouts, turns};
 use crate::arguments::BenchFidelity;
-use crate::clock::{Spent, timed};
+use crate::clock::Spent;
 use crate::console;
 use crate::error::Error;
 use crate::output::Stored;
@@ -14,10 +15,11 @@ use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use crate::setting::Setting;
 use sim_core::control::Targets;
-use sim_core::job::{Job, Scale};
+use sim_core::job::{EngineKind, Job, Scale};
 use sim_core::measure::fidelity::{arrival, compare, disturbed};
 use sim_core::plan::Place;
-use sim_core::rollout::{Physics, Request};
+use sim_core::robot::State;
+use sim_core::rollout::{Engine, Physics, Request, Rollout, engine};
 use sim_core::score::Genome;
 use std::fs;
 use std::path::Path;
@@ -33,6 +35,7 @@ const MOST_EVOLUTIONS: u64 = 1000;
 /// One thing to simulate every gait with. The first is the reference, then its disturbed start, then those with half its
 /// step, then the settings.
 struct Variant {
+    engine: &'static dyn Engine,
     physics: Physics,
     disturbed: bool,
 }
@@ -54,19 +57,23 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     let (job, own, stored) = subject_of(&args)?;
     let duration = job.spec().gaits.duration;
     let settings = if args.settings.is_empty() { vec![own] } else { args.settings.clone() };
-    let reference = Setting::of(job.physics());
+    let reference = Setting::of(&job);
     let halved = halves(reference)?;
     subject::check(&settings, duration)?;
+    subject::supported(&settings, &job)?;
+    if args.table.is_some() {
+        row::check(reference, &settings, args.subject.scale.into(), [args.random, args.evolved])?;
+    }
 
     let drawn = gaits::random(&job, args.random, args.seed);
     let (evolved, from) = evolved(&args, &job, stored, quiet)?;
     if drawn.is_empty() && evolved.is_empty() {
         return Err(Error::Usage { message: "--random 0 --evolved 0 leaves no gaits to compare".to_owned() });
     }
-    let mut variants = vec![Variant { physics: *job.physics(), disturbed: false }];
-    variants.push(Variant { physics: *job.physics(), disturbed: true });
-    let others = halved.iter().chain(&settings);
-    variants.extend(others.map(|s| Variant { physics: s.apply(job.physics()), disturbed: false }));
+    let variant =
+        |s: &Setting, disturbed| Variant { engine: engine(s.engine), physics: s.apply(job.physics()), disturbed };
+    let mut variants = vec![variant(&reference, false), variant(&reference, true)];
+    variants.extend(halved.iter().chain(&settings).map(|s| variant(s, false)));
 
     let progress = Pieces::new("gaits", (drawn.len() + evolved.len()) as u64, quiet);
     let mut sets = Vec::new();
@@ -91,39 +98,53 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         write(out, &view)?;
     }
+    if let Some(table) = &args.table {
+        row::keep(table, row::of(&job, args.subject.variant.as_deref(), args.subject.scale.into(), &view)?)?;
+    }
     if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
+}
+
+/// The engine whose settings are compared unless it is said: that of all settings given, or of the table.
+fn engine_meant(args: &BenchFidelity) -> EngineKind {
+    let all = |engine| !args.settings.is_empty() && args.settings.iter().all(|s| s.engine == engine);
+    match args.reference {
+        Some(reference) => reference.engine,
+        None if args.table.is_some() || all(EngineKind::Lockstep) => EngineKind::Lockstep,
+        None => EngineKind::Rapier,
+    }
 }
 
 /// The job that says robot, physics (the reference's) and gaits; the setting that it would have by itself; and the stored
 /// winner's gaits if a folder was given.
 fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genome>>), Error> {
+    let meant = engine_meant(args);
     let Some(folder) = &args.gaits else {
-        let reference = args.reference.unwrap_or_else(|| finest(args.subject.scale.into()));
+        let reference = args.reference.unwrap_or_else(|| finest(meant, args.subject.scale.into()));
         subject::check(&[reference], args.duration)?;
         let job = subject::job(&args.subject, reference, args.duration, args.seed)?;
-        return Ok((job, subject::own(&args.subject), None));
+        return Ok((job, subject::own(&args.subject, meant), None));
     };
     let stored = Stored::read(folder)?;
     let Some(winner) = &stored.result.winner else { return Err(Error::NoWinner { folder: folder.clone() }) };
     let mut spec = stored.job.spec().clone();
-    let reference = args.reference.unwrap_or_else(|| finest(spec.physics.scale));
+    let reference = args.reference.unwrap_or_else(|| finest(meant, spec.physics.scale));
     subject::check(&[reference], spec.gaits.duration)?;
-    spec.physics.steps_per_second = Some(reference.steps_per_second);
-    spec.physics.substeps = Some(reference.substeps);
-    spec.physics.joints = reference.joints;
+    reference.write(&mut spec.physics);
     let job = Job::new(spec).map_err(|source| Error::Invalid { file: folder.display().to_string(), source })?;
     let genome: Vec<f64> = winner.genome.iter().map(|p| p.value).collect();
     let gaits = genome.chunks(gaits::length(&job)).map(<[f64]>::to_vec).collect();
-    Ok((job, Setting::of(stored.job.physics()), Some(gaits)))
+    Ok((job, Setting::of(&stored.job), Some(gaits)))
 }
 
 /// What is fine enough to be a reference, as a rule; the halved steps tell whether it is.
-fn finest(scale: Scale) -> Setting {
-    let (steps_per_second, substeps) = match scale {
-        Scale::Paper => (480, 8),
-        Scale::Real => (960, 16),
+fn finest(engine: EngineKind, scale: Scale) -> Setting {
+    let (steps_per_second, substeps) = match (engine, scale) {
+        (EngineKind::Rapier, Scale::Paper) => (480, 8),
+        (EngineKind::Rapier, Scale::Real) => (960, 16),
+        (EngineKind::Lockstep, Scale::Paper) => (1600, 4),
+        (EngineKind::Lockstep, Scale::Real) => (4800, 4),
     };
-    Setting { steps_per_second, substeps, joints: Default::default() }
+    Setting { engine, steps_per_second, substeps, joints: Default::default() }
 }
 
 /// The reference with twice its substeps, and with twice its steps.
@@ -149,7 +170,8 @@ fn evolved(
         gaits.truncate(args.evolved as usize);
         return Ok((gaits, "the winner of a stored run".to_owned()));
     }
-    let own = subject::own(&args.subject);
+    // A search finds the weak points of the engine that it runs on.
+    let own = subject::own(&args.subject, job.chosen().engine);
     let first = subject::job(&args.subject, own, EVOLVED_DURATION, args.seed)?;
     debug_assert_eq!(gaits::length(&first), gaits::length(job));
     // The first was checked; other seeds change nothing that could be refused.
@@ -158,24 +180,23 @@ fn evolved(
     Ok((gaits::evolved(jobs, args.evolved, quiet), "the last generations of short evolutions".to_owned()))
 }
 
-/// Every gait with every variant, gait by gait, so that all variants see the same machine. By gait, then by variant.
+/// Every gait with every variant, by turns, so that all variants see the same machine. By gait, then by variant.
 fn simulate(job: &Job, variants: &[Variant], gaits: &[Targets], threads: u32, progress: &Pieces) -> Vec<Vec<Run>> {
+    let turns = turns(gaits.len(), variants.iter().any(|v| v.engine.lanes() > 1));
     let next = AtomicUsize::new(0);
     let found = Mutex::new(vec![Vec::new(); gaits.len()]);
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                loop {
-                    let gait = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(targets) = gaits.get(gait) else { return };
-                    let off = disturbed(job.start(), gait as u32);
-                    let runs = variants.iter().map(|v| {
-                        let start = if v.disturbed { &off } else { job.start() };
-                        one(job, &v.physics, Request { start, targets })
-                    });
-                    let runs = runs.collect();
-                    found.lock().unwrap_or_else(PoisonError::into_inner)[gait] = runs;
-                    progress.one_done();
+                while let Some(turn) = turns.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let off: Vec<State> = turn.clone().map(|gait| disturbed(job.start(), gait as u32)).collect();
+                    let runs: Vec<Vec<Run>> =
+                        variants.iter().map(|v| all(job, v, &gaits[turn.clone()], &off)).collect();
+                    let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+                    for (i, gait) in turn.clone().enumerate() {
+                        found[gait] = runs.iter().map(|runs| runs[i]).collect();
+                        progress.one_done();
+                    }
                 }
             });
         }
@@ -183,9 +204,17 @@ fn simulate(job: &Job, variants: &[Variant], gaits: &[Targets], threads: u32, pr
     found.into_inner().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn one(job: &Job, physics: &Physics, request: Request<'_>) -> Run {
-    let (rollout, spent) = timed(|| job.engine().run(job.robot(), physics, &[], &[request]).swap_remove(0));
-    Run { end: arrival(&rollout), simulated: rollout.simulated_ms as f64 / 1000.0, spent }
+/// Some gaits with one variant, each from the start or from its disturbed one.
+fn all(job: &Job, variant: &Variant, gaits: &[Targets], disturbed: &[State]) -> Vec<Run> {
+    let start = |i: usize| if variant.disturbed { &disturbed[i] } else { job.start() };
+    let requests: Vec<Request<'_>> =
+        gaits.iter().enumerate().map(|(i, targets)| Request { start: start(i), targets }).collect();
+    let run = |(rollout, spent): (Rollout, Spent)| Run {
+        end: arrival(&rollout),
+        simulated: rollout.simulated_ms as f64 / 1000.0,
+        spent,
+    };
+    rollouts(variant.engine, job.robot(), &variant.physics, &requests).into_iter().map(run).collect()
 }
 
 fn set(name: &'static str, settings: &[Setting], halved: &[Setting], runs: &[Vec<Run>]) -> Set {

@@ -10,10 +10,16 @@ mod rollout;
 mod subject;
 
 use crate::arguments::Bench;
-use crate::clock::Spent;
+use crate::clock::{Spent, timed};
 use crate::error::Error;
 use sim_core::measure::statistics::{Estimate, bootstrap};
 use sim_core::random::{Purpose, Stream};
+use sim_core::robot::Robot;
+use sim_core::rollout::{Engine, Physics, Request, Rollout};
+use std::ops::Range;
+
+/// Least gaits that an engine with lanes gets at once: speeds of fewer say little.
+const BATCH: usize = 64;
 
 /// Measures what was asked for.
 pub fn run(what: Bench, quiet: bool) -> Result<(), Error> {
@@ -27,6 +33,27 @@ pub fn run(what: Bench, quiet: bool) -> Result<(), Error> {
     }
 }
 
+/// Gaits in the order they are simulated: those of a range with one setting, then with the next. One by one, unless an
+/// engine has lanes to fill.
+fn turns(gaits: usize, lanes: bool) -> Vec<Range<usize>> {
+    if !lanes {
+        return (0..gaits).map(|i| i..i + 1).collect();
+    }
+    let turns = (gaits / BATCH).max(1);
+    (0..turns).map(|i| i * BATCH..if i + 1 == turns { gaits } else { (i + 1) * BATCH }).collect()
+}
+
+/// Rollouts on flat ground and what each took. An engine with lanes gets all at once, and each takes an equal share.
+fn rollouts(engine: &dyn Engine, robot: &Robot, physics: &Physics, requests: &[Request<'_>]) -> Vec<(Rollout, Spent)> {
+    let together = if engine.lanes() > 1 { requests.len().max(1) } else { 1 };
+    let run = |batch: &[Request<'_>]| {
+        let (rollouts, Spent { wall, cpu }) = timed(|| engine.run(robot, physics, &[], batch));
+        let n = rollouts.len() as f64;
+        rollouts.into_iter().map(move |rollout| (rollout, Spent { wall: wall / n, cpu: cpu / n })).collect::<Vec<_>>()
+    };
+    requests.chunks(together).flat_map(run).collect()
+}
+
 /// Simulated s a CPU s over gaits, given as (simulated s, time it took), with its 95 % interval.
 fn speed(gaits: &[(f64, Spent)]) -> Estimate {
     let ratio = |members: &[usize]| {
@@ -37,4 +64,17 @@ fn speed(gaits: &[(f64, Spent)]) -> Estimate {
     let mut stream = Stream::new(0, Purpose::Bootstrap, 0, 0, 0);
     let unknown = Estimate { value: 0.0, low: 0.0, high: 0.0 };
     bootstrap(gaits.len() as u32, &mut stream, ratio).unwrap_or(unknown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn engines_with_lanes_get_whole_batches_and_every_gait_has_its_turn() {
+        assert_eq!(turns(3, false), [0..1, 1..2, 2..3]);
+        assert_eq!(turns(10, true), [0..10]);
+        assert_eq!(turns(100, true), [0..100]);
+        assert_eq!(turns(130, true), [0..64, 64..130]);
+    }
 }

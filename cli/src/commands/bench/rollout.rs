@@ -1,16 +1,17 @@
 //! `evogait bench rollout`: what physics costs.
 
 use super::subject::{self, Machine};
-use super::{gaits, speed};
+use super::{gaits, rollouts, speed, turns};
 use crate::arguments::BenchRollout;
-use crate::clock::{Spent, timed};
+use crate::clock::Spent;
 use crate::console::{self, table};
 use crate::error::Error;
 use crate::progress::Pieces;
 use crate::setting::Setting;
 use serde::Serialize;
+use sim_core::job::EngineKind;
 use sim_core::measure::statistics::Estimate;
-use sim_core::rollout::{Outcome, Physics, Request};
+use sim_core::rollout::{Engine, Outcome, Physics, Request, engine};
 
 #[derive(Serialize)]
 struct View {
@@ -38,24 +39,28 @@ struct Row {
 
 /// Measures and tells.
 pub fn run(args: BenchRollout, quiet: bool) -> Result<(), Error> {
-    let own = subject::own(&args.subject);
+    let own = subject::own(&args.subject, EngineKind::Rapier);
     let settings = if args.settings.is_empty() { vec![own] } else { args.settings };
     subject::check(&[own], args.duration)?;
     subject::check(&settings, args.duration)?;
     let job = subject::job(&args.subject, own, args.duration, args.seed)?;
-    let physics: Vec<Physics> = settings.iter().map(|s| s.apply(job.physics())).collect();
+    subject::supported(&settings, &job)?;
+    let physics: Vec<(&dyn Engine, Physics)> =
+        settings.iter().map(|s| (engine(s.engine), s.apply(job.physics()))).collect();
     let targets = gaits::compiled(&job, &gaits::random(&job, args.gaits, args.seed));
     let progress = Pieces::new("gaits", targets.len() as u64, quiet);
     let mut spent: Vec<Vec<(f64, Spent)>> = vec![Vec::new(); settings.len()];
     let mut unstable = vec![0; settings.len()];
-    for targets in &targets {
-        let request = Request { start: job.start(), targets };
-        for (i, physics) in physics.iter().enumerate() {
-            let (rollout, time) = timed(|| job.engine().run(job.robot(), physics, &[], &[request]).swap_remove(0));
-            spent[i].push((rollout.simulated_ms as f64 / 1000.0, time));
-            unstable[i] += u32::from(rollout.outcome != Outcome::Completed);
+    for turn in turns(targets.len(), physics.iter().any(|(engine, _)| engine.lanes() > 1)) {
+        let requests: Vec<Request<'_>> =
+            targets[turn.clone()].iter().map(|targets| Request { start: job.start(), targets }).collect();
+        for (i, (engine, physics)) in physics.iter().enumerate() {
+            for (rollout, time) in rollouts(*engine, job.robot(), physics, &requests) {
+                spent[i].push((rollout.simulated_ms as f64 / 1000.0, time));
+                unstable[i] += u32::from(rollout.outcome != Outcome::Completed);
+            }
         }
-        progress.one_done();
+        turn.for_each(|_| progress.one_done());
     }
     drop(progress);
     let row = |(i, setting): (usize, &Setting)| {

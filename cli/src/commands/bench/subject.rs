@@ -5,8 +5,8 @@ use crate::error::Error;
 use crate::load;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::job::{Job, JobSpec, Reference};
-use sim_core::rollout::Physics;
+use sim_core::job::{EngineKind, Job, JobSpec, Reference};
+use sim_core::lockstep;
 
 /// Everything that a job needs and a subject does not say: the evolution that `fidelity` takes its gaits from.
 const FRAME: &str = r#"
@@ -36,15 +36,22 @@ pub fn job(subject: &Subject, setting: Setting, duration: f64, seed: u64) -> Res
     spec.seed = seed;
     spec.gaits.duration = duration;
     spec.physics.scale = subject.scale.into();
-    spec.physics.steps_per_second = Some(setting.steps_per_second);
-    spec.physics.substeps = Some(setting.substeps);
-    spec.physics.joints = setting.joints;
+    setting.write(&mut spec.physics);
     Job::new(spec).map_err(refused)
 }
 
-/// The scale's own setting.
-pub fn own(subject: &Subject) -> Setting {
-    Setting::of(&Physics::of_scale(subject.scale.into()))
+/// The scale's own setting on an engine.
+pub fn own(subject: &Subject, engine: EngineKind) -> Setting {
+    Setting::own(engine, subject.scale.into())
+}
+
+/// Refuses settings of an engine that can't simulate the job's robot.
+pub fn supported(settings: &[Setting], job: &Job) -> Result<(), Error> {
+    let lockstep = settings.iter().find(|s| s.engine == EngineKind::Lockstep);
+    match (lockstep, lockstep::supports(job.robot(), &[])) {
+        (Some(setting), Err(why)) => Err(Error::Usage { message: format!("{setting} is not possible: {why}") }),
+        _ => Ok(()),
+    }
 }
 
 /// Refuses settings with which a gait of so many s is no whole number of steps.
