@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Measures the lockstep engine's own setting against its converged reference, for robots that ship, whole and with failed
-# modules, and keeps that in the table by which engine = "auto" chooses. Fidelity is no speed: a busy machine does no harm.
+# Measures settings of the lockstep engine against its converged reference, for robots that ship, whole and with failed
+# modules, and keeps them in the table by which engine = "auto" chooses. Fidelity is no speed: a busy machine does no harm.
 #
 #   tests/fidelity-table.sh                       all robots, scale paper
 #   tests/fidelity-table.sh ROBOT …               these

@@ -159,6 +159,12 @@ pub enum Error {
         /// The output folder.
         folder: PathBuf,
     },
+    /// An engine did not report all that went wrong.
+    #[error("{rollouts} rollouts left a bound that the engine did not report")]
+    Unsound {
+        /// How many.
+        rollouts: u64,
+    },
     /// A recomputed number has other bits than the stored one.
     #[error("{folder} does not verify: {difference}", folder = .folder.display())]
     Different {

@@ -10,6 +10,7 @@ pub enum Bench {
     Plan(raw::BenchPlan),
     Dispatch(raw::BenchDispatch),
     Reuse(raw::BenchReuse),
+    Soundness(raw::BenchSoundness),
 }
 
 impl From<raw::Bench> for Bench {
@@ -21,6 +22,7 @@ impl From<raw::Bench> for Bench {
             raw::BenchCommand::Plan(args) => Self::Plan(args),
             raw::BenchCommand::Dispatch(args) => Self::Dispatch(args),
             raw::BenchCommand::Reuse(args) => Self::Reuse(args),
+            raw::BenchCommand::Soundness(args) => Self::Soundness(args),
         }
     }
 }

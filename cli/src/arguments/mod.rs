@@ -4,7 +4,10 @@ mod bench;
 mod raw;
 
 pub use bench::Bench;
-pub use raw::{BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchReuse, BenchRollout, Load, State, Subject};
+pub use raw::{
+    BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchReuse, BenchRollout, BenchSoundness, Load, State,
+    Subject,
+};
 
 use crate::client::Url;
 use crate::error::Error;

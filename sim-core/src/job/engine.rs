@@ -4,7 +4,7 @@ use super::{EngineChoice, EngineKind, JointKind, PhysicsSpec};
 use crate::environment::Environment;
 use crate::error::Invalid;
 use crate::lockstep::{self, Unsupported};
-use crate::measure::known::{Known, Verdict};
+use crate::measure::known::{Known, Row};
 use crate::robot::Robot;
 use crate::rollout::Physics;
 use std::fmt;
@@ -23,8 +23,8 @@ pub struct Chosen {
 pub enum Why {
     /// The job says so; a job that was resolved before always does.
     Asked,
-    /// Lockstep's fidelity on this robot is in the table that ships, and stands.
-    Measured,
+    /// Lockstep's fidelity on this robot is in the table that ships, and stands in so many steps a second and substeps.
+    Measured((u32, u32)),
     /// There is terrain.
     Terrain,
     /// The robot has capsules.
@@ -44,7 +44,7 @@ impl fmt::Display for Chosen {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let why = match self.why {
             Why::Asked => return self.engine.fmt(f),
-            Why::Measured => "whose fidelity on this robot is measured",
+            Why::Measured(_) => "whose fidelity on this robot is measured",
             Why::Terrain => "since there is terrain",
             Why::Capsules => "since the robot has capsules",
             Why::Multibody => "since joints are multibody",
@@ -90,19 +90,35 @@ fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Opt
     }
 }
 
-/// Lockstep where it is known to be good: for this robot, on the scale's own physics.
+/// Lockstep where it is known to be good: for this robot, on the scale's own physics, in the steps that were measured.
 fn by_fidelity(spec: &PhysicsSpec, robot: &Robot, known: &Known) -> Chosen {
-    let own = Physics::of(EngineKind::Lockstep, spec.scale);
-    // A table that is out of range is refused later on, by field.
-    if Physics::resolve(EngineKind::Lockstep, spec).ok() != Some(own) {
-        return Chosen { engine: EngineKind::Rapier, why: Why::OtherPhysics };
-    }
-    let (engine, why) = match known.verdict(robot, spec.scale) {
-        Verdict::Stands => (EngineKind::Lockstep, Why::Measured),
-        Verdict::Falls => (EngineKind::Rapier, Why::Inexact),
-        Verdict::Unknown => (EngineKind::Rapier, Why::Unmeasured),
+    let rapier = |why| Chosen { engine: EngineKind::Rapier, why };
+    let rows = known.of(robot, spec.scale);
+    let fits = |(steps_per_second, substeps): (u32, u32)| {
+        let own = Physics { steps_per_second, substeps, ..Physics::of(EngineKind::Lockstep, spec.scale) };
+        // A table that is out of range is refused later on, by field.
+        Physics::resolve(EngineKind::Lockstep, &with_steps(spec, (steps_per_second, substeps))).ok() == Some(own)
     };
-    Chosen { engine, why }
+    let own = Physics::of(EngineKind::Lockstep, spec.scale);
+    if rows.is_empty() {
+        let fits = fits((own.steps_per_second, own.substeps));
+        return rapier(if fits { Why::Unmeasured } else { Why::OtherPhysics });
+    }
+    let fitting: Vec<&Row> = rows.into_iter().filter(|row| fits(row.setting())).collect();
+    match fitting.iter().find(|row| row.stands()) {
+        Some(row) => Chosen { engine: EngineKind::Lockstep, why: Why::Measured(row.setting()) },
+        None if fitting.is_empty() => rapier(Why::OtherPhysics),
+        None => rapier(Why::Inexact),
+    }
+}
+
+/// The table with steps a second and substeps, where it does not say them.
+pub(super) fn with_steps(spec: &PhysicsSpec, (steps_per_second, substeps): (u32, u32)) -> PhysicsSpec {
+    PhysicsSpec {
+        steps_per_second: spec.steps_per_second.or(Some(steps_per_second)),
+        substeps: spec.substeps.or(Some(substeps)),
+        ..spec.clone()
+    }
 }
 
 #[cfg(test)]
@@ -110,7 +126,7 @@ mod tests {
     use super::*;
     use crate::catalogue;
     use crate::job::Scale;
-    use crate::measure::known::{Agreement, Row};
+    use crate::measure::known::Agreement;
 
     fn robot(toml: &str) -> Robot {
         Robot::compile(&toml::from_str(toml).unwrap()).unwrap()
@@ -154,8 +170,15 @@ mod tests {
         let robot = quadropod();
         let known = knows(&robot, 0.99);
         let chosen = |text: &str| choose(&physics(text), &robot, &environment("column"), &known).unwrap();
-        for text in ["", "scale = \"real\"", "friction = 0.8", "steps_per_second = 200\nsubsteps = 2"] {
-            assert_eq!(chosen(text), Chosen { engine: EngineKind::Lockstep, why: Why::Measured }, "{text}");
+        let real = Physics::of(EngineKind::Lockstep, Scale::Real);
+        let real = (real.steps_per_second, real.substeps);
+        for (text, setting) in [
+            ("", (200, 2)),
+            ("scale = \"real\"", real),
+            ("friction = 0.8", (200, 2)),
+            ("steps_per_second = 200\nsubsteps = 2", (200, 2)),
+        ] {
+            assert_eq!(chosen(text), Chosen { engine: EngineKind::Lockstep, why: Why::Measured(setting) }, "{text}");
         }
         for (text, why) in [
             ("friction = 0.7", Why::OtherPhysics),
@@ -181,6 +204,24 @@ mod tests {
         assert_eq!(rapier(&robot, "empty", &knows(&robot, 0.9)), Why::Inexact);
         let round = with_capsules();
         assert_eq!(rapier(&round, "empty", &knows(&round, 0.99)), Why::Capsules);
+    }
+
+    #[test]
+    fn of_several_settings_auto_takes_the_fastest_that_stands() {
+        let robot = quadropod();
+        let mut known = knows(&robot, 0.9);
+        let fine = Agreement { gaits: 100, spearman: 0.99, ceiling: 1.0 };
+        known.rows.extend([800, 400].map(|steps_per_second| Row {
+            steps_per_second,
+            random: fine,
+            evolved: fine,
+            ..known.rows[0].clone()
+        }));
+        let chosen = |text: &str| choose(&physics(text), &robot, &environment("empty"), &known).unwrap().why;
+        assert_eq!(chosen(""), Why::Measured((400, 2)));
+        assert_eq!(chosen("steps_per_second = 800"), Why::Measured((800, 2)));
+        assert_eq!(chosen("steps_per_second = 200"), Why::Inexact);
+        assert_eq!(chosen("steps_per_second = 1600"), Why::OtherPhysics);
     }
 
     fn with_capsules() -> Robot {
@@ -224,7 +265,7 @@ mod tests {
     fn the_reason_is_a_short_phrase() {
         let said = |engine, why| Chosen { engine, why }.to_string();
         assert_eq!(
-            said(EngineKind::Lockstep, Why::Measured),
+            said(EngineKind::Lockstep, Why::Measured((200, 2))),
             "auto: lockstep, whose fidelity on this robot is measured"
         );
         assert_eq!(said(EngineKind::Rapier, Why::Terrain), "auto: rapier, since there is terrain");

@@ -64,6 +64,9 @@ impl Job {
         let environment = resolve_environment(&spec.environment)?;
         let robot = Robot::compile(&robot_spec)?;
         let chosen = engine::choose(&spec.physics, &robot, &environment, Known::shipped())?;
+        if let Why::Measured(setting) = chosen.why {
+            spec.physics = engine::with_steps(&spec.physics, setting);
+        }
         let physics = Physics::resolve(chosen.engine, &spec.physics)?;
         validate_gaits(&spec.gaits, &physics)?;
         validate_planner(&spec.planner)?;

@@ -3,10 +3,9 @@
 
 use crate::error::{Invalid, in_range};
 use crate::identity::Digest;
-use crate::job::{EngineKind, Scale};
+use crate::job::Scale;
 use crate::lockstep;
 use crate::robot::Robot;
-use crate::rollout::Physics;
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
 
@@ -57,19 +56,9 @@ pub struct Agreement {
     pub gaits: u32,
     /// Spearman's rank correlation, −1 to 1.
     pub spearman: f64,
-    /// That of the reference with itself from a start that is off by a millionth rad.
+    /// That of the reference with itself: from a start that is off by a millionth rad or in half the step, whichever is
+    /// less.
     pub ceiling: f64,
-}
-
-/// What the table says of a robot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// It was measured, and is good enough.
-    Stands,
-    /// It was measured, and is not.
-    Falls,
-    /// It was not measured.
-    Unknown,
 }
 
 impl Agreement {
@@ -82,6 +71,11 @@ impl Row {
     /// Whether the engine may stand in for rapier.
     pub fn stands(&self) -> bool {
         self.random.stands() && self.evolved.stands()
+    }
+
+    /// Steps a second and substeps.
+    pub fn setting(&self) -> (u32, u32) {
+        (self.steps_per_second, self.substeps)
     }
 
     /// Whether it tells of the same thing as another.
@@ -122,26 +116,21 @@ impl Known {
     /// The table as a file; rows in order of robot, variant and scale.
     pub fn to_toml(&self) -> String {
         let mut sorted = self.clone();
-        sorted.rows.sort_by_key(|r| (r.robot.clone(), r.variant != "none", r.variant.clone(), r.scale == Scale::Real));
+        sorted.rows.sort_by_key(|r| {
+            let name = (r.robot.clone(), r.variant != "none", r.variant.clone());
+            (name, r.scale == Scale::Real, r.steps_per_second * r.substeps)
+        });
         let rows = toml::to_string(&sorted).expect("a table of numbers and names can be written as TOML");
         format!("{HEAD}\n{rows}")
     }
 
-    /// What is known of a robot on the lockstep engine's own setting of a scale.
-    pub fn verdict(&self, robot: &Robot, scale: Scale) -> Verdict {
-        let setting = Physics::of(EngineKind::Lockstep, scale);
+    /// What is known of a robot at a scale, by this revision of the engine; the fastest setting first.
+    pub fn of(&self, robot: &Robot, scale: Scale) -> Vec<&Row> {
         let mechanics = robot.mechanics();
-        let fits = |row: &&Row| {
-            row.mechanics == mechanics
-                && row.scale == scale
-                && row.revision == lockstep::REVISION
-                && (row.steps_per_second, row.substeps) == (setting.steps_per_second, setting.substeps)
-        };
-        match self.rows.iter().find(fits) {
-            Some(row) if row.stands() => Verdict::Stands,
-            Some(_) => Verdict::Falls,
-            None => Verdict::Unknown,
-        }
+        let is = |row: &&Row| (row.mechanics, row.scale, row.revision) == (mechanics, scale, lockstep::REVISION);
+        let mut rows: Vec<&Row> = self.rows.iter().filter(is).collect();
+        rows.sort_by_key(|row| row.steps_per_second * row.substeps);
+        rows
     }
 }
 
@@ -149,9 +138,9 @@ const SHIPPED: &str = include_str!("../../../scenarios/fidelity.toml");
 
 /// What the file begins with.
 const HEAD: &str = "\
-# How near the lockstep engine's own setting comes to its converged reference, robot by robot: `engine = \"auto\"` takes the
-# lockstep engine where this table says that it stands. Made by tests/fidelity-table.sh; docs/performance.md says how to
-# read it. A row holds for one robot (by its mechanics, not its name) and one revision of the engine.
+# How near settings of the lockstep engine come to its converged reference, robot by robot: `engine = \"auto\"` takes the
+# fastest that this table says stands, and rapier where none does. Made by tests/fidelity-table.sh; docs/performance.md
+# says how to read it. A row holds for one robot (by its mechanics, not its name) and one revision of the engine.
 ";
 
 #[cfg(test)]
@@ -198,21 +187,28 @@ mod tests {
     }
 
     #[test]
-    fn a_row_is_of_one_robot_by_its_mechanics_one_scale_one_setting_and_one_revision() {
+    fn a_row_is_of_one_robot_by_its_mechanics_one_scale_and_one_revision() {
         let good = row((0.99, 1.0), (0.99, 1.0));
-        let says = |row: Row, robot: &Robot, scale| Known { rows: vec![row] }.verdict(robot, scale);
+        let knows = |row: Row, robot: &Robot, scale| !Known { rows: vec![row] }.of(robot, scale).is_empty();
         let mut whole = robot(None);
-        assert_eq!(says(good.clone(), &whole, Scale::Paper), Verdict::Stands);
+        assert!(knows(good.clone(), &whole, Scale::Paper));
         whole.name = "other".into();
         whole.bodies[0].name = "other".into();
-        assert_eq!(says(good.clone(), &whole, Scale::Paper), Verdict::Stands);
-        assert_eq!(says(good.clone(), &whole, Scale::Real), Verdict::Unknown);
-        assert_eq!(says(good.clone(), &robot(Some("E1")), Scale::Paper), Verdict::Unknown);
-        assert_eq!(says(Row { substeps: 3, ..good.clone() }, &whole, Scale::Paper), Verdict::Unknown);
-        assert_eq!(says(Row { revision: 0, ..good.clone() }, &whole, Scale::Paper), Verdict::Unknown);
-        assert_eq!(says(row((0.5, 1.0), (0.99, 1.0)), &whole, Scale::Paper), Verdict::Falls);
+        assert!(knows(good.clone(), &whole, Scale::Paper));
+        assert!(!knows(good.clone(), &whole, Scale::Real));
+        assert!(!knows(good.clone(), &robot(Some("E1")), Scale::Paper));
+        assert!(!knows(Row { revision: 0, ..good.clone() }, &whole, Scale::Paper));
         whole.bodies[0].mass *= 1.0001;
-        assert_eq!(says(good, &whole, Scale::Paper), Verdict::Unknown);
+        assert!(!knows(good, &whole, Scale::Paper));
+    }
+
+    #[test]
+    fn the_fastest_setting_comes_first() {
+        let good = row((0.99, 1.0), (0.99, 1.0));
+        let fine = Row { steps_per_second: 400, ..good.clone() };
+        let known = Known { rows: vec![fine.clone(), good.clone()] };
+        assert_eq!(known.of(&robot(None), Scale::Paper), [&good, &fine]);
+        assert!(known.to_toml().find("= 200").unwrap() < known.to_toml().find("= 400").unwrap());
     }
 
     #[test]

@@ -56,13 +56,17 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     }
     let (job, own, stored) = subject_of(&args)?;
     let duration = job.spec().gaits.duration;
-    let settings = if args.settings.is_empty() { vec![own] } else { args.settings.clone() };
+    let settings = match &args.settings[..] {
+        [] if args.table.is_some() => row::settings(args.subject.scale.into()),
+        [] => vec![own],
+        given => given.to_vec(),
+    };
     let reference = Setting::of(&job);
     let halved = halves(reference)?;
     subject::check(&settings, duration)?;
     subject::supported(&settings, &job)?;
     if args.table.is_some() {
-        row::check(reference, &settings, args.subject.scale.into(), [args.random, args.evolved])?;
+        row::check(reference, &settings, [args.random, args.evolved])?;
     }
 
     let drawn = gaits::random(&job, args.random, args.seed);

@@ -4,6 +4,7 @@ mod genomes;
 mod report;
 
 use crate::arguments::{BenchReuse, JobFile, cores};
+use crate::commands::bench::in_order;
 use crate::console;
 use crate::error::Error;
 use crate::load;
@@ -15,8 +16,6 @@ use sim_core::job::{Job, Reference};
 use sim_core::measure::reuse::{Column, Measured, Row, Sample, Study, measure, rows};
 use std::fs;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// What was found.
 #[derive(Debug, Serialize)]
@@ -154,29 +153,6 @@ fn found(job: &Job, study: &Study, samples: &[Sample], threads: usize, quiet: bo
             .map(|(s, measured)| GenomeView { generation: s.generation, measured })
             .collect(),
     }
-}
-
-/// The values of a function at 0..n, computed by several threads.
-fn in_order<T: Send>(n: usize, threads: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let next = AtomicUsize::new(0);
-    let found = Mutex::new(Vec::with_capacity(n));
-    std::thread::scope(|scope| {
-        for _ in 0..threads.min(n) {
-            scope.spawn(|| {
-                loop {
-                    let i = next.fetch_add(1, Ordering::Relaxed);
-                    if i >= n {
-                        return;
-                    }
-                    let value = of(i);
-                    found.lock().unwrap_or_else(PoisonError::into_inner).push((i, value));
-                }
-            });
-        }
-    });
-    let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
-    found.sort_unstable_by_key(|(i, _)| *i);
-    found.into_iter().map(|(_, value)| value).collect()
 }
 
 fn write(out: &Path, view: &View) -> Result<(), Error> {

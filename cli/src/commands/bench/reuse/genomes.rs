@@ -1,6 +1,6 @@
 //! Genomes to score: evolved on the spot, or those of a stored run.
 
-use super::in_order;
+use crate::commands::bench::in_order;
 use crate::commands::with_runtime;
 use crate::error::Error;
 use crate::output::{STORE, Stored};
