@@ -177,12 +177,12 @@ impl Sandbox {
     }
 }
 
-/// A small job that takes a second or two of one core. Other seeds are other jobs.
+/// A small job that takes a second or two of one core, for which it is on rapier. Other seeds are other jobs.
 pub fn tiny_job(seed: u32, generations: u32) -> String {
     format!(
         "name = \"tiny-{seed}\"\nseed = {seed}\nrobot = \"quadropod\"\nenvironment = \"empty\"\n\
          [gaits]\ncount = 2\nduration = 2.0\n[planner]\niterations = 10\n[fitness]\nkind = \"coverage\"\n\
          [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = {generations}\n\
-         [finish]\narchive = 3\nseeds = 2\n"
+         [physics]\nengine = \"rapier\"\n[finish]\narchive = 3\nseeds = 2\n"
     )
 }

@@ -99,9 +99,11 @@ mod tests {
 
     #[test]
     fn engines_with_lanes_get_whole_batches_and_every_gait_has_its_turn() {
-        assert_eq!(turns(3, false), [0..1, 1..2, 2..3]);
-        assert_eq!(turns(10, true), [0..10]);
-        assert_eq!(turns(100, true), [0..100]);
-        assert_eq!(turns(130, true), [0..64, 64..130]);
+        let lengths = |gaits, lanes| turns(gaits, lanes).into_iter().map(|turn| turn.len()).collect::<Vec<_>>();
+        assert_eq!(lengths(3, false), [1, 1, 1]);
+        assert_eq!(lengths(10, true), [10]);
+        assert_eq!(lengths(100, true), [100]);
+        assert_eq!(lengths(130, true), [64, 66]);
+        assert_eq!(turns(130, true).into_iter().flatten().collect::<Vec<_>>(), (0..130).collect::<Vec<_>>());
     }
 }
