@@ -177,8 +177,8 @@ impl<S: Simd> Ledger<S> {
 
     #[inline(always)]
     fn post(&mut self, work: Lanes<S>) {
-        self.given = self.given + work;
-        self.turnover = self.turnover + work.abs();
+        self.given += work;
+        self.turnover += work.abs();
     }
 }
 

@@ -152,7 +152,7 @@ impl<S: Simd> World for InLanes<'_, S> {
 }
 
 fn tilted(model: &mut Model, gravity: f32, angle: f32) {
-    model.gravity = gravity * Vector::new(angle.sin(), 0.0, -angle.cos());
+    model.gravity = gravity * Vector::new(libm::sinf(angle), 0.0, -libm::cosf(angle));
 }
 
 fn lifted(robot: &Robot, height: f32) -> State {
@@ -257,7 +257,7 @@ fn a_sliding_robot_brakes_with_friction_times_gravity_in_every_direction() {
         let mut world = world(&model, &robot.neutral());
         seconds(&mut *world, 1.0);
         world.push(Vector::new(x, y, 0.0));
-        let speed = |world: &dyn World| world.velocity().x.hypot(world.velocity().y);
+        let speed = |world: &dyn World| world.velocity().truncate().length();
         seconds(&mut *world, 0.05);
         let before = speed(&*world);
         seconds(&mut *world, 0.2);
@@ -274,7 +274,7 @@ fn on_a_gentle_slope_a_robot_creeps_as_slowly_as_regularised_friction_says() {
     let robot = robot("quadropod");
     let mut model = Model::new(&robot, &physics());
     for share in [0.3_f32, 0.5, 0.8] {
-        let angle = (share * model.friction).atan();
+        let angle = libm::atanf(share * model.friction);
         tilted(&mut model, 9.81, angle);
         let mut world = world(&model, &robot.neutral());
         seconds(&mut *world, 2.0);
@@ -291,14 +291,14 @@ fn on_a_gentle_slope_a_robot_creeps_as_slowly_as_regularised_friction_says() {
 fn on_a_steep_slope_a_robot_slides_as_fast_as_friction_lets_it() {
     let robot = robot("quadropod");
     let mut model = Model::new(&robot, &physics());
-    let angle = (1.3 * model.friction).atan();
+    let angle = libm::atanf(1.3 * model.friction);
     tilted(&mut model, 9.81, angle);
     let mut world = world(&model, &robot.neutral());
     seconds(&mut *world, 0.5);
     let from = world.velocity().x;
     seconds(&mut *world, 0.5);
     let acceleration = (world.velocity().x - from) / 0.5;
-    let expected = 9.81 * (angle.sin() - model.friction * angle.cos());
+    let expected = 9.81 * (libm::sinf(angle) - model.friction * libm::cosf(angle));
     assert!((acceleration - expected).abs() < 0.05 * expected, "{acceleration} mu/s² against {expected} mu/s²");
 }
 
@@ -324,7 +324,7 @@ fn friction_stays_within_the_cone_but_for_a_few_percent() {
             let carried = impulse.z.max(0.0);
             // Steps in which the ground carries at least a tenth of the weight.
             if carried > 0.1 * mass * 9.81 * model.dt {
-                let over = impulse.x.hypot(impulse.y) / (model.friction * carried) - 1.0;
+                let over = impulse.truncate().length() / (model.friction * carried) - 1.0;
                 loaded += 1;
                 beyond += over.max(0.0);
             }

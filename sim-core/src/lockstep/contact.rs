@@ -139,7 +139,7 @@ impl<S: Simd> Corners<S> {
                     // r × (0, 0, push)
                     impulse.a.x = fma::<S>(corner.at.y, push, impulse.a.x);
                     impulse.a.y = fnma::<S>(corner.at.x, push, impulse.a.y);
-                    impulse.l.z = impulse.l.z + push;
+                    impulse.l.z += push;
                 }
             },
         )

@@ -51,7 +51,7 @@ impl<S: Simd> System<S> {
     #[inline(always)]
     pub fn stiffen(&mut self, hinge: usize, by: Lanes<S>) {
         let at = hinge * self.hinges + hinge;
-        self.rows[at] = self.rows[at] + by;
+        self.rows[at] += by;
     }
 
     /// Solves for the velocity; the right side is given as `velocity` and overwritten. The matrix is used up.

@@ -84,8 +84,8 @@ impl<S: Simd> Inertia<S> {
     pub fn press(&mut self, r: V3<S>, flat: Lanes<S>, upright: Lanes<S>) {
         let (fx, fy, fz) = (flat * r.x, flat * r.y, flat * r.z);
         let (ux, uy) = (upright * r.x, upright * r.y);
-        self.flat = self.flat + flat;
-        self.upright = self.upright + upright;
+        self.flat += flat;
+        self.upright += upright;
         self.first = self.first.add(V3 { x: fx, y: fy, z: fz });
         self.first_upright = [self.first_upright[0] + ux, self.first_upright[1] + uy];
         let [xx, yy, zz, xy, xz, yz] = self.second;
@@ -104,7 +104,7 @@ impl<S: Simd> Inertia<S> {
     pub fn add(&self, o: &Self) -> Self {
         let mut second = self.second;
         for i in 0..6 {
-            second[i] = second[i] + o.second[i];
+            second[i] += o.second[i];
         }
         Self {
             flat: self.flat + o.flat,

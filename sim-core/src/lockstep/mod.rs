@@ -10,6 +10,9 @@
 //! Lanes are f32. Every operation is one that IEEE 754 rounds correctly and no lane sees another, so results have the same
 //! bits at any width, on any instruction set, in any company.
 
+// Indices are those of the equations.
+#![expect(clippy::needless_range_loop)]
+
 mod batch;
 mod contact;
 mod factor;

@@ -128,7 +128,7 @@ impl<'a, S: Simd> Stepper<'a, S> {
                     }
                     let inertia = Inertia::of_body(simd, link, &self.frames, i);
                     let momentum = inertia.times(v);
-                    energy = energy + v.dot(momentum);
+                    energy += v.dot(momentum);
                     let speed = v.l.add(v.a.cross(self.frames.origins[i]));
                     let square = speed.dot(speed);
                     // So that what is not a number wins.

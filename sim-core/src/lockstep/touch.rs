@@ -117,7 +117,7 @@ fn push<S: Simd>(
                 let better: Mask<S> = this.simd_gt(gap);
                 gap = better.select(this, gap);
                 normal = V3::select(better, a.axes[i], normal);
-                face_of_a = face_of_a | better;
+                face_of_a |= better;
             }
             for j in 0..3 {
                 let mut sum = b.half[j];
@@ -128,7 +128,7 @@ fn push<S: Simd>(
                 let better: Mask<S> = this.simd_gt(gap);
                 gap = better.select(this, gap);
                 normal = V3::select(better, b.axes[j], normal);
-                face_of_a = face_of_a & !better;
+                face_of_a &= !better;
             }
             // A lane that is not finite counts as overlapping; it harms itself only.
             if gap.simd_ge(zero).all_true() {
@@ -150,7 +150,7 @@ fn push<S: Simd>(
                     let better: Mask<S> = crossing & this.simd_gt(gap * all(simd, FACE_FIRST));
                     gap = better.select(this, gap);
                     normal = V3::select(better, axis, normal);
-                    edges = edges | better;
+                    edges |= better;
                 }
             }
             let overlap: Mask<S> = near & gap.simd_lt(zero);

@@ -144,7 +144,8 @@ pub fn observe(robot: &Robot, physics: &Physics, start: &State, rollout: &Rollou
         }
         if let Some((earlier, old, places)) = &before {
             let dt = f64::from(time - earlier);
-            let speeds = at.iter().zip(places).map(|(p, q)| (0..3).map(|k| ((p[k] - q[k]) / dt).powi(2)).sum::<f64>());
+            let square = |x: f64| x * x;
+            let speeds = at.iter().zip(places).map(|(p, q)| (0..3).map(|k| square((p[k] - q[k]) / dt)).sum::<f64>());
             let speeds: Vec<f64> = speeds.collect();
             // Centres of mass against origins: twice the bound is out of the question.
             if speeds.iter().any(|square| square.sqrt() > 2.0 * f64::from(Bound::SPEED)) {

@@ -58,7 +58,7 @@ says how to read them.
 
 Settings of both engines may be compared with a reference of either. --table
 measures settings of the lockstep engine against its converged reference (unless
-said otherwise its own, and one of half and one of a quarter of its step) and
+said otherwise its own, and those of a half, a quarter and an eighth of its step) and
 keeps them as rows of the table by which engine = \"auto\" chooses;
 tests/fidelity-table.sh does it for every robot that ships.
 

@@ -29,7 +29,7 @@ pub fn check(reference: Setting, settings: &[Setting], gaits: [u32; 2]) -> Resul
 /// coarse for.
 pub fn settings(scale: Scale) -> Vec<Setting> {
     let own = Setting::own(EngineKind::Lockstep, scale);
-    [1, 2, 4].map(|finer| Setting { steps_per_second: finer * own.steps_per_second, ..own }).to_vec()
+    [1, 2, 4, 8].map(|finer| Setting { steps_per_second: finer * own.steps_per_second, ..own }).to_vec()
 }
 
 fn refused(what: String) -> Error {
