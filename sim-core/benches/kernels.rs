@@ -4,10 +4,11 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use sim_core::catalogue;
 use sim_core::evaluate::{Trial, grow, search_streams};
-use sim_core::job::{Job, JointKind};
+use sim_core::job::{EngineKind, Job, JointKind, Scale};
+use sim_core::lockstep::{Level, run_at};
 use sim_core::plan::Growth;
 use sim_core::random::{Purpose, Stream};
-use sim_core::rollout::{Physics, Request};
+use sim_core::rollout::{Engine, Physics, RapierEngine, Request};
 use std::hint::black_box;
 
 fn job() -> Job {
@@ -27,9 +28,23 @@ fn rollout(c: &mut Criterion) {
     let targets = job.controller().compile(&gait(&job), job.robot().hinges.len(), 1.0);
     let request = Request { start: job.start(), targets: &targets };
     for (name, joints) in [("impulse", JointKind::Impulse), ("multibody", JointKind::Multibody)] {
-        let physics = Physics { joints, ..*job.physics() };
-        c.bench_function(&format!("rollout of 1 s, {name} joints"), |b| {
-            b.iter(|| job.engine().run(job.robot(), &physics, &[], black_box(&[request])))
+        let physics = Physics { joints, ..Physics::of(EngineKind::Rapier, Scale::Paper) };
+        c.bench_function(&format!("rapier: rollout of 1 s, {name} joints"), |b| {
+            b.iter(|| RapierEngine.run(job.robot(), &physics, &[], black_box(&[request])))
+        });
+    }
+    // As many as the widest vectors have lanes; narrower ones take several turns.
+    let physics = Physics::of(EngineKind::Lockstep, Scale::Paper);
+    let best = Level::new();
+    let mut levels = vec![("best", best)];
+    #[cfg(target_arch = "x86_64")]
+    {
+        levels.extend(best.as_avx2().map(|level| ("avx2", Level::Avx2(level))));
+        levels.extend(best.as_sse2().map(|level| ("sse2", Level::Sse2(level))));
+    }
+    for (name, level) in levels {
+        c.bench_function(&format!("lockstep: 16 rollouts of 1 s, {name}"), |b| {
+            b.iter(|| run_at(level, job.robot(), &physics, black_box(&[request; 16])))
         });
     }
 }
