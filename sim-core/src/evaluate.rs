@@ -15,6 +15,9 @@ use std::collections::BTreeSet;
 
 /// Rollouts between two looks at whether to stop.
 const BATCH: usize = 64;
+/// Candidates advanced side by side: enough to fill an engine's lanes, few enough that what they hold, some 2 MiB each,
+/// stays small.
+const TOGETHER: usize = 20;
 
 /// The caller asked to stop before the work was done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -165,15 +168,18 @@ pub fn evaluate(
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Evaluation>, Stopped> {
     let tolerance = job.spec().planner.reuse_tolerance;
-    let mut trials: Vec<Trial> = candidates
-        .iter()
-        .map(|(index, genome)| Trial::new(job, genome, tolerance, search_streams(job, generation, *index)))
-        .collect();
-    grow(job, &mut trials, stop)?;
-    let scored = |(trial, (index, _)): (&Trial, &(u32, Genome))| Evaluation {
-        candidate: *index,
-        score: Some(trial.score(job)),
-        counts: trial.counts(),
-    };
-    Ok(trials.iter().zip(candidates).map(scored).collect())
+    let mut evaluations = Vec::with_capacity(candidates.len());
+    for some in candidates.chunks(TOGETHER) {
+        let mut trials: Vec<Trial> = some
+            .iter()
+            .map(|(index, genome)| Trial::new(job, genome, tolerance, search_streams(job, generation, *index)))
+            .collect();
+        grow(job, &mut trials, stop)?;
+        evaluations.extend(trials.iter().zip(some).map(|(trial, (index, _))| Evaluation {
+            candidate: *index,
+            score: Some(trial.score(job)),
+            counts: trial.counts(),
+        }));
+    }
+    Ok(evaluations)
 }
