@@ -75,11 +75,11 @@ fn golden_rollouts_of_the_lockstep_engine_have_their_recorded_bits() {
         format!("{} {}", robot.name, Digest::of("golden", &bits(&rollout)).short())
     });
     insta::assert_snapshot!(recorded.collect::<Vec<_>>().join("\n"), @r"
-    quadropod ba25a3feee0c
-    lizard d3c4a6f62cb9
-    l-shape ee3c4ece3ad7
-    h-shape d015bb5e235e
-    t-shape c68696a31719
+    quadropod 3dac6eb14358
+    lizard 99fc4adbcd8f
+    l-shape 89ec5be92d1a
+    h-shape 2bb63d600745
+    t-shape 11660528c653
     ");
 }
 
