@@ -121,7 +121,7 @@ Files in the output folder:
     #[command(after_help = "\
 Examples:
   evogait bench soundness
-  evogait bench soundness --rollouts 1000000 --seconds 1
+  evogait bench soundness --rollouts 1000000 --duration 1
   evogait bench soundness --setting 30x8 --rollouts 500
 
 Random trees of 4 to 16 CoSMO modules, thrown from up to 1 mu above the ground in
@@ -402,7 +402,7 @@ pub struct BenchSoundness {
 
     /// How long each is, s
     #[arg(long, value_name = "S", default_value = "1", value_parser = duration)]
-    pub seconds: f64,
+    pub duration: f64,
 
     /// Seed of robots, gaits and starts
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed())]

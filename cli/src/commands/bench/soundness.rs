@@ -35,7 +35,7 @@ struct View {
 /// # Errors
 /// If a bound was left and not reported.
 pub fn run(args: BenchSoundness, quiet: bool) -> Result<(), Error> {
-    subject::check(&[args.setting], args.seconds)?;
+    subject::check(&[args.setting], args.duration)?;
     let scale: Scale = args.scale.into();
     let physics = args.setting.apply(&Physics::of(args.setting.engine, scale));
     let robots = args.rollouts.div_ceil(EACH);
@@ -45,7 +45,7 @@ pub fn run(args: BenchSoundness, quiet: bool) -> Result<(), Error> {
         in_order(robots as usize, threads, |i| {
             let index = i as u32;
             let rollouts = EACH.min(args.rollouts - index * EACH);
-            let found = of_robot(engine(args.setting.engine), &physics, (args.seed, index), rollouts, args.seconds);
+            let found = of_robot(engine(args.setting.engine), &physics, (args.seed, index), rollouts, args.duration);
             progress.one_done();
             found
         })
@@ -56,7 +56,7 @@ pub fn run(args: BenchSoundness, quiet: bool) -> Result<(), Error> {
     let view = View {
         setting: args.setting,
         scale,
-        duration: args.seconds,
+        duration: args.duration,
         seed: args.seed,
         robots,
         machine: Machine::here(),
