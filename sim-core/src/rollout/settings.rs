@@ -3,7 +3,7 @@
 use crate::error::{Invalid, in_range};
 use crate::job::{EngineKind, JointKind, PhysicsSpec, Scale};
 
-/// Steps a second and substeps of the lockstep engine, by scale. Those of `real` are provisional.
+/// Steps a second and substeps of the lockstep engine, by scale.
 const LOCKSTEP_PAPER: (u32, u32) = (200, 2);
 const LOCKSTEP_REAL: (u32, u32) = (600, 2);
 
