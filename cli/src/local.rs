@@ -23,8 +23,12 @@ impl Local {
         let coordinator = coordinator::serve(coordinator::Config::embedded(store)).await.map_err(failed)?;
         let url = Url::of_socket(coordinator.local_addr());
         let (stop_worker, mut stopped) = watch::channel(false);
-        let config =
-            worker::Config { coordinator: url.to_string(), slots: slots as usize, name: worker::default_name() };
+        let config = worker::Config {
+            coordinator: url.to_string(),
+            slots: slots as usize,
+            name: worker::default_name(),
+            metrics: None,
+        };
         let worker = tokio::spawn(worker::run(config, async move {
             // An error means that the sender is gone: then stop, too.
             let _ = stopped.wait_for(|stop| *stop).await;

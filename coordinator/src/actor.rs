@@ -2,10 +2,13 @@
 //!
 //! Commands that wait are handled together and committed in one transaction (group commit).
 
+use crate::journal::Journal;
 use crate::limits::GROUP;
+use crate::metrics::Metrics;
 use crate::record::{JobId, JobRecord};
 use crate::scheduler::{
-    Action, AssignmentId, Completed, Greeting, Message, NewJob, Now, Scheduler, SessionId, Task, Verdict, WorkerId,
+    Action, AssignmentId, Census, Completed, Greeting, Message, NewJob, Now, Scheduler, SessionId, Task, Verdict,
+    WorkerId,
 };
 use crate::store::{Store, StoreError};
 use proto::v1::{self, assign, coordinator_message};
@@ -42,6 +45,13 @@ pub(crate) enum Command {
     Standing {
         ids: Vec<JobId>,
         reply: oneshot::Sender<Vec<Standing>>,
+    },
+    Detail {
+        id: JobId,
+        reply: oneshot::Sender<Option<v1::Standing>>,
+    },
+    Census {
+        reply: oneshot::Sender<Census>,
     },
     Connect {
         greeting: Greeting,
@@ -111,6 +121,8 @@ pub(crate) struct Actor {
     pub clock: Clock,
     pub events: broadcast::Sender<LiveEvent>,
     pub sessions: HashMap<WorkerId, (SessionId, mpsc::UnboundedSender<v1::CoordinatorMessage>)>,
+    pub metrics: Arc<Metrics>,
+    pub journal: Journal,
 }
 
 impl Actor {
@@ -161,10 +173,6 @@ impl Actor {
                     None if self.scheduler.active_jobs() >= crate::limits::MAX_ACTIVE_JOBS => Err(SubmitError::TooMany),
                     None => Ok((self.scheduler.submit(now, *new), true)),
                 };
-                if let Ok((record, true)) = &answer {
-                    let (id, name) = (record.id.clone(), record.name.clone());
-                    replies.push(Box::new(move || tracing::info!(job = %id, name, "job submitted")));
-                }
                 later(replies, reply, answer);
             }
             Command::Cancel { id, reply } => {
@@ -177,9 +185,12 @@ impl Actor {
                     |id| Standing { waits_for: self.scheduler.waits_for(id), round: self.scheduler.round(id) };
                 later(replies, reply, ids.iter().map(standing).collect());
             }
+            Command::Detail { id, reply } => later(replies, reply, self.scheduler.standing(now, &id)),
+            Command::Census { reply } => later(replies, reply, self.scheduler.census()),
             Command::Connect { greeting, outbox, reply } => {
                 let worker = greeting.worker.clone();
-                tracing::info!(worker = greeting.name, slots = greeting.slots, "worker connected");
+                let Greeting { name, address, slots, running, .. } = &greeting;
+                tracing::info!(%worker, name, peer = address, slots, running = running.len(), "worker connected");
                 let welcome = self.scheduler.connect(now, greeting);
                 let ids = |ids: &[AssignmentId]| ids.iter().map(|a| a.0).collect();
                 // Before anything else goes to this session.
@@ -203,7 +214,10 @@ impl Actor {
                 tracing::warn!(%worker, assignment = assignment.0, reason, "assignment rejected");
                 self.scheduler.reject(now, &worker, session, assignment);
             }
-            Command::Drain { worker, session } => self.scheduler.drain(now, &worker, session),
+            Command::Drain { worker, session } => {
+                tracing::info!(%worker, "worker drains");
+                self.scheduler.drain(now, &worker, session);
+            }
             Command::Disconnect { worker, session } => {
                 tracing::info!(%worker, "worker disconnected");
                 self.hang_up(&worker, session);
@@ -211,12 +225,14 @@ impl Actor {
             }
             Command::Complete { completed, reply } => {
                 let (worker, job) = (completed.worker.clone(), completed.job.clone());
+                let assignment = completed.assignment.0;
                 let verdict = self.scheduler.complete(now, completed);
+                self.metrics.result(verdict);
                 match verdict {
                     Verdict::Conflict => {
-                        tracing::error!(%worker, %job, "a result differs from the one that was committed")
+                        tracing::error!(%worker, %job, assignment, "a result differs from the one that was committed")
                     }
-                    verdict => tracing::debug!(%worker, %job, ?verdict, "result"),
+                    verdict => tracing::debug!(%worker, %job, assignment, verdict = verdict.word(), "result"),
                 }
                 later(replies, reply, verdict);
             }
@@ -233,17 +249,27 @@ impl Actor {
 
     /// Commits what there is to commit, then tells everybody.
     async fn flush(&mut self, replies: Vec<Reply>) -> Result<(), StoreError> {
+        for note in self.scheduler.take_notes() {
+            self.journal.note(&note);
+        }
         let actions = self.scheduler.take_actions();
         let writes: Vec<_> = actions
             .iter()
             .filter_map(|a| if let Action::Write(write) = a { Some((**write).clone()) } else { None })
             .collect();
         if !writes.is_empty() {
-            self.store.commit(self.epoch, writes).await?;
+            self.metrics.commit_writes.observe(writes.len() as f64);
+            let begun = Instant::now();
+            self.store.commit(self.epoch, writes).await.inspect_err(|error| {
+                self.metrics.store_errors.inc();
+                tracing::error!(epoch = self.epoch, %error, "nothing was committed");
+            })?;
+            self.metrics.commit_seconds.observe(begun.elapsed().as_secs_f64());
         }
         for action in actions {
             match action {
                 Action::Write(write) => {
+                    self.journal.written(&write);
                     for event in write.events() {
                         // Nobody watching is no error.
                         let _ = self.events.send(Arc::new((write.job().clone(), event.clone())));

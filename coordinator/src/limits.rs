@@ -20,3 +20,9 @@ pub const EVENTS_AT_ONCE: u32 = 256;
 pub const LIVE_EVENTS: usize = 1024;
 /// Open calls have this long to end when the coordinator stops.
 pub const STOP_WITHIN: Duration = Duration::from_secs(3);
+/// The actor has this long to answer whoever looks at the metrics; beyond it the coordinator is not well.
+pub const CENSUS_WITHIN: Duration = Duration::from_secs(3);
+/// Assignments that are told one by one of a job.
+pub const MAX_HELD_TOLD: usize = 100;
+/// Generations from which a job's pace is taken.
+pub const PACE_OVER: u32 = 20;

@@ -2,13 +2,11 @@
 
 use clap::Parser;
 use coordinator::{Config, Error, StoreUrl};
-use std::io::{IsTerminal as _, Write as _};
+use std::io::Write as _;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
-use tracing_subscriber::filter::{LevelFilter, Targets};
-use tracing_subscriber::prelude::*;
 
 /// Takes jobs in and hands their evaluations to workers.
 ///
@@ -23,7 +21,7 @@ use tracing_subscriber::prelude::*;
   worker --coordinator http://127.0.0.1:7077
   evogait submit JOB.toml --coordinator http://127.0.0.1:7077
 
-The first line on standard output says where it listens; messages go to standard error (RUST_LOG=debug for more).
+The first line on standard output says where it listens, a second one where metrics are served; messages go to standard error (RUST_LOG=debug for more).
 SIGINT and SIGTERM stop it cleanly."
 )]
 struct Arguments {
@@ -42,17 +40,21 @@ struct Arguments {
     /// Listen beyond loopback, without encryption or passwords: everybody who can reach the port can run jobs
     #[arg(long)]
     insecure_bind: bool,
+
+    #[command(flatten)]
+    telemetry: telemetry::Options,
 }
 
 #[tokio::main]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter = std::env::var("RUST_LOG").ok().and_then(|text| text.parse().ok());
-    let messages = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_filter(filter.unwrap_or_else(|| Targets::new().with_default(LevelFilter::INFO)));
-    tracing_subscriber::registry().with(messages).init();
+    let _logging = match telemetry::logs::start(arguments.telemetry.log_format, "coordinator") {
+        Ok(logging) => logging,
+        Err(error) => {
+            eprintln!("coordinator: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
     match run(arguments).await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -63,14 +65,18 @@ async fn main() -> ExitCode {
 }
 
 async fn run(arguments: Arguments) -> Result<(), Error> {
-    let Arguments { listen, store, lease_seconds, insecure_bind } = arguments;
+    let Arguments { listen, store, lease_seconds, insecure_bind, telemetry } = arguments;
     // What is no duration is out of range, too.
     let lease = Duration::try_from_secs_f64(lease_seconds).unwrap_or_default();
     let signals = |kind| signal(kind).map_err(|e| Error::Server(format!("signals can't be received: {e}")));
     let (mut interrupt, mut terminate) = (signals(SignalKind::interrupt())?, signals(SignalKind::terminate())?);
-    let mut running = coordinator::serve(Config { listen, store, lease, insecure_bind }).await?;
+    let mut running =
+        coordinator::serve(Config { listen, store, lease, insecure_bind, metrics: telemetry.bind() }).await?;
     // Whoever started it may not be reading.
     let _ = writeln!(std::io::stdout(), "listening on {}", running.local_addr());
+    if let Some(addr) = running.metrics_addr() {
+        let _ = writeln!(std::io::stdout(), "metrics at http://{addr}/metrics");
+    }
     tokio::select! {
         error = running.failed() => return Err(error),
         _ = interrupt.recv() => {}

@@ -2,7 +2,9 @@
 
 use crate::actor::{Actor, Clock, Command};
 use crate::api::Api;
+use crate::journal::Journal;
 use crate::limits::{DEFAULT_LEASE, LIVE_EVENTS, MAX_LEASE, MIN_LEASE, STOP_WITHIN};
+use crate::metrics::{Metrics, Pulse};
 use crate::record::JobRecord;
 use crate::scheduler::{Resumed, Scheduler, Settings};
 use crate::store::{self, Store, StoreError, StoreUrl, StoredJob};
@@ -36,12 +38,20 @@ pub struct Config {
     pub lease: Duration,
     /// Allows to listen beyond loopback, without encryption or passwords.
     pub insecure_bind: bool,
+    /// Where metrics are served, if at all.
+    pub metrics: Option<telemetry::Bind>,
 }
 
 impl Config {
     /// For a coordinator inside another process: a free port of the loopback interface.
     pub fn embedded(store: StoreUrl) -> Self {
-        Self { listen: SocketAddr::from(([127, 0, 0, 1], 0)), store, lease: DEFAULT_LEASE, insecure_bind: false }
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 0)),
+            store,
+            lease: DEFAULT_LEASE,
+            insecure_bind: false,
+            metrics: None,
+        }
     }
 }
 
@@ -80,6 +90,9 @@ pub enum Error {
         /// What was asked for.
         lease: Duration,
     },
+    /// Metrics can't be served as asked.
+    #[error(transparent)]
+    Metrics(#[from] telemetry::BindError),
     /// The store. See there whether it is retryable.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -92,6 +105,7 @@ pub enum Error {
 #[derive(Debug)]
 pub struct Running {
     local_addr: SocketAddr,
+    metrics: Option<telemetry::Endpoint>,
     stop: watch::Sender<bool>,
     task: JoinHandle<Result<(), Error>>,
     /// Whether `task` was seen to end.
@@ -102,6 +116,11 @@ impl Running {
     /// Where it listens, with the port that was chosen.
     pub fn local_addr(&self) -> SocketAddr {
         self.local_addr
+    }
+
+    /// Where metrics are served, with the port that was chosen.
+    pub fn metrics_addr(&self) -> Option<SocketAddr> {
+        self.metrics.as_ref().map(telemetry::Endpoint::addr)
     }
 
     /// Where clients and workers connect to.
@@ -147,23 +166,33 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
         _ => Error::Bind { addr, source },
     })?;
     let local_addr = listener.local_addr().map_err(|source| Error::Bind { addr, source })?;
+    let metrics = Arc::new(Metrics::new());
+    let pulse = Arc::new(Pulse::new(metrics.clone()));
+    let endpoint = match config.metrics {
+        Some(bind) => Some(telemetry::Endpoint::start(bind, pulse.clone()).await?),
+        None => None,
+    };
     let store = store::open(&config.store).await?;
     let engines = tokio::task::spawn_blocking(sim_core::engine_digests).await;
     let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
-    let actor = take_up(store.clone(), config.lease).await?;
+    metrics.engines(&engines);
+    let actor = take_up(store.clone(), config.lease, metrics).await?;
     let events = actor.events.clone();
 
     let (commands, inbox) = mpsc::channel(1024);
+    pulse.activate(commands.clone());
     let (stop, stopping) = watch::channel(false);
     let api = Api { store, commands: commands.clone(), events, stopping: stopping.clone(), engines };
     let actor = tokio::spawn(actor.run(inbox));
     let task = tokio::spawn(run(listener, api, actor, commands, stop.clone(), stopping));
-    Ok(Running { local_addr, stop, task, ended: false })
+    Ok(Running { local_addr, metrics: endpoint, stop, task, ended: false })
 }
 
 /// Reads the store and builds the scheduler from what is there.
-async fn take_up(store: Arc<dyn Store>, lease: Duration) -> Result<Actor, Error> {
+async fn take_up(store: Arc<dyn Store>, lease: Duration, metrics: Arc<Metrics>) -> Result<Actor, Error> {
     let loaded = store.start().await?;
+    metrics.epoch.set(loaded.epoch as i64);
+    tracing::info!(epoch = loaded.epoch, jobs = loaded.active.len(), "the store is taken up");
     let clock = Clock::start();
     let settings = Settings { epoch: loaded.epoch, lease };
     let mut scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect());
@@ -179,8 +208,8 @@ async fn take_up(store: Arc<dyn Store>, lease: Duration) -> Result<Actor, Error>
             }
         };
         match problem {
-            None => tracing::info!(job = %id, "job goes on"),
-            Some(reason) => tracing::error!(job = %id, reason, "job can't go on"),
+            None => tracing::info!(job = %id, epoch = loaded.epoch, "job goes on"),
+            Some(reason) => tracing::error!(job = %id, reason, epoch = loaded.epoch, "job can't go on"),
         }
     }
     Ok(Actor {
@@ -192,6 +221,8 @@ async fn take_up(store: Arc<dyn Store>, lease: Duration) -> Result<Actor, Error>
         clock,
         events: broadcast::channel(LIVE_EVENTS).0,
         sessions: HashMap::new(),
+        journal: Journal::new(loaded.epoch, metrics.clone()),
+        metrics,
     })
 }
 
@@ -221,6 +252,7 @@ async fn run(
     let server = Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE))
         .http2_keepalive_timeout(Some(KEEPALIVE))
+        .layer(telemetry::calls::layer())
         .add_service(health_service)
         .add_service(reflection)
         .add_service(jobs)

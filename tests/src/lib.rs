@@ -1,3 +1,4 @@
 //! Tests across processes: real coordinators and workers, talking over loopback, killed at will.
 
+pub mod openmetrics;
 pub mod sandbox;

@@ -90,15 +90,31 @@ impl Sandbox {
         Self { folder: tempfile::tempdir().expect("a temporary folder"), address: None }
     }
 
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
     /// Chooses the coordinator's port before there is a coordinator.
     pub fn reserve_port(&mut self) {
-        let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
-        self.address = Some(listener.local_addr().expect("it has an address").to_string());
+        self.address = Some(free_port());
     }
 
     /// Starts a coordinator on the sandbox's store and waits until it listens; where it was if there was one before.
     pub fn coordinator(&mut self) -> Process {
-        let mut child = self.coordinator_command().stdout(Stdio::piped()).spawn().expect("coordinator starts");
+        self.coordinator_with(&[])
+    }
+
+    /// The same with more arguments.
+    pub fn coordinator_with(&mut self, arguments: &[&str]) -> Process {
+        let mut command = self.coordinator_command();
+        command.args(arguments);
+        self.start(command)
+    }
+
+    /// Starts a coordinator by a command made from [`Self::coordinator_command`], and waits until it listens.
+    pub fn start(&mut self, mut command: Command) -> Process {
+        let mut child = command.stdout(Stdio::piped()).spawn().expect("coordinator starts");
         let mut line = String::new();
         let stdout = child.stdout.take().expect("stdout is piped");
         BufReader::new(stdout).read_line(&mut line).expect("stdout is text");
@@ -119,8 +135,13 @@ impl Sandbox {
 
     /// Starts a worker for the sandbox's coordinator.
     pub fn worker(&self, slots: u32) -> Process {
+        self.worker_with(slots, &[])
+    }
+
+    /// The same with more arguments.
+    pub fn worker_with(&self, slots: u32, arguments: &[&str]) -> Process {
         let mut command = Command::new(binaries().join("worker"));
-        command.args(["--coordinator", &self.url(), "--slots", &slots.to_string()]);
+        command.args(["--coordinator", &self.url(), "--slots", &slots.to_string()]).args(arguments);
         command.env("RUST_LOG", std::env::var("RUST_LOG").unwrap_or_else(|_| "error".to_owned()));
         Process(command.spawn().expect("worker starts"))
     }
@@ -175,6 +196,12 @@ impl Sandbox {
         self.until(id, |job| job.state() == JobState::Succeeded).await;
         self.client().get_result(GetResultRequest { id: id.to_owned() }).await.expect("a result").into_inner()
     }
+}
+
+/// An address of this machine that was free a moment ago.
+pub fn free_port() -> String {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    listener.local_addr().expect("it has an address").to_string()
 }
 
 /// A small job that takes a second or two of one core, for which it is on rapier. Other seeds are other jobs.

@@ -2,6 +2,7 @@
 
 use crate::assignments::Assignments;
 use crate::backoff::Backoff;
+use crate::metrics::Metrics;
 use proto::limits::MAX_MESSAGE;
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::complete_response::Verdict;
@@ -23,14 +24,15 @@ pub(crate) struct Courier {
     client: WorkerServiceClient<Channel>,
     worker_id: String,
     assignments: Arc<Assignments>,
+    metrics: Arc<Metrics>,
 }
 
 impl Courier {
-    pub fn new(channel: Channel, worker_id: String, assignments: Arc<Assignments>) -> Self {
+    pub fn new(channel: Channel, worker_id: String, assignments: Arc<Assignments>, metrics: Arc<Metrics>) -> Self {
         let client = WorkerServiceClient::new(channel)
             .max_decoding_message_size(MAX_MESSAGE)
             .max_encoding_message_size(MAX_MESSAGE);
-        Self { client, worker_id, assignments }
+        Self { client, worker_id, assignments, metrics }
     }
 
     /// Delivers all that comes, until the slots have ended and everything is answered.
@@ -39,7 +41,10 @@ impl Courier {
         loop {
             tokio::select! {
                 result = finished.recv() => match result {
-                    Some(result) => { under_way.spawn(self.clone().deliver(result)); }
+                    Some(result) => {
+                        self.metrics.worked(&result);
+                        under_way.spawn(self.clone().deliver(result));
+                    }
                     None => break,
                 },
                 Some(_) = under_way.join_next() => {}
@@ -58,11 +63,14 @@ impl Courier {
             request.set_timeout(ANSWER_WITHIN);
             match self.client.complete(request).await {
                 Ok(answer) => {
-                    log(id, &result, answer.into_inner().verdict());
+                    let verdict = answer.into_inner().verdict();
+                    self.metrics.result(verdict);
+                    log(id, &result, verdict);
                     break;
                 }
                 Err(status) if retryable(status.code()) => {
-                    tracing::debug!(assignment = id, %status, "delivered later");
+                    self.metrics.retries.inc();
+                    tracing::debug!(assignment = id, job = result.job_id, %status, "delivered later");
                     backoff.wait().await;
                 }
                 // The coordinator will never take this one: it has to know, or it would wait for it.
@@ -103,8 +111,9 @@ fn log(assignment: u64, result: &CompleteRequest, verdict: Verdict) {
         ),
         (Some(Outcome::Failure(reason)), _) => tracing::error!(assignment, job = result.job_id, reason, "work failed"),
         (Some(Outcome::Evaluate(EvaluateResult { generation, first, evaluations })), verdict) => {
-            tracing::debug!(assignment, generation, first, count = evaluations.len(), ?verdict, "delivered");
+            let (job, count) = (&result.job_id, evaluations.len());
+            tracing::debug!(assignment, job, generation, first, count, ?verdict, "delivered");
         }
-        (_, verdict) => tracing::debug!(assignment, ?verdict, "delivered"),
+        (_, verdict) => tracing::debug!(assignment, job = result.job_id, ?verdict, "delivered"),
     }
 }

@@ -8,6 +8,7 @@ mod backoff;
 mod delivery;
 mod engines;
 mod jobs;
+mod metrics;
 mod session;
 mod slots;
 mod work;
@@ -16,6 +17,7 @@ use assignments::Assignments;
 use delivery::Courier;
 use engines::Engines;
 use jobs::Jobs;
+use metrics::{Metrics, Pulse};
 use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
 use session::Session;
 use slots::Slots;
@@ -37,6 +39,8 @@ pub struct Config {
     pub slots: usize,
     /// For people, up to 256 bytes; see [`default_name`].
     pub name: String,
+    /// Where metrics are served, if at all.
+    pub metrics: Option<telemetry::Bind>,
 }
 
 /// Why a worker does not start, or stopped.
@@ -68,6 +72,9 @@ pub enum Error {
         /// What it says.
         reason: String,
     },
+    /// Metrics can't be served as asked.
+    #[error(transparent)]
+    Metrics(#[from] telemetry::BindError),
     /// The system gives no thread, or another thing that the worker can't be without.
     #[error("the worker can't start: {0}")]
     System(String),
@@ -91,7 +98,7 @@ pub fn default_slots() -> usize {
 /// Works until `shutdown` resolves: then what runs is given back, what is done is delivered, and it ends. Waits for a
 /// coordinator that is not there, and for one that went away.
 pub async fn run(config: Config, shutdown: impl Future<Output = ()>) -> Result<(), Error> {
-    let Config { coordinator: url, slots, name } = config;
+    let Config { coordinator: url, slots, name, metrics: bind } = config;
     if slots == 0 || slots > MAX_SLOTS as usize {
         return Err(Error::Slots { slots });
     }
@@ -99,12 +106,19 @@ pub async fn run(config: Config, shutdown: impl Future<Output = ()>) -> Result<(
         return Err(Error::Name { length: name.len() });
     }
     let endpoint = endpoint(&url)?;
+    let assignments = Arc::new(Assignments::default());
+    let metrics = Arc::new(Metrics::new(slots));
+    let pulse = Arc::new(Pulse { metrics: metrics.clone(), assignments: assignments.clone() });
+    // Served until the worker ends.
+    let _served = match bind {
+        Some(bind) => Some(telemetry::Endpoint::start(bind, pulse).await?),
+        None => None,
+    };
     let engines = tokio::task::spawn_blocking(Engines::measure).await.map_err(|e| Error::System(e.to_string()))?;
     let id = unique_id();
-    let assignments = Arc::new(Assignments::default());
     let (done, finished) = mpsc::unbounded_channel();
     let queue = Slots::start(slots, done).map_err(|e| Error::System(e.to_string()))?;
-    let courier = Courier::new(endpoint.connect_lazy(), id.clone(), assignments.clone());
+    let courier = Courier::new(endpoint.connect_lazy(), id.clone(), assignments.clone(), metrics.clone());
     let delivering = tokio::spawn(courier.clone().run(finished));
 
     let mut session = Session {
@@ -118,6 +132,7 @@ pub async fn run(config: Config, shutdown: impl Future<Output = ()>) -> Result<(
         jobs: Jobs::default(),
         queue,
         courier,
+        metrics,
         said: None,
     };
     let outcome = tokio::select! {
@@ -164,7 +179,10 @@ mod tests {
     #[tokio::test]
     async fn what_can_not_work_is_said_before_anything_starts() {
         let run = |coordinator: &str, slots| {
-            run(Config { coordinator: coordinator.to_owned(), slots, name: "n".to_owned() }, std::future::pending())
+            run(
+                Config { coordinator: coordinator.to_owned(), slots, name: "n".to_owned(), metrics: None },
+                std::future::pending(),
+            )
         };
         for url in ["", "127.0.0.1:7077", "https://127.0.0.1:7077", "http://", "sqlite:x"] {
             assert!(matches!(run(url, 1).await, Err(Error::BadAddress { .. })), "{url}");

@@ -1,11 +1,8 @@
 //! The worker's binary.
 
 use clap::Parser;
-use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use tokio::signal::unix::{SignalKind, signal};
-use tracing_subscriber::filter::{LevelFilter, Targets};
-use tracing_subscriber::prelude::*;
 use worker::{Config, Error};
 
 /// Runs evaluations for a coordinator.
@@ -34,17 +31,21 @@ struct Arguments {
     /// How people will see it in `evogait` [default: host and process]
     #[arg(long)]
     name: Option<String>,
+
+    #[command(flatten)]
+    telemetry: telemetry::Options,
 }
 
 #[tokio::main(worker_threads = 2)]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter = std::env::var("RUST_LOG").ok().and_then(|text| text.parse().ok());
-    let messages = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_filter(filter.unwrap_or_else(|| Targets::new().with_default(LevelFilter::INFO)));
-    tracing_subscriber::registry().with(messages).init();
+    let _logging = match telemetry::logs::start(arguments.telemetry.log_format, "worker") {
+        Ok(logging) => logging,
+        Err(error) => {
+            eprintln!("worker: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
     match run(arguments).await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -68,6 +69,7 @@ async fn run(arguments: Arguments) -> Result<(), Error> {
         coordinator: arguments.coordinator,
         slots: arguments.slots.unwrap_or_else(worker::default_slots),
         name: arguments.name.unwrap_or_else(worker::default_name),
+        metrics: arguments.telemetry.bind(),
     };
     worker::run(config, shutdown).await
 }

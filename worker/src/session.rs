@@ -6,6 +6,7 @@ use crate::backoff::Backoff;
 use crate::delivery::Courier;
 use crate::engines::Engines;
 use crate::jobs::{Jobs, Unavailable};
+use crate::metrics::Metrics;
 use crate::slots::Slots;
 use proto::limits::MAX_MESSAGE;
 use proto::v1::worker_service_client::WorkerServiceClient;
@@ -37,6 +38,7 @@ pub(crate) struct Session {
     pub jobs: Jobs,
     pub queue: Slots,
     pub courier: Courier,
+    pub metrics: Arc<Metrics>,
     /// The way to the coordinator while connected.
     pub said: Option<UnboundedSender<WorkerMessage>>,
 }
@@ -49,6 +51,7 @@ impl Session {
         loop {
             let ended = self.once(&mut backoff).await;
             self.said = None;
+            self.metrics.connected.set(0);
             if let Err(status) = &ended
                 && refusal(status.code())
             {
@@ -107,7 +110,9 @@ impl Session {
             return Err(Status::unavailable("it did not say Welcome"));
         };
         backoff.reset();
-        tracing::info!(url = self.url, slots = self.slots, epoch, "connected");
+        self.metrics.connected.set(1);
+        self.metrics.sessions.inc();
+        tracing::info!(worker = self.id, url = self.url, slots = self.slots, epoch, "connected");
         self.assignments.stop(&drop);
         self.said = Some(said.clone());
 

@@ -2,10 +2,11 @@
 
 use super::{Api, at_most, id, store_failed};
 use crate::actor::{Command, SubmitError};
-use crate::limits::MAX_ACTIVE_JOBS;
+use crate::limits::{MAX_ACTIVE_JOBS, PACE_OVER};
 use crate::record::{JobId, JobRecord, JobState, ended};
 use crate::scheduler::NewJob;
 use proto::limits::{DEFAULT_PAGE, DEFAULT_PRIORITY, MAX_JOB_TOML, MAX_PAGE, MAX_PRIORITY, MAX_REQUEST_ID};
+use proto::v1::job_event::Event;
 use proto::v1::job_service_server::JobService;
 use proto::v1::{
     CancelJobRequest, CancelJobResponse, GetJobRequest, GetJobResponse, GetResultRequest, GetResultResponse, Job,
@@ -14,6 +15,7 @@ use proto::v1::{
 };
 use sim_core::finish::Plan;
 use sim_core::identity::Digest;
+use sim_core::measure::statistics::median;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
@@ -45,6 +47,17 @@ impl Api {
                 job
             })
             .collect())
+    }
+
+    /// Median time from the seal of a generation to that of the next over the newest of them, ms; 0 while there are fewer
+    /// than two. A pause or a restart of the coordinator touches one of many.
+    async fn pace(&self, id: &JobId, last_event: u64) -> Result<f64, Status> {
+        let after = last_event.saturating_sub(u64::from(PACE_OVER) + 1);
+        let events = self.store.events(id, after, PACE_OVER + 1).await.map_err(store_failed)?;
+        let sealed = |e: &JobEvent| matches!(e.event, Some(Event::GenerationSealed(_)));
+        let seals: Vec<i64> = events.iter().filter(|e| sealed(e)).map(|e| e.at_ms).collect();
+        let times: Vec<f64> = seals.windows(2).map(|w| (w[1] - w[0]).max(0) as f64).collect();
+        Ok(median(&times).unwrap_or(0.0))
     }
 
     async fn tell_one(&self, record: JobRecord) -> Result<Option<Job>, Status> {
@@ -124,7 +137,15 @@ impl JobService for Api {
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<GetJobResponse>, Status> {
         let (record, job_toml) = self.stored(&request.into_inner().id).await?;
-        Ok(Response::new(GetJobResponse { job: self.tell_one(record).await?, job_toml }))
+        let (id, last_event) = (record.id.clone(), record.last_event);
+        let mut standing = None;
+        if !ended(record.state) {
+            standing = self.ask(|reply| Command::Detail { id: id.clone(), reply }).await?;
+        }
+        if let Some(standing) = &mut standing {
+            standing.generation_ms = self.pace(&id, last_event).await?;
+        }
+        Ok(Response::new(GetJobResponse { job: self.tell_one(record).await?, job_toml, standing }))
     }
 
     async fn list_jobs(&self, request: Request<ListJobsRequest>) -> Result<Response<ListJobsResponse>, Status> {

@@ -12,6 +12,9 @@ use super::worker::{Worker, WorkerId};
 use super::{Action, Message, Now, Scheduler};
 use crate::record::JobId;
 use proto::limits::DEFAULT_PRIORITY;
+use sim_core::identity::Digest;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Bound;
 
 /// Slot time of an evaluation nobody has measured yet, s.
 const UNKNOWN_COST: f64 = 1.0;
@@ -26,32 +29,97 @@ enum Fill {
     InAdvance,
 }
 
+/// Workers that may have room, so that an event costs as much as it changes and not as many workers as there are.
+///
+/// A worker leaves a set when it is found without room, and comes back when it may have some. So a set may hold workers
+/// that have none, but never lacks one that has.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    free_slots: BTreeSet<WorkerId>,
+    in_advance: BTreeSet<WorkerId>,
+    /// Slots of the workers that take work, by engine; nothing while it is not known.
+    slots: Option<BTreeMap<Digest, u32>>,
+    /// Workers looked at and jobs weighed for them, ever: what dispatching costs.
+    #[cfg(test)]
+    pub steps: u64,
+}
+
+impl Room {
+    /// This worker may have room.
+    pub fn may_have(&mut self, worker: &WorkerId) {
+        self.free_slots.insert(worker.clone());
+        self.in_advance.insert(worker.clone());
+    }
+
+    /// A worker came, went, or takes work no more.
+    pub fn workers_changed(&mut self) {
+        self.slots = None;
+    }
+
+    /// The first in a set, or the next after one.
+    fn after(&mut self, fill: Fill, last: Option<&WorkerId>) -> Option<WorkerId> {
+        let from = last.map_or(Bound::Unbounded, Bound::Excluded);
+        self.of(fill).range::<WorkerId, _>((from, Bound::Unbounded)).next().cloned()
+    }
+
+    fn of(&mut self, fill: Fill) -> &mut BTreeSet<WorkerId> {
+        match fill {
+            Fill::FreeSlots => &mut self.free_slots,
+            Fill::InAdvance => &mut self.in_advance,
+        }
+    }
+
+    fn step(&mut self) {
+        #[cfg(test)]
+        {
+            self.steps += 1;
+        }
+    }
+}
+
 impl Scheduler {
     /// Hands out what is pending: first to free slots everywhere, then one range a slot in advance where ranges are
     /// short.
     pub(super) fn dispatch(&mut self, now: Now) {
         for fill in [Fill::FreeSlots, Fill::InAdvance] {
-            if !self.jobs.values().any(ActiveJob::has_pending) {
-                return;
-            }
-            let ids: Vec<WorkerId> =
-                self.workers.iter().filter(|(_, w)| w.takes_work()).map(|(id, _)| id.clone()).collect();
-            for id in ids {
-                self.fill(now, &id, fill);
+            self.know_slots();
+            let mut last: Option<WorkerId> = None;
+            while self.jobs.values().any(|job| self.size_for_any(job, fill).is_some())
+                && let Some(id) = self.room.after(fill, last.as_ref())
+            {
+                if !self.fill(now, &id, fill) {
+                    self.room.of(fill).remove(&id);
+                }
+                last = Some(id);
             }
         }
     }
 
-    fn fill(&mut self, now: Now, id: &WorkerId, fill: Fill) {
-        while let Some(worker) = self.workers.get(id) {
+    fn know_slots(&mut self) {
+        if self.room.slots.is_none() {
+            let mut slots = BTreeMap::new();
+            for worker in self.workers.values().filter(|w| w.takes_work()) {
+                for engine in &worker.engines {
+                    *slots.entry(*engine).or_default() += worker.slots;
+                }
+            }
+            self.room.slots = Some(slots);
+        }
+    }
+
+    /// Gives a worker what there is for it; `false` if it has no room left.
+    fn fill(&mut self, now: Now, id: &WorkerId, fill: Fill) -> bool {
+        loop {
+            self.room.step();
+            let Some(worker) = self.workers.get(id).filter(|w| w.takes_work()) else { return false };
             let room = match fill {
                 Fill::FreeSlots => worker.slots as usize,
                 Fill::InAdvance => 2 * worker.slots as usize,
             };
             if worker.held.len() >= room {
-                return;
+                return false;
             }
-            let Some((job, size)) = self.next_job(id, fill) else { return };
+            let Some((job, size)) = self.next_job(id, fill) else { return true };
             self.hand_out(now, id, &job, size);
         }
     }
@@ -72,15 +140,23 @@ impl Scheduler {
 
     /// How many tasks this job would give to this worker; `None` if nothing.
     fn offer(&self, worker: &Worker, id: &JobId, job: &ActiveJob, fill: Fill) -> Option<u32> {
-        let engine = &job.record.engine_digest;
-        if !job.has_pending() || !worker.engines.contains(engine) || worker.refused.contains_key(id) {
+        if !worker.engines.contains(&job.record.engine_digest) || worker.refused.contains_key(id) {
+            return None;
+        }
+        self.size_for_any(job, fill)
+    }
+
+    /// How many tasks this job would give to a worker that can run it; `None` if nothing.
+    fn size_for_any(&self, job: &ActiveJob, fill: Fill) -> Option<u32> {
+        if !job.has_pending() {
             return None;
         }
         let round = &job.round;
         let most = round.work.most_at_once();
         match round.work {
             Work::Candidates(_) => {
-                let (all, pending, slots) = (round.size(), round.pending(), self.slots_for(engine));
+                let known = self.room.slots.as_ref().and_then(|slots| slots.get(&job.record.engine_digest));
+                let (all, pending, slots) = (round.size(), round.pending(), known.copied().unwrap_or(0));
                 let size = range_size(Cut { all, pending, slots, cost: job.cost, at_once: job.at_once, most });
                 (fill == Fill::FreeSlots || may_prefetch(size, job.cost)).then_some(size)
             }

@@ -1,5 +1,6 @@
 //! Work that a worker has been given.
 
+use super::notes::{LeaseEnd, Note};
 use super::round::Range;
 use super::worker::WorkerId;
 use super::{Action, Message, Now, Scheduler};
@@ -45,11 +46,10 @@ pub(super) struct Lease {
 
 impl Scheduler {
     /// Gives a lease back: what it covers and is not done becomes pending again. Costs nothing.
-    pub(super) fn release(&mut self, id: AssignmentId) -> Option<Lease> {
+    pub(super) fn release(&mut self, id: AssignmentId, why: LeaseEnd) -> Option<Lease> {
         let lease = self.leases.remove(&id)?;
-        if let Some(worker) = self.workers.get_mut(&lease.worker) {
-            worker.held.remove(&id);
-        }
+        self.note_end(id, &lease, why);
+        self.let_go(&lease.worker, id);
         if let Some(job) = self.jobs.get_mut(&lease.job) {
             job.finish_tag -= lease.charged;
             if job.round.contains(&lease.range) {
@@ -57,6 +57,14 @@ impl Scheduler {
             }
         }
         Some(lease)
+    }
+
+    /// A worker has an assignment no more.
+    pub(super) fn let_go(&mut self, worker: &WorkerId, id: AssignmentId) {
+        if let Some(held) = self.workers.get_mut(worker).map(|w| &mut w.held) {
+            held.remove(&id);
+            self.room.may_have(worker);
+        }
     }
 
     /// A crash or failure while this was worked on. A range of several is split to find the culprit; one that failed
@@ -69,6 +77,10 @@ impl Scheduler {
             return;
         }
         let attempts = job.round.blame(range);
+        if attempts > 0 {
+            let (job, range, why) = (lease.job.clone(), *range, why.to_owned());
+            self.notes.push(Note::Attempt { job, range, attempts, why });
+        }
         let what = job.round.work.describe(range.round, range.first);
         if attempts >= super::MAX_ATTEMPTS {
             let reason = format!("{what} failed {attempts} times; the last time: {why}");
@@ -80,7 +92,7 @@ impl Scheduler {
     pub(super) fn cancel_leases(&mut self, ids: &[AssignmentId]) {
         let mut by_worker: BTreeMap<WorkerId, Vec<AssignmentId>> = BTreeMap::new();
         for &id in ids {
-            if let Some(lease) = self.release(id) {
+            if let Some(lease) = self.release(id, LeaseEnd::Needless) {
                 by_worker.entry(lease.worker).or_default().push(id);
             }
         }

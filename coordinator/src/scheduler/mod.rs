@@ -10,24 +10,30 @@
 //! its tasks PENDING again. How they are cut into ranges, who works on them and in which order results arrive never
 //! touches a result: scores are folded by index once all of a round are there.
 
+mod census;
 mod fair;
 mod job;
 mod lease;
+mod notes;
 mod results;
 mod round;
 mod search;
 mod sizing;
+mod standing;
 mod statistics;
 mod worker;
 
+pub use census::Census;
 pub use job::{NewJob, Resumed};
 pub use lease::{AssignmentId, Task};
+pub use notes::{LeaseEnd, Note};
 pub use results::{Completed, Delivery, Verdict};
 pub use round::{Outcome, Range};
 pub use worker::{Greeting, SessionId, Welcome, WorkerId};
 
 use crate::record::{JobId, JobRecord, JobState};
 use crate::store::Write;
+use fair::Room;
 use job::ActiveJob;
 use lease::Lease;
 use proto::v1;
@@ -109,7 +115,9 @@ pub struct Scheduler {
     next_session: u64,
     /// Virtual time of the fair queue: the tag of the work handed out last.
     virtual_time: f64,
+    room: Room,
     actions: Vec<Action>,
+    notes: Vec<Note>,
 }
 
 impl Scheduler {
@@ -126,7 +134,9 @@ impl Scheduler {
             next_assignment: settings.epoch << 32,
             next_session: 1,
             virtual_time: 0.0,
+            room: Room::default(),
             actions: Vec::new(),
+            notes: Vec::new(),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::job::End;
 use super::lease::AssignmentId;
+use super::notes::{LeaseEnd, Note};
 use super::round::{Outcome, Range, Recorded, same_bits};
 use super::worker::WorkerId;
 use super::{Action, Now, Scheduler};
@@ -67,6 +68,19 @@ pub enum Verdict {
     Unknown,
 }
 
+impl Verdict {
+    /// As a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::Duplicate => "duplicate",
+            Self::Conflict => "conflict",
+            Self::Obsolete => "obsolete",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
 impl Scheduler {
     /// A result. Whoever has the lease: the first right one wins.
     pub fn complete(&mut self, now: Now, completed: Completed) -> Verdict {
@@ -89,7 +103,7 @@ impl Scheduler {
                 if !own {
                     return Verdict::Obsolete;
                 }
-                if let Some(lease) = self.release(assignment) {
+                if let Some(lease) = self.release(assignment, LeaseEnd::Failed) {
                     self.blame(now, &lease, &reason);
                 }
                 Verdict::Accepted
@@ -153,6 +167,13 @@ impl Scheduler {
             worker.evaluations += accepted as u64;
         }
         if accepted > 0 {
+            self.notes.push(Note::Taken {
+                worker: worker.clone(),
+                job: id.clone(),
+                round: range.round,
+                evaluations: job.round.is_generation(),
+                count: accepted as u32,
+            });
             let needless: Vec<AssignmentId> = self
                 .leases
                 .iter()
@@ -229,11 +250,9 @@ impl Scheduler {
             job.finish_tag += compute.as_secs_f64() / f64::from(job.record.priority) - charged;
         }
         if let Some(lease) = self.leases.remove(&id) {
-            if let Some(worker) = self.workers.get_mut(&lease.worker) {
-                worker.held.remove(&id);
-            }
+            self.let_go(&lease.worker, id);
             // Should a result cover less than was asked for, the rest is still to be done.
-            if job.round.contains(&lease.range) {
+            if let Some(job) = self.jobs.get_mut(&lease.job).filter(|job| job.round.contains(&lease.range)) {
                 job.round.release(&lease.range, id);
             }
         }

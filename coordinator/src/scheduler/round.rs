@@ -236,6 +236,12 @@ impl Round {
         Recorded::New
     }
 
+    /// Tasks that are not done and have crashed or failed while they were worked on alone, and how often.
+    pub fn attempts(&self) -> impl Iterator<Item = (u32, u32)> {
+        let open = self.tasks.iter().enumerate().filter(|(_, t)| t.attempts > 0 && !matches!(t.state, State::Done(..)));
+        open.map(|(index, task)| (index as u32, task.attempts))
+    }
+
     /// What a task found, if it is done.
     pub fn outcome(&self, index: u32) -> Option<&Outcome> {
         match &self.tasks.get(index as usize)?.state {

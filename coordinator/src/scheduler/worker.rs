@@ -1,6 +1,7 @@
 //! Workers: they come, give signs of life, and go.
 
 use super::lease::{AssignmentId, Lease};
+use super::notes::{LeaseEnd, Note};
 use super::round::Range;
 use super::{Now, Scheduler};
 use crate::record::JobId;
@@ -103,6 +104,8 @@ impl Scheduler {
             evaluations: before.as_ref().map_or(0, |w| w.evaluations),
         };
         self.workers.insert(greeting.worker.clone(), worker);
+        self.room.may_have(&greeting.worker);
+        self.room.workers_changed();
 
         let (mut keep, mut drop) = (Vec::new(), Vec::new());
         for (id, job, range) in greeting.running {
@@ -111,7 +114,7 @@ impl Scheduler {
         }
         // Assignments that never reached it.
         for id in held.iter().filter(|id| !keep.contains(id)) {
-            self.release(*id);
+            self.release(*id, LeaseEnd::Undelivered);
         }
         self.dispatch(now);
         Welcome { session, keep, drop }
@@ -146,7 +149,7 @@ impl Scheduler {
         let given_before = now.since_start.saturating_sub(self.settings.lease / 2);
         for id in held {
             if !running.contains(&id) && self.leases.get(&id).is_some_and(|l| l.since < given_before) {
-                self.release(id);
+                self.release(id, LeaseEnd::Undelivered);
             }
         }
         self.dispatch(now);
@@ -158,6 +161,7 @@ impl Scheduler {
         if self.session(id, session).is_none() {
             return;
         }
+        self.room.workers_changed();
         let grace = now.since_start + self.settings.heartbeat();
         if let Some(worker) = self.workers.get_mut(id) {
             worker.session = None;
@@ -173,11 +177,12 @@ impl Scheduler {
     pub fn drain(&mut self, now: Now, id: &WorkerId, session: SessionId) {
         let Some(worker) = self.session(id, session) else { return };
         for assignment in worker.held.clone() {
-            self.release(assignment);
+            self.release(assignment, LeaseEnd::Drained);
         }
         if let Some(worker) = self.workers.get_mut(id) {
             worker.draining = true;
         }
+        self.room.workers_changed();
         self.dispatch(now);
     }
 
@@ -185,7 +190,7 @@ impl Scheduler {
     pub fn reject(&mut self, now: Now, id: &WorkerId, session: SessionId, assignment: AssignmentId) {
         let Some(worker) = self.session(id, session) else { return };
         if worker.held.contains(&assignment)
-            && let Some(lease) = self.release(assignment)
+            && let Some(lease) = self.release(assignment, LeaseEnd::Rejected)
         {
             let until = now.since_start + self.settings.lease;
             if let Some(worker) = self.workers.get_mut(id) {
@@ -217,9 +222,12 @@ impl Scheduler {
     /// only fell silent (a network that swallows everything), nothing is to blame.
     pub(super) fn lose_worker(&mut self, now: Now, id: &WorkerId) {
         let Some(worker) = self.workers.remove(id) else { return };
+        self.room.workers_changed();
         let crashed = worker.session.is_none();
+        let (leases, name) = (worker.held.len() as u32, worker.name.clone());
+        self.notes.push(Note::WorkerLost { worker: id.clone(), name, leases, crashed });
         for assignment in worker.held {
-            if let Some(lease) = self.release(assignment)
+            if let Some(lease) = self.release(assignment, LeaseEnd::Lost)
                 && crashed
             {
                 self.blame(now, &lease, &format!("worker {} died with it", worker.name));

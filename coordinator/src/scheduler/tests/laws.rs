@@ -32,6 +32,33 @@ fn all_slots_are_filled_from_the_start() {
     }
 }
 
+/// Steps of dispatching that a result costs while all workers are busy and work waits, with so many workers.
+fn steps_a_result(workers: u32) -> f64 {
+    let mut rig = Rig::new();
+    for worker in 0..workers {
+        rig.connect(&format!("w{worker}"), 1);
+    }
+    rig.submit("long", 20 * workers, 20);
+    let a_round_of_results = |rig: &mut Rig| {
+        for _ in 0..workers {
+            let given = rig.take().expect("work waits");
+            let mut completed = given.completed(given.delivery());
+            completed.compute = Duration::from_millis(50) * given.range().count;
+            rig.complete(completed);
+        }
+        rig.scheduler.room.steps
+    };
+    // Everybody has worked once: evaluations are known to be short, and some is handed out in advance.
+    let before = a_round_of_results(&mut rig);
+    (a_round_of_results(&mut rig) - before) as f64 / f64::from(workers)
+}
+
+#[test]
+fn what_a_result_costs_does_not_grow_with_the_workers() {
+    let (few, many) = (steps_a_result(10), steps_a_result(1000));
+    assert!(many <= few + 2.0, "{few} steps with 10 workers, {many} with 1000");
+}
+
 #[test]
 fn measured_short_work_is_handed_out_in_advance() {
     let mut rig = Rig::new();

@@ -1,0 +1,250 @@
+//! The coordinator's numbers, for Prometheus. What only grows is counted as it happens; what stands is asked of the
+//! actor when somebody looks.
+
+use crate::actor::Command;
+use crate::limits::CENSUS_WITHIN;
+use crate::record::JobState;
+use crate::scheduler::{Census, LeaseEnd, Verdict};
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
+use prometheus_client::registry::{Registry, Unit};
+use sim_core::identity::Digest;
+use std::sync::{Arc, OnceLock};
+use telemetry::Vitals;
+use telemetry::endpoint::Answer;
+use tokio::sync::{mpsc, oneshot};
+
+type Label = [(&'static str, &'static str); 1];
+type Labels = [(&'static str, String); 2];
+
+/// All of them.
+pub(crate) struct Metrics {
+    registry: Registry,
+    jobs: Family<Label, Gauge>,
+    jobs_ended: Family<Label, Counter>,
+    /// Generations sealed.
+    pub generations: Counter,
+    /// Evaluations of the search that were taken in.
+    pub evaluations: Counter,
+    /// Examinations of the finish that were taken in.
+    pub examinations: Counter,
+    candidates: Family<Label, Gauge>,
+    slots: Gauge,
+    busy: Gauge,
+    workers: Family<Label, Gauge>,
+    /// Workers that were lost.
+    pub workers_lost: Counter,
+    leases_ended: Family<Label, Counter>,
+    results: Family<Label, Counter>,
+    /// Tasks charged with a crash or a failure.
+    pub attempts: Counter,
+    /// s a commit took.
+    pub commit_seconds: Histogram,
+    /// Changes committed together.
+    pub commit_writes: Histogram,
+    /// s from a generation's begin to its seal.
+    pub generation_seconds: Histogram,
+    queue: Gauge,
+    /// Commits that failed.
+    pub store_errors: Counter,
+    /// Of this start on the store; 0 before it is taken up.
+    pub epoch: Gauge,
+    active: Gauge,
+    engines: Family<Labels, Gauge>,
+}
+
+impl Metrics {
+    pub fn new() -> Self {
+        let mut metrics = Self {
+            registry: Registry::with_prefix("evogait"),
+            jobs: Family::default(),
+            jobs_ended: Family::default(),
+            generations: Counter::default(),
+            evaluations: Counter::default(),
+            examinations: Counter::default(),
+            candidates: Family::default(),
+            slots: Gauge::default(),
+            busy: Gauge::default(),
+            workers: Family::default(),
+            workers_lost: Counter::default(),
+            leases_ended: Family::default(),
+            results: Family::default(),
+            attempts: Counter::default(),
+            commit_seconds: Histogram::new(exponential_buckets(0.0001, 2.0, 16)),
+            commit_writes: Histogram::new(exponential_buckets(1.0, 2.0, 10)),
+            generation_seconds: Histogram::new(exponential_buckets(0.001, 4.0, 12)),
+            queue: Gauge::default(),
+            store_errors: Counter::default(),
+            epoch: Gauge::default(),
+            active: Gauge::default(),
+            engines: Family::default(),
+        };
+        metrics.register();
+        metrics.start_from_zero();
+        metrics
+    }
+
+    fn register(&mut self) {
+        let r = &mut self.registry;
+        r.register("jobs", "Jobs that have not ended", self.jobs.clone());
+        r.register("jobs_ended", "Jobs that ended since this start", self.jobs_ended.clone());
+        r.register("generations_sealed", "Generations sealed", self.generations.clone());
+        r.register("evaluations", "Evaluations of the search that were committed", self.evaluations.clone());
+        r.register("examinations", "Examinations of the finish that were committed", self.examinations.clone());
+        r.register("candidates", "Tasks of the rounds at hand that are not done", self.candidates.clone());
+        r.register("slots", "Slots of the workers that take work", self.slots.clone());
+        r.register("slots_busy", "Slots that have work", self.busy.clone());
+        r.register("workers", "Workers, by what can be expected of them", self.workers.clone());
+        r.register("workers_lost", "Workers that fell silent or died", self.workers_lost.clone());
+        r.register("leases_ended", "Assignments that ended without a result", self.leases_ended.clone());
+        r.register("results", "Results delivered, by what became of them", self.results.clone());
+        r.register("attempts", "Tasks charged with a crash or a failure", self.attempts.clone());
+        r.register_with_unit("commit", "Time of a commit", Unit::Seconds, self.commit_seconds.clone());
+        r.register("commit_writes", "Changes committed together", self.commit_writes.clone());
+        let generation = self.generation_seconds.clone();
+        r.register_with_unit("generation", "Time from a generation's begin to its seal", Unit::Seconds, generation);
+        r.register("queue_length", "Commands that wait for the actor", self.queue.clone());
+        r.register("store_errors", "Commits that the store refused", self.store_errors.clone());
+        r.register("epoch", "Number of this start on the store; 0 while standing by", self.epoch.clone());
+        r.register("active", "1 for the coordinator that has the store, 0 while standing by", self.active.clone());
+        r.register("engine_info", "Engines of this build, with their digests", self.engines.clone());
+        let build = Family::<Label, Gauge>::default();
+        build.get_or_create(&[("version", env!("CARGO_PKG_VERSION"))]).set(1);
+        r.register("build_info", "Version of this build", build);
+    }
+
+    /// A series that is not there before its first event can't be seen to grow by it.
+    fn start_from_zero(&self) {
+        for state in ACTIVE {
+            self.jobs.get_or_create_owned(&[("state", word(state))]);
+        }
+        for state in [JobState::Succeeded, JobState::Failed, JobState::Cancelled] {
+            self.jobs_ended.get_or_create_owned(&[("state", word(state))]);
+        }
+        for why in LeaseEnd::ALL {
+            self.leases_ended.get_or_create_owned(&[("why", why.word())]);
+        }
+        for verdict in [Verdict::Accepted, Verdict::Duplicate, Verdict::Conflict, Verdict::Obsolete, Verdict::Unknown] {
+            self.results.get_or_create_owned(&[("verdict", verdict.word())]);
+        }
+        self.tell(&Census::default());
+    }
+
+    /// A job ended.
+    pub fn job_ended(&self, state: JobState) {
+        self.jobs_ended.get_or_create(&[("state", word(state))]).inc();
+    }
+
+    /// An assignment ended without a result.
+    pub fn lease_ended(&self, why: LeaseEnd) {
+        self.leases_ended.get_or_create(&[("why", why.word())]).inc();
+    }
+
+    /// A result was answered.
+    pub fn result(&self, verdict: Verdict) {
+        self.results.get_or_create(&[("verdict", verdict.word())]).inc();
+    }
+
+    /// The engines of this build.
+    pub fn engines(&self, engines: &[(&'static str, Digest)]) {
+        for (name, digest) in engines {
+            let labels = [("engine", (*name).to_owned()), ("digest", digest.to_string())];
+            self.engines.get_or_create(&labels).set(1);
+        }
+    }
+
+    fn tell(&self, census: &Census) {
+        for state in ACTIVE {
+            let jobs = census.jobs.get(&state).copied().unwrap_or(0);
+            self.jobs.get_or_create(&[("state", word(state))]).set(jobs.into());
+        }
+        for (state, count) in [("pending", census.pending), ("leased", census.leased)] {
+            self.candidates.get_or_create(&[("state", state)]).set(count as i64);
+        }
+        let workers = [("ready", census.ready), ("draining", census.draining), ("disconnected", census.disconnected)];
+        for (state, count) in workers {
+            self.workers.get_or_create(&[("state", state)]).set(count as i64);
+        }
+        self.slots.set(census.slots as i64);
+        self.busy.set(census.busy as i64);
+    }
+}
+
+/// The states of jobs that have not ended.
+const ACTIVE: [JobState; 4] = [JobState::Queued, JobState::Running, JobState::Finishing, JobState::Reporting];
+
+/// A state as a label.
+fn word(state: JobState) -> &'static str {
+    match state {
+        JobState::Unspecified => "unspecified",
+        JobState::Queued => "queued",
+        JobState::Running => "running",
+        JobState::Finishing => "finishing",
+        JobState::Reporting => "reporting",
+        JobState::Succeeded => "succeeded",
+        JobState::Failed => "failed",
+        JobState::Cancelled => "cancelled",
+    }
+}
+
+/// What the coordinator says of itself at `/metrics` and `/healthz`.
+pub(crate) struct Pulse {
+    metrics: Arc<Metrics>,
+    /// There once this coordinator has the store.
+    commands: OnceLock<mpsc::Sender<Command>>,
+}
+
+impl Pulse {
+    /// Of a coordinator that does not have the store yet.
+    pub fn new(metrics: Arc<Metrics>) -> Self {
+        Self { metrics, commands: OnceLock::new() }
+    }
+
+    /// It has the store now.
+    pub fn activate(&self, commands: mpsc::Sender<Command>) {
+        self.metrics.active.set(1);
+        // Only the first counts.
+        let _ = self.commands.set(commands);
+    }
+
+    /// Asks the actor; `None` if it does not answer in time.
+    async fn census(commands: &mpsc::Sender<Command>) -> Option<Census> {
+        let (reply, answer) = oneshot::channel();
+        let asked = async {
+            commands.send(Command::Census { reply }).await.ok()?;
+            answer.await.ok()
+        };
+        tokio::time::timeout(CENSUS_WITHIN, asked).await.ok().flatten()
+    }
+}
+
+impl Vitals for Pulse {
+    fn metrics(&self) -> Answer<'_, String> {
+        Box::pin(async move {
+            if let Some(commands) = self.commands.get() {
+                self.metrics.queue.set((commands.max_capacity() - commands.capacity()) as i64);
+                // Where the actor does not answer, the gauges stay as they were and the queue grows.
+                if let Some(census) = Self::census(commands).await {
+                    self.metrics.tell(&census);
+                }
+            }
+            let mut text = String::new();
+            // Writing to a string does not fail.
+            let _ = encode(&mut text, &self.metrics.registry);
+            text
+        })
+    }
+
+    fn health(&self) -> Answer<'_, Result<String, String>> {
+        Box::pin(async move {
+            let Some(commands) = self.commands.get() else { return Ok("standing by".to_owned()) };
+            match Self::census(commands).await {
+                Some(_) => Ok("active".to_owned()),
+                None => Err(format!("the actor has not answered for {} s", CENSUS_WITHIN.as_secs())),
+            }
+        })
+    }
+}

@@ -1,0 +1,159 @@
+//! `/metrics` and `/healthz` over plain HTTP/1, for Prometheus and for whoever restarts what hangs.
+//!
+//! A stranger can read numbers here and nothing else: bodies are ignored, connections are few and short.
+
+use crate::Bind;
+use http_body_util::Full;
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{ALLOW, CONTENT_TYPE, HeaderValue};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use std::convert::Infallible;
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
+use tokio::task::JoinHandle;
+
+/// Connections at once; more have to wait.
+pub const MAX_CONNECTIONS: usize = 16;
+/// A connection lasts no longer than this, however it is used.
+pub const MAX_CONNECTION_AGE: Duration = Duration::from_secs(60);
+/// A request's headers have this long to come in.
+pub const HEADERS_WITHIN: Duration = Duration::from_secs(5);
+
+/// What OpenMetrics text calls itself.
+const OPENMETRICS: HeaderValue = HeaderValue::from_static("application/openmetrics-text; version=1.0.0; charset=utf-8");
+const PLAIN: HeaderValue = HeaderValue::from_static("text/plain; charset=utf-8");
+
+/// What is promised.
+pub type Answer<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
+
+/// What a program says of itself.
+pub trait Vitals: Send + Sync + 'static {
+    /// All metrics as they stand, as OpenMetrics text.
+    fn metrics(&self) -> Answer<'_, String>;
+
+    /// What it does, in a few words, or why it is not well.
+    fn health(&self) -> Answer<'_, Result<String, String>>;
+}
+
+/// Why metrics can't be served.
+#[derive(Debug, thiserror::Error)]
+pub enum BindError {
+    /// The address is reachable from other machines.
+    #[error(
+        "metrics at {addr} could be read from other machines by anybody: serve them on 127.0.0.1, or add \
+         --metrics-insecure-bind"
+    )]
+    NotLoopback {
+        /// Where.
+        addr: SocketAddr,
+    },
+    /// Somebody else listens there. Retryable once that has ended.
+    #[error("{addr} is taken by another program: stop it, or choose another --metrics address")]
+    PortTaken {
+        /// Where.
+        addr: SocketAddr,
+    },
+    /// The system refuses to listen there.
+    #[error("can't serve metrics at {addr}: {source}")]
+    Bind {
+        /// Where.
+        addr: SocketAddr,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// Serves until it is dropped.
+#[derive(Debug)]
+pub struct Endpoint {
+    addr: SocketAddr,
+    task: JoinHandle<()>,
+}
+
+impl Drop for Endpoint {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+impl Endpoint {
+    /// Binds and serves.
+    pub async fn start(bind: Bind, vitals: Arc<dyn Vitals>) -> Result<Self, BindError> {
+        let Bind { addr, beyond_loopback } = bind;
+        if !addr.ip().is_loopback() && !beyond_loopback {
+            return Err(BindError::NotLoopback { addr });
+        }
+        let listener = TcpListener::bind(addr).await.map_err(|source| match source.kind() {
+            io::ErrorKind::AddrInUse => BindError::PortTaken { addr },
+            _ => BindError::Bind { addr, source },
+        })?;
+        let addr = listener.local_addr().map_err(|source| BindError::Bind { addr, source })?;
+        tracing::info!(%addr, "metrics are served");
+        Ok(Self { addr, task: tokio::spawn(serve(listener, vitals)) })
+    }
+
+    /// Where it listens, with the port that was chosen.
+    pub fn addr(&self) -> SocketAddr {
+        self.addr
+    }
+}
+
+async fn serve(listener: TcpListener, vitals: Arc<dyn Vitals>) {
+    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    loop {
+        // Never closed.
+        let Ok(permit) = room.clone().acquire_owned().await else { return };
+        let stream = match listener.accept().await {
+            Ok((stream, _)) => stream,
+            Err(error) => {
+                // Out of file descriptors, most likely: some will be free again.
+                tracing::warn!(%error, "no connection for metrics");
+                tokio::time::sleep(Duration::from_secs(1)).await;
+                continue;
+            }
+        };
+        let vitals = vitals.clone();
+        tokio::spawn(async move {
+            let service = service_fn(move |request| {
+                let vitals = vitals.clone();
+                async move { Ok::<_, Infallible>(answer(&request, &*vitals).await) }
+            });
+            let connection = http1::Builder::new()
+                .timer(TokioTimer::new())
+                .header_read_timeout(HEADERS_WITHIN)
+                .serve_connection(TokioIo::new(stream), service);
+            // What goes wrong on such a connection is the other side's to see.
+            let _ = tokio::time::timeout(MAX_CONNECTION_AGE, connection).await;
+            drop(permit);
+        });
+    }
+}
+
+async fn answer(request: &Request<Incoming>, vitals: &dyn Vitals) -> Response<Full<Bytes>> {
+    let (status, kind, text) = match request.uri().path() {
+        "/metrics" | "/healthz" if !matches!(*request.method(), Method::GET | Method::HEAD) => {
+            (StatusCode::METHOD_NOT_ALLOWED, PLAIN, "only GET is answered\n".to_owned())
+        }
+        "/metrics" => (StatusCode::OK, OPENMETRICS, vitals.metrics().await),
+        "/healthz" => match vitals.health().await {
+            Ok(text) => (StatusCode::OK, PLAIN, text + "\n"),
+            Err(text) => (StatusCode::SERVICE_UNAVAILABLE, PLAIN, text + "\n"),
+        },
+        _ => (StatusCode::NOT_FOUND, PLAIN, "there are /metrics and /healthz\n".to_owned()),
+    };
+    let mut response = Response::new(Full::new(Bytes::from(text)));
+    *response.status_mut() = status;
+    response.headers_mut().insert(CONTENT_TYPE, kind);
+    if status == StatusCode::METHOD_NOT_ALLOWED {
+        response.headers_mut().insert(ALLOW, HeaderValue::from_static("GET, HEAD"));
+    }
+    response
+}

@@ -1,0 +1,71 @@
+//! Messages on standard error, and spans to whoever collects them.
+
+use std::io::IsTerminal as _;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::prelude::*;
+use tracing_subscriber::{Layer, Registry};
+
+/// How messages look.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// A line for people.
+    #[default]
+    Text,
+    /// A JSON object a line: timestamp, level, target, fields, spans.
+    Json,
+}
+
+/// What the environment calls the address of a collector of spans.
+pub const OTLP_ENDPOINT: &str = "OTEL_EXPORTER_OTLP_ENDPOINT";
+
+/// Keeps what logging needs; to be dropped at the very end of the program.
+#[derive(Debug, Default)]
+pub struct Logging {
+    #[cfg(feature = "otlp")]
+    _exporting: Option<crate::otlp::Exporting>,
+}
+
+/// Starts logging for the whole process: what `RUST_LOG` asks for, or all from level info on. Once a process, inside a
+/// tokio runtime. `program` is what a collector calls it.
+///
+/// # Errors
+/// A sentence, if spans are to be exported and can't be.
+pub fn start(format: LogFormat, program: &'static str) -> Result<Logging, String> {
+    let asked = std::env::var("RUST_LOG").ok().and_then(|text| text.parse().ok());
+    let filter: Targets = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::INFO));
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let lines: Box<dyn Layer<Registry> + Send + Sync> = match format {
+        LogFormat::Text => lines.with_ansi(std::io::stderr().is_terminal()).with_filter(filter).boxed(),
+        LogFormat::Json => lines.json().flatten_event(true).with_filter(filter).boxed(),
+    };
+    let endpoint = std::env::var(OTLP_ENDPOINT).ok().filter(|endpoint| !endpoint.is_empty());
+    with_export(lines, endpoint, program)
+}
+
+#[cfg(feature = "otlp")]
+fn with_export(
+    lines: Box<dyn Layer<Registry> + Send + Sync>,
+    endpoint: Option<String>,
+    program: &'static str,
+) -> Result<Logging, String> {
+    let Some(endpoint) = endpoint else {
+        tracing_subscriber::registry().with(lines).init();
+        return Ok(Logging::default());
+    };
+    let (spans, exporting) = crate::otlp::layer(&endpoint, program)?;
+    tracing_subscriber::registry().with(vec![lines, spans.boxed()]).init();
+    Ok(Logging { _exporting: Some(exporting) })
+}
+
+#[cfg(not(feature = "otlp"))]
+fn with_export(
+    lines: Box<dyn Layer<Registry> + Send + Sync>,
+    endpoint: Option<String>,
+    _program: &'static str,
+) -> Result<Logging, String> {
+    tracing_subscriber::registry().with(lines).init();
+    if endpoint.is_some() {
+        tracing::warn!("{OTLP_ENDPOINT} is set, but this build exports no spans: build it with --features otlp");
+    }
+    Ok(Logging::default())
+}

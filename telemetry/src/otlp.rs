@@ -1,0 +1,42 @@
+//! Spans to an OpenTelemetry collector, over gRPC. Only in builds with the feature `otlp`, and only where the
+//! environment says whereto: `OTEL_EXPORTER_OTLP_ENDPOINT`, such as `http://127.0.0.1:4317`.
+
+use crate::logs::OTLP_ENDPOINT;
+use opentelemetry::trace::TracerProvider as _;
+use opentelemetry_otlp::{SpanExporter, WithExportConfig as _};
+use opentelemetry_sdk::Resource;
+use opentelemetry_sdk::trace::SdkTracerProvider;
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::registry::LookupSpan;
+
+/// Sends what is left when it is dropped.
+#[derive(Debug)]
+pub struct Exporting(SdkTracerProvider);
+
+impl Drop for Exporting {
+    fn drop(&mut self) {
+        // A collector that is away must not keep anybody from stopping.
+        let _ = self.0.shutdown();
+    }
+}
+
+/// A layer that sends spans to the collector at an address, for a program of this name: those of calls, with the
+/// messages from level info on that are told inside them. Inside a tokio runtime.
+///
+/// # Errors
+/// A sentence, if the address can't be used.
+pub fn layer<S>(endpoint: &str, program: &'static str) -> Result<(impl Layer<S> + Send + Sync, Exporting), String>
+where
+    S: tracing::Subscriber + for<'span> LookupSpan<'span> + Send + Sync,
+{
+    let exporter = SpanExporter::builder().with_tonic().with_endpoint(endpoint).build();
+    let exporter = exporter.map_err(|e| format!("{OTLP_ENDPOINT} = {endpoint} can't be used: {e}"))?;
+    let resource = Resource::builder().with_service_name(format!("evogait-{program}")).build();
+    let provider = SdkTracerProvider::builder().with_batch_exporter(exporter).with_resource(resource).build();
+    let tracer = provider.tracer("evogait");
+    // Ours alone: the exporter's own calls would be exported, and those again.
+    let ours = ["coordinator", "worker"].map(|name| (name, LevelFilter::INFO));
+    let filter = Targets::new().with_targets(ours).with_target("telemetry", LevelFilter::DEBUG);
+    Ok((tracing_opentelemetry::layer().with_tracer(tracer).with_filter(filter), Exporting(provider)))
+}

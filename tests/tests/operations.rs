@@ -1,0 +1,129 @@
+//! What coordinator and worker tell whoever runs them: metrics, health, logs.
+
+use cluster_tests::openmetrics::{self, Series};
+use cluster_tests::sandbox::{PATIENCE, Sandbox, free_port, tiny_job};
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+/// Status line and body of an answer.
+fn ask(address: &str, method: &str, path: &str) -> (String, String) {
+    let mut stream = TcpStream::connect(address).expect("metrics are served");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    write!(stream, "{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").expect("it reads");
+    let mut text = String::new();
+    stream.read_to_string(&mut text).expect("the answer is text");
+    let (head, body) = text.split_once("\r\n\r\n").expect("head and body");
+    if path == "/metrics" && method == "GET" {
+        assert!(head.contains("application/openmetrics-text; version=1.0.0"), "{head}");
+    }
+    (head.lines().next().expect("a status line").to_owned(), body.to_owned())
+}
+
+fn scrape(address: &str) -> Series {
+    let (status, body) = ask(address, "GET", "/metrics");
+    assert_eq!(status, "HTTP/1.1 200 OK");
+    openmetrics::parse(&body).unwrap_or_else(|why| panic!("{why}\n{body}"))
+}
+
+/// Scrapes until the numbers are as wanted.
+fn until(address: &str, wanted: impl Fn(&Series) -> bool) -> Series {
+    let start = Instant::now();
+    loop {
+        let series = scrape(address);
+        if wanted(&series) {
+            return series;
+        }
+        assert!(start.elapsed() < PATIENCE, "{series:#?}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[tokio::test]
+async fn what_happens_is_counted_and_can_be_scraped() {
+    let mut sandbox = Sandbox::new();
+    let (coordinator_metrics, worker_metrics) = (free_port(), free_port());
+    let _coordinator = sandbox.coordinator_with(&["--metrics", &coordinator_metrics]);
+    let fresh = scrape(&coordinator_metrics);
+    assert_eq!(fresh["evogait_generations_sealed_total"], 0.0);
+    assert_eq!((fresh["evogait_epoch"], fresh["evogait_active"], fresh["evogait_slots"]), (1.0, 1.0, 0.0));
+    assert!(fresh.keys().any(|k| k.starts_with("evogait_engine_info{engine=\"rapier")), "{fresh:#?}");
+
+    let worker = sandbox.worker_with(2, &["--metrics", &worker_metrics]);
+    until(&coordinator_metrics, |s| s["evogait_workers{state=\"ready\"}"] == 1.0 && s["evogait_slots"] == 2.0);
+    let job = sandbox.submit("r", &tiny_job(21, 2)).await;
+    sandbox.result(&job.id).await;
+    let done = scrape(&coordinator_metrics);
+    assert_eq!(done["evogait_generations_sealed_total"], 2.0);
+    assert_eq!(done["evogait_evaluations_total"], 10.0);
+    assert_eq!(done["evogait_jobs_ended_total{state=\"succeeded\"}"], 1.0);
+    assert_eq!(done["evogait_generation_seconds_count"], 2.0);
+    let (results, examinations) =
+        (done["evogait_results_total{verdict=\"accepted\"}"], done["evogait_examinations_total"]);
+    assert!(examinations > 0.0 && results > examinations, "{done:#?}");
+    assert!(done["evogait_commit_seconds_count"] >= 4.0 && done["evogait_commit_seconds_sum"] > 0.0);
+    assert_eq!(done["evogait_jobs{state=\"running\"}"], 0.0);
+
+    let theirs = until(&worker_metrics, |s| s["evogait_worker_results_total{verdict=\"accepted\"}"] == results);
+    assert_eq!(theirs["evogait_worker_evaluations_total"], 10.0 + examinations);
+    assert_eq!((theirs["evogait_worker_slots"], theirs["evogait_worker_connected"]), (2.0, 1.0));
+
+    // A worker that dies with work in hand.
+    sandbox.submit("long", &tiny_job(22, 1000)).await;
+    until(&coordinator_metrics, |s| s["evogait_candidates{state=\"leased\"}"] > 0.0);
+    worker.kill_9();
+    let lost = until(&coordinator_metrics, |s| s["evogait_workers_lost_total"] == 1.0);
+    assert!(lost["evogait_leases_ended_total{why=\"lost\"}"] > 0.0, "{lost:#?}");
+    assert_eq!((lost["evogait_slots"], lost["evogait_candidates{state=\"leased\"}"]), (0.0, 0.0));
+    assert_eq!(lost["evogait_jobs{state=\"running\"}"], 1.0);
+
+    assert_eq!(ask(&coordinator_metrics, "GET", "/healthz"), ("HTTP/1.1 200 OK".to_owned(), "active\n".to_owned()));
+    assert!(ask(&coordinator_metrics, "POST", "/metrics").0.contains("405"));
+    assert!(ask(&coordinator_metrics, "GET", "/etc/passwd").0.contains("404"));
+}
+
+#[test]
+fn metrics_are_not_shown_to_other_machines_by_accident() {
+    let sandbox = Sandbox::new();
+    let output = sandbox.coordinator_command().args(["--metrics", "0.0.0.0:0"]).output().expect("coordinator runs");
+    let text = String::from_utf8(output.stderr).expect("messages are text");
+    assert!(!output.status.success() && text.contains("--metrics-insecure-bind"), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+}
+
+#[tokio::test]
+async fn a_log_in_json_can_be_searched_by_job_worker_and_call() {
+    let mut sandbox = Sandbox::new();
+    let log = sandbox.path().join("log");
+    let file = std::fs::File::create(&log).expect("a log");
+    let mut command = sandbox.coordinator_command();
+    command.args(["--log-format", "json"]).env("RUST_LOG", "debug").stderr(Stdio::from(file));
+    let coordinator = sandbox.start(command);
+    let _worker = sandbox.worker(1);
+    let job = sandbox.submit("r", &tiny_job(23, 1)).await;
+    sandbox.result(&job.id).await;
+    assert_eq!(coordinator.terminate(), Some(0));
+    let text = std::fs::read_to_string(&log).expect("the log is text");
+    let lines: Vec<serde_json::Value> =
+        text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {line}"))).collect();
+    let said = |message: &str| {
+        let line = lines.iter().find(|l| l["message"] == message);
+        line.unwrap_or_else(|| panic!("nothing says '{message}' in {text}")).clone()
+    };
+    assert_eq!(said("job submitted")["job"], job.id.as_str());
+    let sealed = said("generation sealed");
+    assert_eq!(
+        (&sealed["job"], &sealed["generation"], &sealed["epoch"]),
+        (&job.id.as_str().into(), &0.into(), &1.into())
+    );
+    let result = said("result");
+    assert!(
+        result["worker"].is_string() && result["assignment"].is_u64() && result["verdict"] == "accepted",
+        "{result}"
+    );
+    let call = lines.iter().map(|l| &l["span"]).find(|s| s["method"] == "/evogait.v1.JobService/SubmitJob");
+    let call = call.unwrap_or_else(|| panic!("no span of the call in {text}"));
+    assert!(call["status"] == "Ok" && call["ms"].is_f64(), "{call}");
+    assert!(call["peer"].as_str().is_some_and(|peer| peer.starts_with("127.0.0.1:")), "{call}");
+}

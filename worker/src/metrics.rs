@@ -1,0 +1,123 @@
+//! The worker's numbers, for Prometheus.
+
+use crate::assignments::Assignments;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
+use prometheus_client::registry::{Registry, Unit};
+use proto::v1::CompleteRequest;
+use proto::v1::complete_request::Result as Outcome;
+use proto::v1::complete_response::Verdict;
+use std::sync::Arc;
+use std::time::Duration;
+use telemetry::Vitals;
+use telemetry::endpoint::Answer;
+
+type Label = [(&'static str, &'static str); 1];
+
+/// All of them.
+pub(crate) struct Metrics {
+    registry: Registry,
+    /// Slots.
+    slots: Gauge,
+    busy: Gauge,
+    /// 1 while a session stands.
+    pub connected: Gauge,
+    /// Sessions that were opened.
+    pub sessions: Counter,
+    /// Evaluations and examinations carried out.
+    evaluations: Counter,
+    assignment_seconds: Histogram,
+    /// Deliveries that had to be tried again.
+    pub retries: Counter,
+    results: Family<Label, Counter>,
+}
+
+impl Metrics {
+    pub fn new(slots: usize) -> Self {
+        let mut registry = Registry::with_prefix("evogait_worker");
+        let metrics = Self {
+            slots: Gauge::default(),
+            busy: Gauge::default(),
+            connected: Gauge::default(),
+            sessions: Counter::default(),
+            evaluations: Counter::default(),
+            assignment_seconds: Histogram::new(exponential_buckets(0.001, 4.0, 12)),
+            retries: Counter::default(),
+            results: Family::default(),
+            registry: Registry::default(),
+        };
+        metrics.slots.set(slots as i64);
+        let r = &mut registry;
+        r.register("slots", "Evaluations at once", metrics.slots.clone());
+        r.register("slots_busy", "Slots that have work", metrics.busy.clone());
+        r.register("connected", "1 while the coordinator is connected", metrics.connected.clone());
+        r.register("sessions", "Sessions that were opened", metrics.sessions.clone());
+        r.register("evaluations", "Evaluations and examinations carried out", metrics.evaluations.clone());
+        let seconds = metrics.assignment_seconds.clone();
+        r.register_with_unit("assignment", "Time that an assignment kept its slot busy", Unit::Seconds, seconds);
+        r.register("delivery_retries", "Deliveries that had to be tried again", metrics.retries.clone());
+        r.register("results", "Results delivered, by the coordinator's answer", metrics.results.clone());
+        let build = Family::<Label, Gauge>::default();
+        build.get_or_create(&[("version", env!("CARGO_PKG_VERSION"))]).set(1);
+        r.register("build_info", "Version of this build", build);
+        for verdict in [Verdict::Accepted, Verdict::Duplicate, Verdict::Conflict, Verdict::Obsolete, Verdict::Unknown] {
+            metrics.results.get_or_create_owned(&[("verdict", word(verdict))]);
+        }
+        Self { registry, ..metrics }
+    }
+
+    /// An assignment was worked off.
+    pub fn worked(&self, result: &CompleteRequest) {
+        self.assignment_seconds.observe(Duration::from_micros(result.compute_us).as_secs_f64());
+        self.evaluations.inc_by(match &result.result {
+            Some(Outcome::Evaluate(result)) => result.evaluations.len() as u64,
+            Some(Outcome::Examine(_)) => 1,
+            Some(Outcome::Failure(_)) | None => 0,
+        });
+    }
+
+    /// The coordinator answered.
+    pub fn result(&self, verdict: Verdict) {
+        self.results.get_or_create(&[("verdict", word(verdict))]).inc();
+    }
+}
+
+/// An answer as a label.
+fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Unspecified => "unspecified",
+        Verdict::Accepted => "accepted",
+        Verdict::Duplicate => "duplicate",
+        Verdict::Conflict => "conflict",
+        Verdict::Obsolete => "obsolete",
+        Verdict::Unknown => "unknown",
+    }
+}
+
+/// What the worker says of itself at `/metrics` and `/healthz`.
+pub(crate) struct Pulse {
+    pub metrics: Arc<Metrics>,
+    pub assignments: Arc<Assignments>,
+}
+
+impl Vitals for Pulse {
+    fn metrics(&self) -> Answer<'_, String> {
+        let metrics = &self.metrics;
+        let held = self.assignments.ids().len() as i64;
+        metrics.busy.set(held.min(metrics.slots.get()));
+        let mut text = String::new();
+        // Writing to a string does not fail.
+        let _ = encode(&mut text, &metrics.registry);
+        Box::pin(std::future::ready(text))
+    }
+
+    /// A worker that waits for its coordinator is well.
+    fn health(&self) -> Answer<'_, Result<String, String>> {
+        let connected = self.metrics.connected.get() == 1;
+        let text = if connected { "connected" } else { "waiting for the coordinator" };
+        Box::pin(std::future::ready(Ok(text.to_owned())))
+    }
+}
