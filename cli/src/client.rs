@@ -88,9 +88,14 @@ impl Client {
 
     /// A job and its resolved file.
     pub async fn get(&mut self, id: &str) -> Result<(v1::Job, String), Error> {
+        self.standing(id).await.map(|(job, job_toml, _)| (job, job_toml))
+    }
+
+    /// A job, its resolved file and, unless it has ended, where it stands at this moment.
+    pub async fn standing(&mut self, id: &str) -> Result<(v1::Job, String, Option<v1::Standing>), Error> {
         let request = v1::GetJobRequest { id: id.to_owned() };
         let answer = self.service.get_job(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner();
-        Ok((self.present(answer.job)?, answer.job_toml))
+        Ok((self.present(answer.job)?, answer.job_toml, answer.standing))
     }
 
     /// Jobs in these states (all if none is given), newest first, at most `limit`.

@@ -17,6 +17,7 @@ mod output;
 mod progress;
 mod setting;
 mod signals;
+mod standing;
 mod summary;
 mod view;
 mod watch;

@@ -6,20 +6,34 @@ use crate::console::{self, count};
 use crate::error::Error;
 use crate::progress::Label;
 use crate::setting::Setting;
+use crate::standing::{self, StandingView};
 use crate::view::{JobView, hex, running_time};
 use crate::watch::phase;
 use proto::v1::JobState;
+use serde::Serialize;
 use sim_core::job::JobSpec;
+
+/// A job and, unless it has ended, where it stands.
+#[derive(Serialize)]
+struct ShowView {
+    #[serde(flatten)]
+    job: JobView,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    standing: Option<StandingView>,
+}
 
 /// Prints a job's facts, or its file.
 pub async fn run(args: Show) -> Result<(), Error> {
     let mut client = Client::connect(&args.job.on).await?;
-    let (job, job_toml) = client.get(&args.job.id).await?;
+    let (job, job_toml, standing) = client.standing(&args.job.id).await?;
     if args.toml {
         return console::say(&job_toml);
     }
     if args.job.json {
-        return console::say_json(&JobView::new(&job));
+        return console::say_json(&ShowView {
+            job: JobView::new(&job),
+            standing: standing.as_ref().map(StandingView::new),
+        });
     }
     let label = Label::of_toml(&job_toml);
     let engine = toml_engine(&job_toml);
@@ -53,6 +67,9 @@ pub async fn run(args: Show) -> Result<(), Error> {
         format!("  job digest     {}", hex(&job.job_digest)),
         format!("  engine digest  {}", hex(&job.engine_digest)),
     ];
+    if let Some(standing) = &standing {
+        lines.extend(standing::lines(&job, standing));
+    }
     match job.state() {
         JobState::Succeeded => lines.push(format!("  next           evogait fetch {}", job.id)),
         JobState::Queued | JobState::Running | JobState::Finishing | JobState::Reporting => {

@@ -2,6 +2,7 @@
 //!
 //! Every line is measured in a process of its own, so that its peak memory is its own, too.
 
+use super::fleet;
 use super::subject::Machine;
 use crate::arguments::{self, BenchDispatch, Load};
 use crate::client::Client;
@@ -83,6 +84,12 @@ impl Line {
 
 /// Measures and tells.
 pub fn run(args: BenchDispatch, quiet: bool) -> Result<(), Error> {
+    if let Some(folder) = args.host {
+        return fleet::host(folder);
+    }
+    if let Some(workers) = args.workers {
+        return fleet::run(&args, workers);
+    }
     let slots = if args.slots.is_empty() { doublings(arguments::cores()) } else { args.slots.clone() };
     let job = load::job(&args.file.clone().into())?;
     if let Some(load) = args.line {
@@ -159,7 +166,7 @@ fn measure(job: &Job, load: Load, evaluations: u32, slots: u32) -> Result<Line, 
     let job = one_generation(job, load, evaluations)?;
     let scratch = Scratch::new()?;
     let seconds = super::super::with_runtime(dispatched(&job, &scratch.0, slots))?;
-    Ok(Line { load, slots, evaluations, seconds, peak_mib: peak_mib(), efficiency: None })
+    Ok(Line { load, slots, evaluations, seconds, peak_mib: peak_mib("self"), efficiency: None })
 }
 
 /// A job of one generation of so many candidates.
@@ -251,18 +258,19 @@ fn per_slot(lines: &[Line], load: Load) -> Option<f64> {
     (slots > 0).then_some((most.peak_mib? - fewest.peak_mib?) / f64::from(slots))
 }
 
-/// Peak resident set of this process, MiB.
-fn peak_mib() -> Option<f64> {
-    let status = fs::read_to_string("/proc/self/status").ok()?;
+/// Peak resident set of a process, MiB.
+pub fn peak_mib(process: &str) -> Option<f64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok().map(|kib| kib / 1024.0)
 }
 
 /// A folder that goes away.
-struct Scratch(PathBuf);
+pub struct Scratch(pub PathBuf);
 
 impl Scratch {
-    fn new() -> Result<Self, Error> {
+    /// An empty one.
+    pub fn new() -> Result<Self, Error> {
         let path = std::env::temp_dir().join(format!("evogait-bench-{}", std::process::id()));
         fs::create_dir_all(&path).map_err(|e| Error::write(&path, e))?;
         Ok(Self(path))

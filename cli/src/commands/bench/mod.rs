@@ -3,6 +3,7 @@
 mod dispatch;
 mod evaluate;
 mod fidelity;
+mod fleet;
 mod gaits;
 mod plan;
 mod reuse;

@@ -1,0 +1,78 @@
+//! A coordinator in a process of its own, so that what it takes is known from what its workers take.
+
+use crate::client::Url;
+use crate::error::Error;
+use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// CPU time in /proc is counted in hundredths of a second, on every Linux there is.
+const TICK: Duration = Duration::from_millis(10);
+
+/// The process.
+pub struct Host {
+    child: Child,
+    /// Where it listens.
+    pub url: Url,
+}
+
+impl Host {
+    /// Starts this program again as a coordinator whose store is in a folder.
+    pub fn start(folder: &Path) -> Result<Self, Error> {
+        let failed = |reason: String| Error::LocalCoordinator { reason };
+        let program = std::env::current_exe().map_err(|e| failed(e.to_string()))?;
+        let mut command = Command::new(program);
+        command
+            .args(["bench", "dispatch", "quadropod-quick", "--host"])
+            .arg(folder)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped());
+        let mut child = command.spawn().map_err(|e| failed(e.to_string()))?;
+        let mut line = String::new();
+        if let Some(stdout) = child.stdout.take() {
+            BufReader::new(stdout).read_line(&mut line).map_err(|e| failed(e.to_string()))?;
+        }
+        let address = line.trim().parse::<SocketAddr>();
+        let url = address.map(Url::of_socket).map_err(|_| failed("it does not start".to_owned()))?;
+        Ok(Self { child, url })
+    }
+
+    /// CPU time it has taken; zero where the system does not tell.
+    pub fn cpu(&self) -> Duration {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
+        // After the name, which may contain anything: state, then ten numbers, then user and system time.
+        let fields = stat.rsplit_once(") ").map_or("", |(_, fields)| fields);
+        let ticks = fields.split(' ').skip(11).take(2).filter_map(|ticks| ticks.parse::<u32>().ok());
+        TICK * ticks.sum()
+    }
+
+    /// Its greatest resident set so far, MiB.
+    pub fn peak_mib(&self) -> Option<f64> {
+        super::super::dispatch::peak_mib(&self.child.id().to_string())
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        // It is only a measurement's; it may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What the process does: serves until nobody holds its standard input any more.
+pub async fn serve(folder: PathBuf) -> Result<(), Error> {
+    let failed = |e: coordinator::Error| Error::LocalCoordinator { reason: e.to_string() };
+    let store = coordinator::StoreUrl::Sqlite(folder.join("store.sqlite"));
+    let mut running = coordinator::serve(coordinator::Config::embedded(store)).await.map_err(failed)?;
+    // If nobody reads it nobody needs it.
+    let _ = writeln!(std::io::stdout(), "{}", running.local_addr());
+    let orphaned = tokio::task::spawn_blocking(|| std::io::stdin().read_to_end(&mut Vec::new()));
+    tokio::select! {
+        error = running.failed() => Err(failed(error)),
+        _ = orphaned => running.shutdown().await.map_err(failed),
+    }
+}
