@@ -131,6 +131,27 @@ impl Client {
         self.present(answer.job)
     }
 
+    /// Hands out nothing more of a job.
+    pub async fn pause(&mut self, id: &str) -> Result<v1::Job, Error> {
+        let request = v1::PauseJobRequest { id: id.to_owned() };
+        let answer = self.service.pause_job(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner();
+        self.present(answer.job)
+    }
+
+    /// Goes on with a paused job.
+    pub async fn resume(&mut self, id: &str) -> Result<v1::Job, Error> {
+        let request = v1::ResumeJobRequest { id: id.to_owned() };
+        let answer = self.service.resume_job(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner();
+        self.present(answer.job)
+    }
+
+    /// Does an ended job again; tells also whether that is new to the coordinator.
+    pub async fn restart(&mut self, request: v1::RestartJobRequest) -> Result<(v1::Job, bool), Error> {
+        let id = request.id.clone();
+        let answer = self.service.restart_job(request).await.map_err(|s| self.error(&s, Some(&id)))?.into_inner();
+        Ok((self.present(answer.job)?, answer.created))
+    }
+
     /// What a succeeded job found.
     pub async fn result(&mut self, id: &str) -> Result<v1::GetResultResponse, Error> {
         let request = v1::GetResultRequest { id: id.to_owned() };

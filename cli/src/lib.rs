@@ -14,6 +14,7 @@ mod error;
 mod load;
 mod local;
 mod output;
+mod poison;
 mod progress;
 mod setting;
 mod signals;

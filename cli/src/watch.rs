@@ -95,7 +95,7 @@ async fn stream(
 
 /// Whether a job in this state stays in it.
 pub fn has_ended(state: JobState) -> bool {
-    matches!(state, JobState::Succeeded | JobState::Failed | JobState::Cancelled)
+    matches!(state, JobState::Succeeded | JobState::Failed | JobState::Cancelled | JobState::Tainted)
 }
 
 /// A state in a word, as `--state` takes it.
@@ -109,7 +109,14 @@ pub fn word(state: JobState) -> &'static str {
         JobState::Succeeded => "succeeded",
         JobState::Failed => "failed",
         JobState::Cancelled => "cancelled",
+        JobState::Tainted => "tainted",
     }
+}
+
+/// A job's state and how far it is in the round at hand, such as "finishing 7/24" or "running 3/20, paused".
+pub fn standing(job: &v1::Job) -> String {
+    let paused = if job.paused { ", paused" } else { "" };
+    phase(job.state(), job.round_done, job.round_total) + paused
 }
 
 /// How far a job is in the round at hand, such as "finishing 7/24"; the state alone where it has none.
@@ -134,7 +141,16 @@ pub fn succeeded(job: &v1::Job) -> Result<(), Error> {
     let how = match job.state() {
         JobState::Failed => format!("failed{because}"),
         JobState::Cancelled => format!("was cancelled{because}"),
+        JobState::Tainted => format!("is tainted{because}"),
         state => format!("has not ended, it is {}{because}", word(state)),
     };
     Err(Error::JobEnded { name: job.name.clone(), id: job.id.clone(), how })
+}
+
+/// The same, with what the user may do about it.
+pub fn succeeded_or(job: &v1::Job, hint: Option<String>) -> Result<(), Error> {
+    succeeded(job).map_err(|error| match (error, hint) {
+        (Error::JobEnded { name, id, how }, Some(hint)) => Error::JobEnded { name, id, how: format!("{how}\n{hint}") },
+        (error, _) => error,
+    })
 }

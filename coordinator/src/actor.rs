@@ -39,6 +39,11 @@ pub(crate) enum Command {
         id: JobId,
         reply: oneshot::Sender<Option<JobRecord>>,
     },
+    Pause {
+        id: JobId,
+        paused: bool,
+        reply: oneshot::Sender<Option<JobRecord>>,
+    },
     Workers {
         reply: oneshot::Sender<Vec<v1::WorkerInfo>>,
     },
@@ -62,6 +67,7 @@ pub(crate) enum Command {
         worker: WorkerId,
         session: SessionId,
         running: Vec<AssignmentId>,
+        progress: Vec<u64>,
     },
     Reject {
         worker: WorkerId,
@@ -179,6 +185,10 @@ impl Actor {
                 let record = self.scheduler.cancel(now, &id);
                 later(replies, reply, record);
             }
+            Command::Pause { id, paused, reply } => {
+                let record = self.scheduler.pause(now, &id, paused);
+                later(replies, reply, record);
+            }
             Command::Workers { reply } => later(replies, reply, self.scheduler.workers()),
             Command::Standing { ids, reply } => {
                 let standing =
@@ -204,8 +214,8 @@ impl Actor {
                 self.sessions.insert(worker, (welcome.session, outbox));
                 later(replies, reply, welcome.session);
             }
-            Command::Heartbeat { worker, session, running } => {
-                if !self.scheduler.heartbeat(now, &worker, session, &running) {
+            Command::Heartbeat { worker, session, running, progress } => {
+                if !self.scheduler.heartbeat(now, &worker, session, &running, &progress) {
                     // Given up meanwhile: the worker has to connect again.
                     self.hang_up(&worker, session);
                 }
@@ -271,8 +281,10 @@ impl Actor {
                 Action::Write(write) => {
                     self.journal.written(&write);
                     for event in write.events() {
-                        // Nobody watching is no error.
-                        let _ = self.events.send(Arc::new((write.job().clone(), event.clone())));
+                        if let Some(job) = write.job() {
+                            // Nobody watching is no error.
+                            let _ = self.events.send(Arc::new((job.clone(), event.clone())));
+                        }
                     }
                 }
                 Action::Publish(job, event) => {
@@ -304,6 +316,7 @@ fn message(content: coordinator_message::Message) -> v1::CoordinatorMessage {
 
 fn to_wire(content: Message) -> v1::CoordinatorMessage {
     message(match content {
+        Message::Drain(reason) => coordinator_message::Message::Drain(v1::Drain { reason }),
         Message::Cancel(ids) => {
             coordinator_message::Message::Cancel(v1::Cancel { assignment_ids: ids.iter().map(|a| a.0).collect() })
         }
@@ -312,10 +325,13 @@ fn to_wire(content: Message) -> v1::CoordinatorMessage {
             job_id: job.to_string(),
             job_toml: toml.map(|t| t.to_string()).unwrap_or_default(),
             task: Some(match task {
-                Task::Evaluate { range, genomes } => assign::Task::Evaluate(v1::EvaluateTask {
+                Task::Evaluate { range, genomes, base } => assign::Task::Evaluate(v1::EvaluateTask {
                     generation: range.round,
                     first: range.first,
-                    genomes: range.indexes().map(|i| v1::Genome { values: genomes[i as usize].clone() }).collect(),
+                    genomes: range
+                        .indexes()
+                        .map(|i| v1::Genome { values: genomes[(i - base) as usize].clone() })
+                        .collect(),
                 }),
                 Task::Examine { range, examination } => assign::Task::Examine(v1::ExamineTask {
                     round: range.round,

@@ -4,7 +4,8 @@
 use crate::metrics::Metrics;
 use crate::record::{JobId, JobRecord, ended};
 use crate::scheduler::{LeaseEnd, Note};
-use crate::store::Write;
+use crate::store::{Quarantined, Write};
+use proto::v1;
 use proto::v1::job_event::Event;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -82,9 +83,36 @@ impl Journal {
                     self.stands(record);
                 }
             }
-            Write::Change { record, .. } | Write::Report { record, .. } => self.stands(record),
-            Write::Results { .. } => {}
+            Write::Change { record, event } => match &event.event {
+                Some(Event::Paused(paused)) => {
+                    let what = if *paused { "job paused" } else { "job resumed" };
+                    tracing::info!(job = %record.id, generation = record.generations_done, epoch = self.epoch, "{what}");
+                }
+                Some(Event::Dispute(dispute)) => self.disputed(&record.id, dispute),
+                _ => self.stands(record),
+            },
+            Write::Report { record, .. } => self.stands(record),
+            Write::Quarantine(Quarantined { worker, name, reason, .. }) => {
+                tracing::error!(worker = &**worker, name = &**name, reason, epoch = self.epoch, "worker quarantined");
+            }
+            Write::Carry { from, to: job, generations } => {
+                tracing::info!(%job, %from, generations, epoch = self.epoch, "job does another one again");
+            }
+            Write::Results { .. } | Write::Note { .. } => {}
         }
+    }
+
+    /// Workers disagree about a result, or somebody decided.
+    fn disputed(&self, job: &JobId, dispute: &v1::Dispute) {
+        let claim = |c: &v1::Claim| {
+            let bits = |s: &v1::Score| s.score.map_or("failed".to_owned(), |s| format!("{:016x}", s.to_bits()));
+            format!("{} {}", c.worker_id, c.scores.iter().map(bits).collect::<Vec<_>>().join(","))
+        };
+        let claims = dispute.claims.iter().map(claim).collect::<Vec<_>>().join("; ");
+        let (generation, candidate) = (dispute.round, dispute.index);
+        let verdict = dispute.verdict().as_str_name().trim_start_matches("VERDICT_").to_lowercase();
+        let verdict = verdict.replace("unspecified", "open");
+        tracing::error!(%job, generation, candidate, what = dispute.what, verdict, claims, epoch = self.epoch, "results differ");
     }
 
     /// A job changed its state.

@@ -121,13 +121,20 @@ impl Metrics {
         for state in ACTIVE {
             self.jobs.get_or_create_owned(&[("state", word(state))]);
         }
-        for state in [JobState::Succeeded, JobState::Failed, JobState::Cancelled] {
+        for state in [JobState::Succeeded, JobState::Failed, JobState::Cancelled, JobState::Tainted] {
             self.jobs_ended.get_or_create_owned(&[("state", word(state))]);
         }
         for why in LeaseEnd::ALL {
             self.leases_ended.get_or_create_owned(&[("why", why.word())]);
         }
-        for verdict in [Verdict::Accepted, Verdict::Duplicate, Verdict::Conflict, Verdict::Obsolete, Verdict::Unknown] {
+        for verdict in [
+            Verdict::Accepted,
+            Verdict::Duplicate,
+            Verdict::Conflict,
+            Verdict::Obsolete,
+            Verdict::Unknown,
+            Verdict::Quarantined,
+        ] {
             self.results.get_or_create_owned(&[("verdict", verdict.word())]);
         }
         self.tell(&Census::default());
@@ -187,6 +194,7 @@ fn word(state: JobState) -> &'static str {
         JobState::Succeeded => "succeeded",
         JobState::Failed => "failed",
         JobState::Cancelled => "cancelled",
+        JobState::Tainted => "tainted",
     }
 }
 

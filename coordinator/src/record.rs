@@ -1,12 +1,22 @@
 //! What is known of a job, as scheduler, store and API share it.
 
+mod dispute;
+mod outcome;
+
+pub use dispute::{Claim, Dispute, Ruling, Source, Subject};
+pub(crate) use outcome::StoredOutcome;
+pub use proto::v1::JobState;
+
+use dispute::StoredDispute;
 use proto::{ConvertError, v1};
 use sim_core::identity::{Digest, ResultDigest};
 use sim_core::score::{Counts, Scored};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-pub use proto::v1::JobState;
+/// Most disputes that are told with a job: the newest ones.
+const TOLD_DISPUTES: usize = 8;
 
 /// Names a job: its number in the store and the start of its digest, so ids of two stores never mean different work.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -38,10 +48,19 @@ impl fmt::Display for JobId {
 
 /// Whether a job in this state will never change again.
 pub fn ended(state: JobState) -> bool {
-    matches!(state, JobState::Succeeded | JobState::Failed | JobState::Cancelled)
+    matches!(state, JobState::Succeeded | JobState::Failed | JobState::Cancelled | JobState::Tainted)
 }
 
-/// A job as it stands. Changes only together with an event.
+/// Where a restarted job comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// The job that it does again.
+    pub job: JobId,
+    /// Generations taken over from it.
+    pub generations: u32,
+}
+
+/// A job as it stands. What is told of it changes only together with an event.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobRecord {
     /// Its id.
@@ -80,8 +99,20 @@ pub struct JobRecord {
     pub evaluations: u64,
     /// Those of them that failed.
     pub failed_evaluations: u64,
-    /// Why it failed; empty otherwise.
+    /// Why it failed or was tainted; empty otherwise.
     pub reason: String,
+    /// Nothing new is handed out.
+    pub paused: bool,
+    /// The job that it does again, if it is a restart.
+    pub restarted_from: Option<Origin>,
+    /// Tasks of which workers gave different bits: all that are not decided, those of the round at hand, and the newest
+    /// of the others.
+    pub disputes: Vec<Dispute>,
+    /// Tasks of the round at hand that are worked on alone, since they were part of a range that crashed or failed, and
+    /// how often each did so alone.
+    pub suspects: BTreeMap<u32, u32>,
+    /// The task that ended it by failing too often.
+    pub poisoned: Option<v1::Poisoned>,
     /// Unix time, ms.
     pub submitted_at_ms: i64,
     /// Unix time, ms; 0 = not yet.
@@ -121,6 +152,16 @@ impl JobRecord {
             // Only the scheduler knows of the round at hand.
             round_done: 0,
             round_total: 0,
+            paused: self.paused,
+            restarted_from: self
+                .restarted_from
+                .as_ref()
+                .map(|origin| v1::Origin { job_id: origin.job.to_string(), generations: origin.generations }),
+            disputes: self.disputes[self.disputes.len().saturating_sub(TOLD_DISPUTES)..]
+                .iter()
+                .map(Dispute::to_wire)
+                .collect(),
+            poisoned: self.poisoned.clone(),
         }
     }
 
@@ -135,6 +176,8 @@ impl JobRecord {
             winner: self.winner.as_ref().map(Into::into),
             scores_digest: self.scores_digest.value().0.to_vec(),
             result_digest: self.result_digest.map(|d| d.0.to_vec()).unwrap_or_default(),
+            disputes: self.disputes.iter().map(Dispute::to_stored).collect(),
+            suspects: self.suspects.clone(),
         }
     }
 
@@ -161,6 +204,13 @@ impl JobRecord {
             evaluations: job.evaluations,
             failed_evaluations: job.failed_evaluations,
             reason: job.reason,
+            paused: job.paused,
+            restarted_from: job
+                .restarted_from
+                .map(|origin| Origin { job: origin.job_id.as_str().into(), generations: origin.generations }),
+            disputes: stored.disputes.into_iter().map(Dispute::from_stored).collect::<Result<_, _>>()?,
+            suspects: stored.suspects,
+            poisoned: job.poisoned,
             submitted_at_ms: job.submitted_at_ms,
             started_at_ms: job.started_at_ms,
             ended_at_ms: job.ended_at_ms,
@@ -193,4 +243,8 @@ pub(crate) struct StoredRecord {
     result_digest: Vec<u8>,
     #[prost(message, optional, tag = "8")]
     winner: Option<v1::ScoredCandidate>,
+    #[prost(message, repeated, tag = "9")]
+    disputes: Vec<StoredDispute>,
+    #[prost(btree_map = "uint32, uint32", tag = "10")]
+    suspects: BTreeMap<u32, u32>,
 }

@@ -194,8 +194,9 @@ async fn take_up(store: Arc<dyn Store>, lease: Duration, metrics: Arc<Metrics>) 
     metrics.epoch.set(loaded.epoch as i64);
     tracing::info!(epoch = loaded.epoch, jobs = loaded.active.len(), "the store is taken up");
     let clock = Clock::start();
-    let settings = Settings { epoch: loaded.epoch, lease };
-    let mut scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect());
+    let settings = Settings::new(loaded.epoch, lease);
+    let mut scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect())
+        .with_quarantined(loaded.quarantined);
     for stored in loaded.active {
         let id = stored.record.id.clone();
         let read = tokio::task::spawn_blocking(move || read_again(stored)).await;

@@ -63,7 +63,14 @@ impl Metrics {
         let build = Family::<Label, Gauge>::default();
         build.get_or_create(&[("version", env!("CARGO_PKG_VERSION"))]).set(1);
         r.register("build_info", "Version of this build", build);
-        for verdict in [Verdict::Accepted, Verdict::Duplicate, Verdict::Conflict, Verdict::Obsolete, Verdict::Unknown] {
+        for verdict in [
+            Verdict::Accepted,
+            Verdict::Duplicate,
+            Verdict::Conflict,
+            Verdict::Obsolete,
+            Verdict::Unknown,
+            Verdict::Quarantined,
+        ] {
             metrics.results.get_or_create_owned(&[("verdict", word(verdict))]);
         }
         Self { registry, ..metrics }
@@ -94,6 +101,7 @@ fn word(verdict: Verdict) -> &'static str {
         Verdict::Conflict => "conflict",
         Verdict::Obsolete => "obsolete",
         Verdict::Unknown => "unknown",
+        Verdict::Quarantined => "quarantined",
     }
 }
 

@@ -99,6 +99,7 @@ impl Session {
             engine_digests: self.engines.to_wire(),
             running: self.assignments.running(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            seconds_left: 0,
         };
         say(&said, worker_message::Message::Hello(hello));
         let mut incoming = client.session(UnboundedReceiverStream::new(outgoing)).await?.into_inner();
@@ -123,7 +124,7 @@ impl Session {
             let received = tokio::select! {
                 received = incoming.message() => received,
                 _ = heartbeat.tick() => {
-                    say(&said, worker_message::Message::Heartbeat(Heartbeat { running: self.assignments.ids() }));
+                    say(&said, worker_message::Message::Heartbeat(Heartbeat { running: self.assignments.ids(), progress: Vec::new() }));
                     continue;
                 }
             };

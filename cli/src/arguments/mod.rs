@@ -12,7 +12,9 @@ pub use raw::{
 use crate::client::Url;
 use crate::error::Error;
 use clap::Parser as _;
+use sim_core::finish::Question;
 use sim_core::job::Scale;
+use sim_core::limits::MAX_GENOME;
 use sim_core::robot::exchange::Format;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +35,10 @@ pub enum Command {
     List(List),
     Show(Show),
     Cancel(OneJob),
+    Pause(OneJob),
+    Resume(OneJob),
+    Restart(Restart),
+    Evaluate(Evaluate),
     Fetch(Fetch),
     Workers { on: Url, json: bool },
     Replay(Replay),
@@ -83,6 +89,36 @@ pub struct OneJob {
     pub id: String,
     pub on: Url,
     pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct Restart {
+    pub job: OneJob,
+    /// Where it was tainted if it is not given.
+    pub from_generation: Option<u32>,
+    pub again: bool,
+}
+
+#[derive(Debug)]
+pub struct Evaluate {
+    pub what: EvaluateWhat,
+    pub generation: u32,
+    pub candidate: u32,
+    pub question: Option<Question>,
+    /// The one that ended the job if it is not given.
+    pub genome: Option<Vec<f64>>,
+    pub json: bool,
+}
+
+/// Whose candidate is evaluated.
+#[derive(Debug)]
+pub enum EvaluateWhat {
+    File(JobFile),
+    /// A coordinator's.
+    Stored {
+        id: String,
+        on: Url,
+    },
 }
 
 #[derive(Debug)]
@@ -238,6 +274,14 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
         }),
         raw::Command::Show(show) => Command::Show(Show { toml: show.toml, job: one_job(show.job)? }),
         raw::Command::Cancel(job) => Command::Cancel(one_job(job)?),
+        raw::Command::Pause(job) => Command::Pause(one_job(job)?),
+        raw::Command::Resume(job) => Command::Resume(one_job(job)?),
+        raw::Command::Restart(restart) => Command::Restart(Restart {
+            from_generation: restart.from_generation,
+            again: restart.again,
+            job: one_job(restart.job)?,
+        }),
+        raw::Command::Evaluate(evaluate) => Command::Evaluate(evaluation(evaluate)?),
         raw::Command::Fetch(fetch) => {
             Command::Fetch(Fetch { id: fetch.id, out: fetch.out, json: fetch.on.json, on: coordinator(fetch.on)? })
         }
@@ -283,6 +327,58 @@ fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {
     Ok(OneJob { id: raw.id, json: raw.on.json, on: coordinator(raw.on)? })
 }
 
+fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
+    let genome = match (raw.genome, raw.genome_file) {
+        (Some(text), _) => Some(genome(&text, "--genome")?),
+        (None, Some(path)) => {
+            let text = std::fs::read_to_string(&path).map_err(|e| Error::read(&path, e))?;
+            Some(genome(&text, &path.display().to_string())?)
+        }
+        (None, None) => None,
+    };
+    Ok(Evaluate {
+        generation: raw.generation.unwrap_or(0),
+        candidate: raw.candidate.unwrap_or(0),
+        question: raw.question.map(Question::from),
+        genome,
+        json: raw.on.json,
+        what: if is_job_id(&raw.job) {
+            EvaluateWhat::Stored { id: raw.job, on: coordinator(raw.on)? }
+        } else {
+            EvaluateWhat::File(JobFile { job: raw.job, seed: None })
+        },
+    })
+}
+
+/// Whether it looks like what a coordinator calls a job: j, a number, a dash and twelve hexadecimal digits.
+fn is_job_id(text: &str) -> bool {
+    let parts = text.strip_prefix('j').and_then(|rest| rest.split_once('-'));
+    parts.is_some_and(|(number, digest)| {
+        !number.is_empty()
+            && number.bytes().all(|b| b.is_ascii_digit())
+            && digest.len() == 12
+            && digest.bytes().all(|b| b.is_ascii_hexdigit())
+    })
+}
+
+/// Numbers between commas, blanks or line ends, in brackets or not.
+fn genome(text: &str, from: &str) -> Result<Vec<f64>, Error> {
+    let separator = |c: char| c == ',' || c == '[' || c == ']' || c.is_whitespace();
+    let number = |word: &str| {
+        let wrong =
+            format!("{from} holds \"{word}\", which is no number: a genome is numbers with commas between them");
+        word.parse().map_err(|_| Error::Usage { message: wrong })
+    };
+    let genome: Vec<f64> = text.split(separator).filter(|w| !w.is_empty()).map(number).collect::<Result<_, _>>()?;
+    match genome.len() {
+        0 => Err(Error::Usage { message: format!("{from} holds no number") }),
+        n if n > MAX_GENOME => {
+            Err(Error::Usage { message: format!("{from} holds {n} numbers: at most {MAX_GENOME} are allowed") })
+        }
+        _ => Ok(genome),
+    }
+}
+
 fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
     if let Some(url) = raw.coordinator {
         return Url::parse(&url, "--coordinator");
@@ -317,6 +413,26 @@ mod tests {
     #[test]
     fn the_declaration_of_the_arguments_is_sound() {
         raw::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn genomes_are_read_with_all_their_bits() {
+        let odd = [-0.0, 1.0 / 3.0, f64::MIN_POSITIVE / 4.0, -1e300, f64::INFINITY];
+        let text = odd.map(|v| v.to_string()).join(",");
+        for text in [text.clone(), format!("[{}]\n", text.replace(',', ", ")), text.replace(',', "\n")] {
+            let read = genome(&text, "x").unwrap();
+            assert_eq!(read.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits), "{text}");
+        }
+        assert!(genome("1.0,two", "--genome").unwrap_err().to_string().contains("--genome holds \"two\""));
+        assert!(genome(" ", "--genome").is_err());
+    }
+
+    #[test]
+    fn a_coordinator_s_job_is_told_from_a_file_by_its_look() {
+        assert!(is_job_id("j12-0123456789ab"));
+        for other in ["quadropod-empty", "j12-0123456789ab.toml", "j-0123456789ab", "j1-0123", "x1-0123456789ab"] {
+            assert!(!is_job_id(other), "{other}");
+        }
     }
 
     #[test]

@@ -100,12 +100,48 @@ Examples:
   evogait show ID --toml > job.toml")]
     Show(Show),
 
+    /// Pause a job of a coordinator: nothing more of it is handed out
+    #[command(after_help = "\
+Example:
+  evogait pause ID
+What its workers compute already may finish and counts. `evogait resume ID` goes
+on where it stood, also after the coordinator was restarted.")]
+    Pause(OneJob),
+
+    /// Go on with a paused job
+    #[command(after_help = "\
+Example:
+  evogait resume ID")]
+    Resume(OneJob),
+
+    /// Do an ended job of a coordinator again from one of its generations on
+    #[command(after_help = "\
+Examples:
+  evogait restart ID
+  evogait restart ID --from-generation 40
+The new job takes over the generations before; its result has the bits of an
+undisturbed run. Without --from-generation a tainted job is done again from where
+a value turned out to be wrong. Prints the new job's id.")]
+    Restart(Restart),
+
     /// Cancel a job of a coordinator, for good
     #[command(after_help = "\
 Example:
   evogait cancel ID
 `evogait submit JOB.toml --again` starts a cancelled job anew.")]
     Cancel(OneJob),
+
+    /// Evaluate one candidate on this machine, with the bits a worker would give
+    #[command(after_help = "\
+Examples:
+  evogait evaluate ID
+  evogait evaluate my-job.toml --generation 2 --candidate 7 --genome-file genome.txt
+  evogait evaluate ID --generation 2 --candidate 7 --genome=0.31,-1.5,2.25
+
+The first does again what made a job of a coordinator fail: the candidate that
+failed, or took its worker down, whenever it was worked on. `evogait show ID`
+tells which it was.")]
+    Evaluate(Evaluate),
 
     /// Write the result of a job on a coordinator to a folder
     #[command(after_help = "\
@@ -263,6 +299,7 @@ pub enum State {
     Succeeded,
     Failed,
     Cancelled,
+    Tainted,
 }
 
 #[derive(Debug, Args)]
@@ -287,6 +324,75 @@ pub struct Show {
 
     #[command(flatten)]
     pub job: OneJob,
+}
+
+#[derive(Debug, Args)]
+pub struct Restart {
+    /// The first generation to be done again [default: where the job was tainted]
+    #[arg(long, value_name = "G")]
+    pub from_generation: Option<u32>,
+
+    /// Start anew even if the job was restarted from there before
+    #[arg(long)]
+    pub again: bool,
+
+    #[command(flatten)]
+    pub job: OneJob,
+}
+
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    /// Job file, the name of a job that ships, or the id of a job on a coordinator
+    #[arg(value_name = "JOB.toml|ID")]
+    pub job: String,
+
+    /// The candidate's generation, which its random numbers depend on [default: 0]
+    #[arg(long, value_name = "G")]
+    pub generation: Option<u32>,
+
+    /// Its index in the generation, likewise [default: 0]
+    #[arg(long, value_name = "C")]
+    pub candidate: Option<u32>,
+
+    /// Its parameters: numbers with commas between them
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, conflicts_with = "genome_file")]
+    pub genome: Option<String>,
+
+    /// Its parameters, in a file
+    #[arg(long, value_name = "FILE")]
+    pub genome_file: Option<PathBuf>,
+
+    /// Ask what is asked about the best candidates after the search, instead of scoring it
+    #[arg(long, value_name = "QUESTION")]
+    pub question: Option<Question>,
+
+    #[command(flatten)]
+    pub on: OnCoordinator,
+}
+
+/// A question about a candidate, as `--question` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum Question {
+    Fresh,
+    Reference,
+    LessFriction,
+    MoreFriction,
+    WithoutReuse,
+    Traces,
+}
+
+impl From<Question> for sim_core::finish::Question {
+    fn from(raw: Question) -> Self {
+        match raw {
+            Question::Fresh => Self::Fresh,
+            Question::Reference => Self::Reference,
+            Question::LessFriction => Self::LessFriction,
+            Question::MoreFriction => Self::MoreFriction,
+            Question::WithoutReuse => Self::WithoutReuse,
+            Question::Traces => Self::Traces,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

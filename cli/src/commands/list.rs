@@ -5,7 +5,7 @@ use crate::client::Client;
 use crate::console::{self, table};
 use crate::error::Error;
 use crate::view::{JobView, running_time};
-use crate::watch::{best, phase};
+use crate::watch::{best, standing};
 use proto::v1::JobState;
 
 /// Prints the jobs, newest first.
@@ -25,7 +25,7 @@ pub async fn run(args: List) -> Result<(), Error> {
             vec![
                 job.id.clone(),
                 job.name.clone(),
-                phase(job.state(), job.round_done, job.round_total),
+                standing(job),
                 format!("{}/{}", job.generations_done, job.generations_total),
                 console::score_with(best(job), ""),
                 running_time(job),
@@ -46,5 +46,6 @@ fn wire(state: State) -> JobState {
         State::Succeeded => JobState::Succeeded,
         State::Failed => JobState::Failed,
         State::Cancelled => JobState::Cancelled,
+        State::Tainted => JobState::Tainted,
     }
 }

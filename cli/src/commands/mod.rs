@@ -2,9 +2,12 @@
 
 mod bench;
 mod cancel;
+mod evaluate;
 mod fetch;
 mod list;
+mod pause;
 mod replay;
+mod restart;
 mod robot;
 mod run;
 mod scenarios;
@@ -33,6 +36,10 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
         Command::List(args) => with_runtime(list::run(args)),
         Command::Show(args) => with_runtime(show::run(args)),
         Command::Cancel(args) => with_runtime(cancel::run(args, quiet)),
+        Command::Pause(args) => with_runtime(pause::run(args, true, quiet)),
+        Command::Resume(args) => with_runtime(pause::run(args, false, quiet)),
+        Command::Restart(args) => with_runtime(restart::run(args, quiet)),
+        Command::Evaluate(args) => evaluate::run(args, quiet),
         Command::Fetch(args) => with_runtime(fetch::run(args, quiet)),
         Command::Workers { on, json } => with_runtime(workers::run(on, json)),
         Command::Replay(args) => replay::run(args),

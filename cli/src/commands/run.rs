@@ -5,7 +5,8 @@ use crate::client::{Client, Url};
 use crate::console;
 use crate::error::Error;
 use crate::local::Local;
-use crate::output::{self, Folder, ResultFile, STORE, Stored};
+use crate::output::{self, Folder, JOB, ResultFile, STORE, Stored};
+use crate::poison;
 use crate::progress::{Label, Progress};
 use crate::setting::Setting;
 use crate::signals::Interrupt;
@@ -106,7 +107,11 @@ async fn finish(
             hint: format!(" after {generations_done} of {} generations", status.generations_total),
         }),
         Watched::Ended(ended) => {
-            watch::succeeded(&ended)?;
+            let see = ended.poisoned.as_ref().map(|poisoned| {
+                let file = folder.path().join(JOB);
+                format!("to see it happen: {}", poison::command_here(&file, poisoned))
+            });
+            watch::succeeded_or(&ended, see)?;
             let answer = client.result(&ended.id).await?;
             output::write(folder, job, &answer, url)
         }

@@ -4,12 +4,13 @@ use crate::arguments::Show;
 use crate::client::Client;
 use crate::console::{self, count};
 use crate::error::Error;
+use crate::poison;
 use crate::progress::Label;
 use crate::setting::Setting;
 use crate::standing::{self, StandingView};
-use crate::view::{JobView, hex, running_time};
-use crate::watch::phase;
-use proto::v1::JobState;
+use crate::view::{JobView, bits, hex, ruling, running_time};
+use crate::watch;
+use proto::v1::{self, JobState};
 use serde::Serialize;
 use sim_core::job::JobSpec;
 
@@ -48,7 +49,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
     );
     let mut lines = vec![
         format!("{} ({})", job.name, job.id),
-        format!("  state          {}{because}", phase(job.state(), job.round_done, job.round_total)),
+        format!("  state          {}{because}", watch::standing(&job)),
         format!(
             "  generations    {} of {}, {} candidates each",
             job.generations_done, job.generations_total, job.population
@@ -70,7 +71,21 @@ pub async fn run(args: Show) -> Result<(), Error> {
     if let Some(standing) = &standing {
         lines.extend(standing::lines(&job, standing));
     }
+    if let Some(origin) = &job.restarted_from {
+        let what = match origin.generations {
+            0 => "nothing of it was taken over".to_owned(),
+            n => format!("generations 0 to {} were taken over", n - 1),
+        };
+        lines.push(format!("  does again     {}: {what}", origin.job_id));
+    }
+    lines.extend(job.disputes.iter().map(dispute));
+    if let Some(poisoned) = &job.poisoned {
+        lines.push(format!("  failed         {}, {} times", poison::what(poisoned), poisoned.attempts));
+        lines.push(format!("  genome         {}", poison::genome(poisoned)));
+        lines.push(format!("  next           {} does it again here", poison::command_there(&job.id)));
+    }
     match job.state() {
+        JobState::Tainted => lines.push(format!("  next           evogait restart {}", job.id)),
         JobState::Succeeded => lines.push(format!("  next           evogait fetch {}", job.id)),
         JobState::Queued | JobState::Running | JobState::Finishing | JobState::Reporting => {
             lines.push(format!("  next           evogait watch {}", job.id));
@@ -78,6 +93,24 @@ pub async fn run(args: Show) -> Result<(), Error> {
         _ => {}
     }
     console::say(&lines.join("\n"))
+}
+
+/// Who said what about a task, and what became of it.
+fn dispute(dispute: &v1::Dispute) -> String {
+    let claim = |claim: &v1::Claim| {
+        let who = if claim.worker_name.is_empty() { "a worker that has gone" } else { &claim.worker_name };
+        let said: Vec<String> = claim
+            .scores
+            .iter()
+            .map(|s| match s.score {
+                Some(score) => format!("{score} ({})", bits(s.score)),
+                None => bits(None),
+            })
+            .collect();
+        format!("{who} says {}", if said.is_empty() { "other traces".to_owned() } else { said.join(" ") })
+    };
+    let claims: Vec<String> = dispute.claims.iter().map(claim).collect();
+    format!("  dispute        {}, {}: {}", dispute.what, ruling(dispute), claims.join("; "))
 }
 
 /// Engine and setting of a job that was submitted, as a word; the text is resolved.

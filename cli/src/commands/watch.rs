@@ -4,9 +4,10 @@ use crate::arguments::OneJob;
 use crate::client::Client;
 use crate::console;
 use crate::error::Error;
+use crate::poison;
 use crate::progress::{Label, Progress};
 use crate::signals::Interrupt;
-use crate::view::JobView;
+use crate::view::{DisputeView, JobView};
 use crate::watch::{self, Watched, word};
 use proto::v1::JobEvent;
 use proto::v1::job_event::Event;
@@ -27,6 +28,9 @@ enum What {
     State { state: &'static str },
     Generation { generation: u32, min: f64, median: f64, max: f64, mean: f64, best_so_far: Option<f64>, failed: u32 },
     Progress { state: &'static str, generation: u32, done: u32, total: u32 },
+    Paused,
+    Resumed,
+    Dispute(DisputeView),
 }
 
 /// Follows the job to its end.
@@ -53,7 +57,11 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             if args.json {
                 console::say_json_line(&JobView::new(&job))?;
             }
-            watch::succeeded(&job)?;
+            let see = job
+                .poisoned
+                .as_ref()
+                .map(|_| format!("to see it happen on this machine: {}", poison::command_there(&job.id)));
+            watch::succeeded_or(&job, see)?;
             if args.json || quiet {
                 return Ok(());
             }
@@ -87,6 +95,9 @@ fn view(event: &JobEvent) -> Option<EventView> {
             done: p.done,
             total: p.total,
         },
+        Event::Paused(true) => What::Paused,
+        Event::Paused(false) => What::Resumed,
+        Event::Dispute(dispute) => What::Dispute(DisputeView::new(dispute)),
     };
     Some(EventView { sequence: event.sequence, at_ms: event.at_ms, what })
 }

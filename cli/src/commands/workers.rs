@@ -29,8 +29,12 @@ pub async fn run(on: Url, json: bool) -> Result<(), Error> {
                     .map(|d| hex(d).chars().take(12).collect::<String>())
                     .collect::<Vec<_>>()
                     .join(" "),
+                w.reason.clone(),
             ]
         })
         .collect();
-    console::say(&table(&["name", "address", "busy", "evaluations", "connected (UTC)", "engines"], &rows))
+    console::say(&table(
+        &["name", "address", "busy", "evaluations", "connected (UTC)", "engines", "gets no work because"],
+        &rows,
+    ))
 }

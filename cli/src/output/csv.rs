@@ -120,6 +120,7 @@ mod tests {
             mean: nan,
             best_so_far: None,
             failed: 20,
+            counts: None,
         };
         assert!(history(&[failed]).ends_with("\n0,NaN,NaN,NaN,NaN,NaN,NaN,,20\n"));
     }

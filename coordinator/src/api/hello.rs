@@ -6,6 +6,7 @@ use crate::scheduler::{AssignmentId, Greeting, Range, WorkerId};
 use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_WORKER_NAME};
 use proto::{PROTOCOL, v1};
 use sim_core::identity::Digest;
+use std::time::Duration;
 use tonic::Status;
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -65,6 +66,7 @@ pub(super) fn check(hello: v1::Hello, address: String, engines: &[(&'static str,
         slots: hello.slots,
         engines: offered,
         running,
+        time_left: (hello.seconds_left > 0).then(|| Duration::from_secs(hello.seconds_left)),
     })
 }
 
@@ -81,6 +83,7 @@ mod tests {
             engine_digests: vec![vec![7; 32]],
             running: Vec::new(),
             version: "9.9.9".to_owned(),
+            seconds_left: 0,
         }
     }
 

@@ -10,7 +10,8 @@ use proto::v1::job_event::Event;
 use proto::v1::job_service_server::JobService;
 use proto::v1::{
     CancelJobRequest, CancelJobResponse, GetJobRequest, GetJobResponse, GetResultRequest, GetResultResponse, Job,
-    JobEvent, ListJobsRequest, ListJobsResponse, ListWorkersRequest, ListWorkersResponse, SubmitJobRequest,
+    JobEvent, ListJobsRequest, ListJobsResponse, ListWorkersRequest, ListWorkersResponse, PauseJobRequest,
+    PauseJobResponse, RestartJobRequest, RestartJobResponse, ResumeJobRequest, ResumeJobResponse, SubmitJobRequest,
     SubmitJobResponse, WatchJobRequest,
 };
 use sim_core::finish::Plan;
@@ -20,7 +21,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
 impl Api {
-    async fn stored(&self, text: &str) -> Result<(JobRecord, String), Status> {
+    pub(super) async fn stored(&self, text: &str) -> Result<(JobRecord, String), Status> {
         id("id", text)?;
         let job = self.store.job(&JobId::from(text)).await.map_err(store_failed)?;
         job.ok_or_else(|| Status::not_found(format!("there is no job {text}")))
@@ -60,13 +61,59 @@ impl Api {
         Ok(median(&times).unwrap_or(0.0))
     }
 
+    /// The job of an earlier request with this id; refused if that was another one.
+    pub(super) async fn requested_before(&self, id: &str, digest: &Digest) -> Result<Option<JobRecord>, Status> {
+        match self.store.job_of_request(id).await.map_err(store_failed)? {
+            Some(record) if record.request_digest != *digest => Err(other_body(id, &record.id)),
+            known => Ok(known),
+        }
+    }
+
+    /// Stores a new job; tells also whether it was new.
+    pub(super) async fn take_in(&self, new: NewJob) -> Result<(JobRecord, bool), Status> {
+        let request_id = new.request_id.clone();
+        self.ask(|reply| Command::Submit { new: Box::new(new), reply }).await?.map_err(|refused| match refused {
+            SubmitError::OtherBody(job) => other_body(&request_id, &job),
+            SubmitError::TooMany => Status::resource_exhausted(format!(
+                "{MAX_ACTIVE_JOBS} jobs have not ended, which is the limit: wait, or cancel some"
+            )),
+        })
+    }
+
+    async fn pause(&self, text: String, paused: bool) -> Result<Option<Job>, Status> {
+        id("id", &text)?;
+        let id = JobId::from(text.as_str());
+        match self.ask(|reply| Command::Pause { id, paused, reply }).await? {
+            Some(record) => self.tell_one(record).await,
+            None => {
+                let (record, _) = self.stored(&text).await?;
+                let what = if paused { "paused" } else { "resumed" };
+                Err(Status::failed_precondition(format!(
+                    "job {} has ended ({}): only a job that has not ended can be {what}",
+                    record.id,
+                    record.state.as_str_name().trim_start_matches("JOB_STATE_").to_lowercase()
+                )))
+            }
+        }
+    }
+
     async fn tell_one(&self, record: JobRecord) -> Result<Option<Job>, Status> {
         Ok(self.tell(vec![record]).await?.pop())
     }
 }
 
+/// Refuses what can't name a request.
+pub(super) fn request_id(request_id: &str) -> Result<(), Status> {
+    if request_id.is_empty() {
+        return Err(Status::invalid_argument(format!(
+            "request_id is missing: choose one of up to {MAX_REQUEST_ID} bytes, it makes a retry safe"
+        )));
+    }
+    at_most("request_id", request_id, MAX_REQUEST_ID)
+}
+
 /// Reads the job and all the scheduler needs of it. Takes a while for large robots.
-fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Result<NewJob, Status> {
+pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Result<NewJob, Status> {
     let job = sim_core::job::Job::from_toml(&request.job_toml)
         .map_err(|e| Status::invalid_argument(format!("the job can't be used: {e}")))?;
     Ok(NewJob {
@@ -80,6 +127,7 @@ fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Res
         at_once: job.candidates_at_once(),
         optimiser: job.optimiser(),
         finish: Plan::of(&job),
+        carried: None,
         // Resolved, so that workers need no files and a later version no other defaults.
         toml: job.to_toml().into(),
     })
@@ -97,12 +145,7 @@ impl JobService for Api {
 
     async fn submit_job(&self, request: Request<SubmitJobRequest>) -> Result<Response<SubmitJobResponse>, Status> {
         let request = request.into_inner();
-        if request.request_id.is_empty() {
-            return Err(Status::invalid_argument(format!(
-                "request_id is missing: choose one of up to {MAX_REQUEST_ID} bytes, it makes a retry safe"
-            )));
-        }
-        at_most("request_id", &request.request_id, MAX_REQUEST_ID)?;
+        request_id(&request.request_id)?;
         at_most("job_toml", &request.job_toml, MAX_JOB_TOML)?;
         let priority = match request.priority {
             0 => DEFAULT_PRIORITY,
@@ -114,25 +157,14 @@ impl JobService for Api {
             }
         };
         let request_digest = Digest::of("evogait request 1", &request.job_toml);
-        let request_id = request.request_id.clone();
-        if let Some(record) = self.store.job_of_request(&request_id).await.map_err(store_failed)? {
-            if record.request_digest != request_digest {
-                return Err(other_body(&request_id, &record.id));
-            }
+        if let Some(record) = self.requested_before(&request.request_id, &request_digest).await? {
             return Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created: false }));
         }
         let new = tokio::task::spawn_blocking(move || read(request, priority, request_digest))
             .await
             .map_err(|_| Status::internal("reading the job failed: this is a bug, please report it with the job"))??;
-        match self.ask(|reply| Command::Submit { new: Box::new(new), reply }).await? {
-            Ok((record, created)) => {
-                Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created }))
-            }
-            Err(SubmitError::OtherBody(job)) => Err(other_body(&request_id, &job)),
-            Err(SubmitError::TooMany) => Err(Status::resource_exhausted(format!(
-                "{MAX_ACTIVE_JOBS} jobs have not ended, which is the limit: wait, or cancel some"
-            ))),
-        }
+        let (record, created) = self.take_in(new).await?;
+        Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created }))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<GetJobResponse>, Status> {
@@ -196,6 +228,21 @@ impl JobService for Api {
         Ok(Response::new(CancelJobResponse { job: Some(record.to_wire()) }))
     }
 
+    async fn pause_job(&self, request: Request<PauseJobRequest>) -> Result<Response<PauseJobResponse>, Status> {
+        let job = self.pause(request.into_inner().id, true).await?;
+        Ok(Response::new(PauseJobResponse { job }))
+    }
+
+    async fn resume_job(&self, request: Request<ResumeJobRequest>) -> Result<Response<ResumeJobResponse>, Status> {
+        let job = self.pause(request.into_inner().id, false).await?;
+        Ok(Response::new(ResumeJobResponse { job }))
+    }
+
+    async fn restart_job(&self, request: Request<RestartJobRequest>) -> Result<Response<RestartJobResponse>, Status> {
+        let (record, created) = self.restart(request.into_inner()).await?;
+        Ok(Response::new(RestartJobResponse { job: self.tell_one(record).await?, created }))
+    }
+
     async fn get_result(&self, request: Request<GetResultRequest>) -> Result<Response<GetResultResponse>, Status> {
         let (record, job_toml) = self.stored(&request.into_inner().id).await?;
         let no_result = |why: String| Status::failed_precondition(format!("job {} has no result: {why}", record.id));
@@ -203,6 +250,7 @@ impl JobService for Api {
             JobState::Succeeded => {}
             JobState::Failed => return Err(no_result(record.reason.clone())),
             JobState::Cancelled => return Err(no_result("it was cancelled".to_owned())),
+            JobState::Tainted => return Err(no_result(format!("it is tainted: {}", record.reason))),
             _ => return Err(no_result("it has not ended yet; watch it".to_owned())),
         }
         let result = self.store.result(&record.id).await.map_err(store_failed)?;

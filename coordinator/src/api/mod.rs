@@ -2,6 +2,7 @@
 
 mod hello;
 mod jobs;
+mod restart;
 mod watch;
 mod workers;
 

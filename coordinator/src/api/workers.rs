@@ -53,6 +53,7 @@ impl WorkerService for Api {
             Verdict::Conflict => complete_response::Verdict::Conflict,
             Verdict::Obsolete => complete_response::Verdict::Obsolete,
             Verdict::Unknown => complete_response::Verdict::Unknown,
+            Verdict::Quarantined => complete_response::Verdict::Quarantined,
         };
         Ok(Response::new(CompleteResponse { verdict: verdict.into() }))
     }
@@ -72,7 +73,7 @@ impl Api {
                 Ok(Some(WorkerMessage { message: Some(message) })) => match message {
                     worker_message::Message::Heartbeat(heartbeat) => {
                         let running = heartbeat.running.into_iter().map(AssignmentId).collect();
-                        Command::Heartbeat { worker, session, running }
+                        Command::Heartbeat { worker, session, running, progress: heartbeat.progress }
                     }
                     worker_message::Message::Reject(reject) => Command::Reject {
                         worker,

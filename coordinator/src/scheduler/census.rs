@@ -19,7 +19,7 @@ pub struct Census {
     pub busy: u64,
     /// Workers that take work.
     pub ready: u64,
-    /// Workers that are connected and will stop.
+    /// Workers that are connected and get no more work: they will stop, or are quarantined or stuck.
     pub draining: u64,
     /// Workers whose connection broke and whose leases still run.
     pub disconnected: u64,
@@ -39,7 +39,7 @@ impl Scheduler {
             census.busy += worker.held.len().min(worker.slots as usize) as u64;
             if worker.session.is_none() {
                 census.disconnected += 1;
-            } else if worker.draining {
+            } else if !worker.takes_work() {
                 census.draining += 1;
             } else {
                 census.ready += 1;

@@ -5,11 +5,11 @@
 //! candidates of a generation are out, but not hours of waiting.
 
 use super::job::ActiveJob;
-use super::lease::{AssignmentId, Lease, Task};
+use super::lease::{Kind, Lease};
 use super::round::Work;
 use super::sizing::{Cut, may_prefetch, range_size};
 use super::worker::{Worker, WorkerId};
-use super::{Action, Message, Now, Scheduler};
+use super::{Now, Scheduler};
 use crate::record::JobId;
 use proto::limits::DEFAULT_PRIORITY;
 use sim_core::identity::Digest;
@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 
 /// Slot time of an evaluation nobody has measured yet, s.
-const UNKNOWN_COST: f64 = 1.0;
+pub(super) const UNKNOWN_COST: f64 = 1.0;
 
 /// How much of its missed share a job may catch up on, s of slot time at the priority of most jobs.
 const CREDIT: f64 = 60.0 / DEFAULT_PRIORITY as f64;
@@ -81,13 +81,15 @@ impl Scheduler {
     /// Hands out what is pending: first to free slots everywhere, then one range a slot in advance where ranges are
     /// short.
     pub(super) fn dispatch(&mut self, now: Now) {
+        self.ask_others(now);
+        let kept_free = self.isolate_suspects(now);
         for fill in [Fill::FreeSlots, Fill::InAdvance] {
             self.know_slots();
             let mut last: Option<WorkerId> = None;
             while self.jobs.values().any(|job| self.size_for_any(job, fill).is_some())
                 && let Some(id) = self.room.after(fill, last.as_ref())
             {
-                if !self.fill(now, &id, fill) {
+                if !kept_free.contains(&id) && !self.fill(now, &id, fill) {
                     self.room.of(fill).remove(&id);
                 }
                 last = Some(id);
@@ -119,17 +121,20 @@ impl Scheduler {
             if worker.held.len() >= room {
                 return false;
             }
-            let Some((job, size)) = self.next_job(id, fill) else { return true };
+            if !worker.is_open() {
+                return true;
+            }
+            let Some((job, size)) = self.next_job(now, id, fill) else { return true };
             self.hand_out(now, id, &job, size);
         }
     }
 
     /// The job whose turn it is on this worker, and the size of the range.
-    fn next_job(&self, id: &WorkerId, fill: Fill) -> Option<(JobId, u32)> {
+    fn next_job(&self, now: Now, id: &WorkerId, fill: Fill) -> Option<(JobId, u32)> {
         let worker = self.workers.get(id)?;
         let mut next: Option<(f64, u64, &JobId, u32)> = None;
         for (id, job) in &self.jobs {
-            let Some(size) = self.offer(worker, id, job, fill) else { continue };
+            let Some(size) = self.offer(now, worker, id, job, fill) else { continue };
             let tag = job.finish_tag.max(self.virtual_time - CREDIT);
             if next.is_none_or(|(best, number, ..)| (tag, job.record.number) < (best, number)) {
                 next = Some((tag, job.record.number, id, size));
@@ -139,16 +144,17 @@ impl Scheduler {
     }
 
     /// How many tasks this job would give to this worker; `None` if nothing.
-    fn offer(&self, worker: &Worker, id: &JobId, job: &ActiveJob, fill: Fill) -> Option<u32> {
+    fn offer(&self, now: Now, worker: &Worker, id: &JobId, job: &ActiveJob, fill: Fill) -> Option<u32> {
         if !worker.engines.contains(&job.record.engine_digest) || worker.refused.contains_key(id) {
             return None;
         }
-        self.size_for_any(job, fill)
+        let fitting = self.time_for(now, worker, job.cost);
+        self.size_for_any(job, fill).map(|size| size.min(fitting)).filter(|size| *size > 0)
     }
 
     /// How many tasks this job would give to a worker that can run it; `None` if nothing.
     fn size_for_any(&self, job: &ActiveJob, fill: Fill) -> Option<u32> {
-        if !job.has_pending() {
+        if !job.has_ordinary() {
             return None;
         }
         let round = &job.round;
@@ -156,7 +162,7 @@ impl Scheduler {
         match round.work {
             Work::Candidates(_) => {
                 let known = self.room.slots.as_ref().and_then(|slots| slots.get(&job.record.engine_digest));
-                let (all, pending, slots) = (round.size(), round.pending(), known.copied().unwrap_or(0));
+                let (all, pending, slots) = (round.size(), round.pending_unsuspected(), known.copied().unwrap_or(0));
                 let size = range_size(Cut { all, pending, slots, cost: job.cost, at_once: job.at_once, most });
                 (fill == Fill::FreeSlots || may_prefetch(size, job.cost)).then_some(size)
             }
@@ -164,31 +170,23 @@ impl Scheduler {
         }
     }
 
-    fn hand_out(&mut self, now: Now, worker_id: &WorkerId, job_id: &JobId, size: u32) {
-        let (Some(worker), Some(job)) = (self.workers.get_mut(worker_id), self.jobs.get_mut(job_id)) else { return };
-        let Some(session) = worker.session else { return };
-        let assignment = AssignmentId(self.next_assignment);
+    fn hand_out(&mut self, now: Now, worker: &WorkerId, id: &JobId, size: u32) {
+        let assignment = self.new_assignment();
+        let Some(job) = self.jobs.get_mut(id) else { return };
         let Some(range) = job.round.cut(size, assignment) else { return };
-        let task = match &job.round.work {
-            Work::Candidates(genomes) => Task::Evaluate { range, genomes: genomes.clone() },
-            Work::Examinations(all) => Task::Examine { range, examination: all[range.first as usize].clone() },
-        };
-        self.next_assignment += 1;
+        let task = job.round.work.task(range);
+        let charged = self.charge(id, range.count);
+        let lease = Lease { charged, ..Lease::new(now, worker, id, range, Kind::Ordinary) };
+        self.assign(now, assignment, lease, task);
+    }
 
-        let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(range.count) / f64::from(job.record.priority);
+    /// Charges a job for what it is given.
+    pub(super) fn charge(&mut self, id: &JobId, count: u32) -> f64 {
+        let Some(job) = self.jobs.get_mut(id) else { return 0.0 };
+        let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(count) / f64::from(job.record.priority);
         let tag = job.finish_tag.max(self.virtual_time - CREDIT);
         self.virtual_time = self.virtual_time.max(tag);
         job.finish_tag = tag + charged;
-
-        let since = now.since_start;
-        let lease = Lease { worker: worker_id.clone(), job: job_id.clone(), range, since, charged };
-        self.leases.insert(assignment, lease);
-        worker.held.insert(assignment);
-        let toml = worker.known_jobs.insert(job_id.clone()).then(|| job.toml.clone());
-        if let Some(write) = job.start(now) {
-            self.actions.push(Action::Write(Box::new(write)));
-        }
-        let message = Message::Assign { assignment, job: job_id.clone(), toml, task };
-        self.actions.push(Action::Send(worker_id.clone(), session, message));
+        charged
     }
 }

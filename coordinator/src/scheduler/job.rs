@@ -1,18 +1,21 @@
 //! A job while it runs: generation after generation, and then the finish.
 
-use super::round::{Outcome, Range, Round, Work};
-use super::search::{decode_search, encode_search};
+use super::restart::Carried;
+use super::round::{Outcome, Range, Round};
+use super::sealed::Sealed;
+use super::search::{Search, decode_search, encode_search};
 use super::statistics::statistics;
 use super::{Now, PROGRESS_EVERY};
 use crate::record::{JobId, JobRecord, JobState};
-use crate::store::{SealedGeneration, Write};
+use crate::store::{SealedGeneration, StoredRange, Write};
 use proto::v1::{self, job_event::Event};
 use sim_core::finish::{Done, Found, Plan, Question, total};
 use sim_core::identity::{Digest, ResultDigest};
 use sim_core::optimise::archive::Archive;
 use sim_core::optimise::{BadState, Optimiser};
 use sim_core::report::{Traces, report};
-use sim_core::score::{Counts, Scored};
+use sim_core::score::{Counts, Genome, Scored};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -40,6 +43,8 @@ pub struct NewJob {
     pub generations: u32,
     /// What is done once they are.
     pub finish: Plan,
+    /// What it takes over, if it does an earlier job again.
+    pub carried: Option<Carried>,
 }
 
 /// A job from the store.
@@ -56,8 +61,8 @@ pub struct Resumed {
     pub finish: Plan,
     /// The stored state of the search: optimiser and archive.
     pub search: Vec<u8>,
-    /// Results of rounds that are not sealed for good: (round, index of the first, outcomes).
-    pub results: Vec<(u32, u32, Vec<Outcome>)>,
+    /// Results of rounds that are not sealed for good.
+    pub results: Vec<StoredRange>,
     /// Scores of the generation sealed last.
     pub last_scores: Option<Vec<Option<f64>>>,
 }
@@ -74,8 +79,8 @@ pub(super) struct ActiveJob {
     pub round: Round,
     /// The round of examinations before it, if there was one.
     pub examined: Option<Round>,
-    /// Scores of the generation sealed last, to tell a repeated result from a wrong one.
-    pub last_scores: Option<Vec<Option<f64>>>,
+    /// The generation sealed last.
+    pub last: Option<Sealed>,
     /// Virtual finish time in the fair queue.
     pub finish_tag: f64,
     /// Measured cost of a task, s.
@@ -93,7 +98,7 @@ pub(super) enum End {
 
 impl ActiveJob {
     /// A new job and the write that stores it.
-    pub fn submitted(now: Now, number: u64, new: NewJob, virtual_time: f64) -> (Self, Write) {
+    pub fn submitted(now: Now, number: u64, new: NewJob, virtual_time: f64) -> (Self, Vec<Write>) {
         let genomes = new.optimiser.ask();
         let record = JobRecord {
             id: JobId::new(number, &new.job_digest),
@@ -115,6 +120,11 @@ impl ActiveJob {
             evaluations: 0,
             failed_evaluations: 0,
             reason: String::new(),
+            paused: false,
+            restarted_from: None,
+            disputes: Vec::new(),
+            suspects: BTreeMap::new(),
+            poisoned: None,
             submitted_at_ms: now.unix_ms,
             started_at_ms: 0,
             ended_at_ms: 0,
@@ -131,20 +141,22 @@ impl ActiveJob {
             archive: new.finish.new_archive(),
             round: Round::generation(0, genomes),
             examined: None,
-            last_scores: None,
+            last: None,
             finish_tag: virtual_time,
             cost: None,
             last_progress: None,
         };
-        let event = event(&mut job.record, now, Event::StateChanged(JobState::Queued.into()));
-        let write = Write::Submit { record: job.record.clone(), toml: job.toml.clone(), search: job.search(), event };
-        (job, write)
+        let carry = new.carried.map(|carried| job.take_over(carried));
+        let state = job.record.state;
+        let event = event(&mut job.record, now, Event::StateChanged(state.into()));
+        let submit = Write::Submit { record: job.record.clone(), toml: job.toml.clone(), search: job.search(), event };
+        (job, [submit].into_iter().chain(carry).collect())
     }
 
     /// A job from the store.
     pub fn resumed(resumed: Resumed, virtual_time: f64) -> Result<Self, BadState> {
         let Resumed { record, toml, at_once, mut optimiser, finish: plan, search, mut results, last_scores } = resumed;
-        let (state, archive) = decode_search(&plan, &search)?;
+        let Search { optimiser: state, archive, genomes_before, workers_before } = decode_search(&plan, &search)?;
         optimiser.restore(&state)?;
         if optimiser.generation() != record.generations_done {
             return Err(BadState(format!(
@@ -158,6 +170,9 @@ impl ActiveJob {
             return Err(BadState(format!("{} candidates instead of {}", genomes.len(), record.population)));
         }
         let round = Round::generation(record.generations_done, genomes);
+        let number = record.generations_done.saturating_sub(1);
+        let last =
+            last_scores.map(|scores| Sealed { number, scores, genomes: genomes_before, workers: workers_before });
         let mut job = Self {
             record,
             toml,
@@ -167,7 +182,7 @@ impl ActiveJob {
             archive,
             round,
             examined: None,
-            last_scores,
+            last,
             finish_tag: virtual_time,
             cost: None,
             last_progress: None,
@@ -176,14 +191,18 @@ impl ActiveJob {
             job.resume_finish(&mut results)?;
         }
         take_up(&mut job.round, &mut results)?;
+        job.apply_rulings();
+        job.round.suspect(&job.record.suspects);
         match results.first() {
             None => Ok(job),
-            Some((round, first, _)) => Err(BadState(format!("results of round {round} from {first} on don't fit"))),
+            Some(StoredRange { round, first, .. }) => {
+                Err(BadState(format!("results of round {round} from {first} on don't fit")))
+            }
         }
     }
 
     /// Takes up the round of examinations that the record says.
-    fn resume_finish(&mut self, results: &mut Vec<(u32, u32, Vec<Outcome>)>) -> Result<(), BadState> {
+    fn resume_finish(&mut self, results: &mut Vec<StoredRange>) -> Result<(), BadState> {
         let found = self.found().ok_or_else(|| BadState("the search is over without a best".to_owned()))?;
         let finishing = self.finishing(&found);
         match (self.record.state, finishing, self.record.winner.clone()) {
@@ -204,7 +223,12 @@ impl ActiveJob {
 
     /// Whether there is something to hand out.
     pub fn has_pending(&self) -> bool {
-        self.round.pending() > 0
+        !self.record.paused && self.round.pending() > 0
+    }
+
+    /// Whether there is something to hand out that is no suspect.
+    pub fn has_ordinary(&self) -> bool {
+        self.has_pending() && self.round.pending_unsuspected() > 0
     }
 
     /// The first work is handed out. `None` if that was before.
@@ -221,6 +245,9 @@ impl ActiveJob {
     ///
     /// The second part of the answer says how the job ends, if so; one that fails is yet to be told so.
     pub fn seal(&mut self, now: Now) -> Option<(Option<Write>, Option<End>)> {
+        if self.is_round_disputed(self.round.number) {
+            return None;
+        }
         let Some(answers) = self.round.answers() else {
             return if self.round.is_generation() { self.seal_generation(now) } else { None };
         };
@@ -229,6 +256,8 @@ impl ActiveJob {
         };
         Some(match self.record.winner.clone() {
             None => (Some(self.choose_winner(now, &found, &answers)), None),
+            // What is in doubt further back would taint it.
+            Some(_) if self.open_disputes().next().is_some() => return None,
             Some(winner) => match self.make_report(now, found, winner, &answers) {
                 Ok(write) => (Some(write), Some(End::Succeeded)),
                 Err(reason) => (None, Some(End::Failed(reason))),
@@ -236,18 +265,46 @@ impl ActiveJob {
         })
     }
 
-    /// Folds a generation's scores by index into digest, archive and optimiser.
+    /// Folds a generation's scores, and goes on to the next round.
     fn seal_generation(&mut self, now: Now) -> Option<(Option<Write>, Option<End>)> {
-        let Work::Candidates(genomes) = &self.round.work else { return None };
-        let (number, genomes) = (self.round.number, genomes.clone());
         let outcomes = self.round.outcomes()?;
         let scores: Vec<Option<f64>> = outcomes.iter().map(|o| o.score()).collect();
         let counts = total(outcomes.iter().map(|o| &o.counts));
+        let number = self.round.number;
+        self.fold_generation(Sealed::of(&self.round, scores.clone()), counts);
+
+        let best_so_far = self.record.best.as_ref().map(|b| b.score);
+        let statistics = statistics(number, &scores, counts, best_so_far);
+        let mut events = vec![event(&mut self.record, now, Event::GenerationSealed(statistics))];
+        let mut end = None;
+        let before = self.record.state;
+        if self.next_round() {
+            let state = self.record.state;
+            if state != before {
+                events.push(event(&mut self.record, now, Event::StateChanged(state.into())));
+            }
+        } else {
+            end = Some(End::Failed(format!(
+                "all {} evaluations failed (the robot was unstable at its start): there is no winner; check the \
+                 robot, the start and the [physics] table",
+                self.record.evaluations
+            )));
+        }
+        let sealed = SealedGeneration { scores, statistics };
+        self.prune_disputes();
+        let write = Write::Seal { record: self.record.clone(), sealed, search: self.search(), events };
+        Some((Some(write), end))
+    }
+
+    /// Folds a generation's scores by index into digest, archive and optimiser.
+    pub(super) fn fold_generation(&mut self, sealed: Sealed, counts: Counts) {
+        let (number, scores) = (sealed.number, &sealed.scores);
         let failed = scores.iter().filter(|s| s.is_none()).count() as u32;
         let direction = self.optimiser.direction();
+        let genomes = sealed.genomes.clone().unwrap_or_else(|| self.optimiser.ask().into());
 
         let record = &mut self.record;
-        record.scores_digest.generation(number, &scores);
+        record.scores_digest.generation(number, scores);
         record.evaluations += scores.len() as u64;
         record.failed_evaluations += u64::from(failed);
         record.counts += counts;
@@ -259,7 +316,7 @@ impl ActiveJob {
         };
         let succeeded = scores.iter().enumerate().filter_map(|(i, s)| s.map(|s| (i, s)));
         self.archive.generation(succeeded.map(scored));
-        if let Some((i, score)) = direction.best(&scores) {
+        if let Some((i, score)) = direction.best(scores) {
             let best = scored((i, score));
             if record.first.is_none() {
                 record.first = Some(best.clone());
@@ -269,41 +326,33 @@ impl ActiveJob {
             }
         }
         record.generations_done = number + 1;
-        self.optimiser.tell(&scores);
+        record.suspects.clear();
+        self.optimiser.tell(scores);
+        self.last = Some(sealed);
+    }
 
-        let best_so_far = self.record.best.as_ref().map(|b| b.score);
-        let statistics = statistics(number, &scores, best_so_far);
-        let mut events = vec![event(&mut self.record, now, Event::GenerationSealed(statistics))];
-        let mut end = None;
+    /// Goes on to the next generation, or to what follows the search. `false` if that can't be: there is no best.
+    pub(super) fn next_round(&mut self) -> bool {
         if self.record.generations_done < self.record.generations_total {
-            self.round = Round::generation(number + 1, self.optimiser.ask());
-        } else if let Some(found) = self.found() {
-            self.cost = None;
-            let state = match self.finishing(&found) {
-                Some(round) => {
-                    self.round = round;
-                    JobState::Finishing
-                }
-                None => self.report_on(&found, &[]),
-            };
-            self.record.state = state;
-            events.push(event(&mut self.record, now, Event::StateChanged(state.into())));
-        } else {
-            end = Some(End::Failed(format!(
-                "all {} evaluations failed (the robot was unstable at its start): there is no winner; check the \
-                 robot, the start and the [physics] table",
-                self.record.evaluations
-            )));
+            self.round = Round::generation(self.record.generations_done, self.optimiser.ask());
+            return true;
         }
-        let sealed = SealedGeneration { scores: scores.clone(), statistics };
-        self.last_scores = Some(scores);
-        let write = Write::Seal { record: self.record.clone(), sealed, search: self.search(), events };
-        Some((Some(write), end))
+        let Some(found) = self.found() else { return false };
+        self.cost = None;
+        self.record.state = match self.finishing(&found) {
+            Some(round) => {
+                self.round = round;
+                JobState::Finishing
+            }
+            None => self.report_on(&found, &[]),
+        };
+        true
     }
 
     /// The archive is examined: the winner follows, and the questions about it.
     fn choose_winner(&mut self, now: Now, found: &Found, answers: &[Done]) -> Write {
         self.fold(answers);
+        self.record.suspects.clear();
         let before = self.round.clone();
         let state = self.report_on(found, answers);
         self.examined = Some(before);
@@ -327,6 +376,7 @@ impl ActiveJob {
 
         self.record.result_digest = Some(self.record.scores_digest.seal(&winner.genome, winner.score));
         self.record.ended_at_ms = now.unix_ms;
+        self.record.paused = false;
         self.record.state = JobState::Succeeded;
         let event = event(&mut self.record, now, Event::StateChanged(JobState::Succeeded.into()));
         Ok(Write::Report { record: self.record.clone(), report, event })
@@ -343,6 +393,11 @@ impl ActiveJob {
     fn fold(&mut self, answers: &[Done]) {
         let scores: Vec<Vec<Option<f64>>> = answers.iter().map(|(_, scores)| scores.clone()).collect();
         self.record.scores_digest.examinations(self.round.number, &scores);
+    }
+
+    /// The candidates of the generation at hand.
+    pub(super) fn genomes(&self) -> Vec<Genome> {
+        self.optimiser.ask()
     }
 
     /// What the search found, if any of its evaluations succeeded.
@@ -368,7 +423,7 @@ impl ActiveJob {
 
     /// The state of the search, for the store.
     fn search(&self) -> Vec<u8> {
-        encode_search(self.optimiser.save(), &self.archive)
+        encode_search(self.optimiser.save(), &self.archive, self.last.as_ref())
     }
 
     /// How far the round is, at most every [`PROGRESS_EVERY`].
@@ -389,15 +444,15 @@ impl ActiveJob {
 }
 
 /// Records the stored results of a round and takes them out of the list.
-fn take_up(round: &mut Round, results: &mut Vec<(u32, u32, Vec<Outcome>)>) -> Result<(), BadState> {
+fn take_up(round: &mut Round, results: &mut Vec<StoredRange>) -> Result<(), BadState> {
     let number = round.number;
-    for (_, first, outcomes) in results.extract_if(.., |(of, ..)| *of == number) {
+    for StoredRange { first, outcomes, worker, .. } in results.extract_if(.., |range| range.round == number) {
         let range = Range { round: number, first, count: outcomes.len() as u32 };
         if !round.contains(&range) {
             return Err(BadState(format!("results of tasks {:?} of round {number} don't fit", range.indexes())));
         }
         for (index, outcome) in range.indexes().zip(&outcomes) {
-            round.record(index, outcome);
+            round.record(index, outcome, &worker);
         }
     }
     Ok(())
@@ -406,6 +461,7 @@ fn take_up(round: &mut Round, results: &mut Vec<(u32, u32, Vec<Outcome>)>) -> Re
 /// A job ends without success: how it stands then, and the write that says so.
 pub(super) fn end(mut record: JobRecord, now: Now, state: JobState, reason: String) -> (JobRecord, Write) {
     record.ended_at_ms = now.unix_ms;
+    record.paused = false;
     record.reason = reason;
     record.state = state;
     let event = event(&mut record, now, Event::StateChanged(state.into()));
@@ -413,7 +469,7 @@ pub(super) fn end(mut record: JobRecord, now: Now, state: JobState, reason: Stri
 }
 
 /// The next event, with the job as it stands now.
-fn event(record: &mut JobRecord, now: Now, event: Event) -> v1::JobEvent {
+pub(super) fn event(record: &mut JobRecord, now: Now, event: Event) -> v1::JobEvent {
     record.last_event += 1;
     v1::JobEvent { sequence: record.last_event, at_ms: now.unix_ms, event: Some(event), job: Some(record.to_wire()) }
 }

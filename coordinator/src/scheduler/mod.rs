@@ -11,33 +11,43 @@
 //! touches a result: scores are folded by index once all of a round are there.
 
 mod census;
+mod dispute;
+mod explain;
 mod fair;
 mod job;
 mod lease;
+mod leaving;
 mod notes;
+mod pause;
+mod restart;
 mod results;
 mod round;
+mod sealed;
 mod search;
 mod sizing;
 mod standing;
 mod statistics;
+mod straggler;
+mod stuck;
+mod suspects;
+mod third;
 mod worker;
 
 pub use census::Census;
 pub use job::{NewJob, Resumed};
 pub use lease::{AssignmentId, Task};
 pub use notes::{LeaseEnd, Note};
+pub use restart::Carried;
 pub use results::{Completed, Delivery, Verdict};
 pub use round::{Outcome, Range};
 pub use worker::{Greeting, SessionId, Welcome, WorkerId};
 
 use crate::record::{JobId, JobRecord, JobState};
-use crate::store::Write;
+use crate::store::{Quarantined, Write};
 use fair::Room;
 use job::ActiveJob;
 use lease::Lease;
 use proto::v1;
-use sim_core::identity::Digest;
 use sim_core::optimise::BadState;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -85,6 +95,8 @@ pub enum Message {
     },
     /// Work that nobody needs any more.
     Cancel(Vec<AssignmentId>),
+    /// It gets nothing more, for this reason.
+    Drain(String),
 }
 
 /// Times and identity of a coordinator.
@@ -94,9 +106,21 @@ pub struct Settings {
     pub epoch: u64,
     /// Without a sign of life for this long a worker's work goes to others.
     pub lease: Duration,
+    /// Work that makes no progress for this long is taken back, where workers tell their progress.
+    pub stuck_after: Duration,
 }
 
 impl Settings {
+    /// With the usual patience for work that stands still: four leases.
+    pub fn new(epoch: u64, lease: Duration) -> Self {
+        Self { epoch, lease, stuck_after: 4 * lease }
+    }
+
+    /// A worker whose machine goes away is told to stop so long before.
+    pub fn farewell(&self) -> Duration {
+        2 * self.heartbeat()
+    }
+
     /// How often workers should give a sign of life.
     pub fn heartbeat(&self) -> Duration {
         self.lease / 5
@@ -110,6 +134,9 @@ pub struct Scheduler {
     ended: BTreeSet<JobId>,
     workers: BTreeMap<WorkerId, Worker>,
     leases: BTreeMap<AssignmentId, Lease>,
+    /// Second copies of leases, by the first.
+    copies: BTreeMap<AssignmentId, AssignmentId>,
+    quarantined: BTreeMap<WorkerId, Quarantined>,
     next_job: u64,
     next_assignment: u64,
     next_session: u64,
@@ -129,6 +156,8 @@ impl Scheduler {
             ended,
             workers: BTreeMap::new(),
             leases: BTreeMap::new(),
+            copies: BTreeMap::new(),
+            quarantined: BTreeMap::new(),
             next_job,
             // Unique over all epochs of a store.
             next_assignment: settings.epoch << 32,
@@ -138,6 +167,12 @@ impl Scheduler {
             actions: Vec::new(),
             notes: Vec::new(),
         }
+    }
+
+    /// Workers that are not trusted, from the store.
+    pub fn with_quarantined(mut self, quarantined: Vec<Quarantined>) -> Self {
+        self.quarantined = quarantined.into_iter().map(|q| (WorkerId(q.worker.clone()), q)).collect();
+        self
     }
 
     /// What is to be done since the last call.
@@ -160,18 +195,6 @@ impl Scheduler {
         self.jobs.len()
     }
 
-    /// Why a job gets nothing done, if so: a sentence for people.
-    pub fn waits_for(&self, id: &JobId) -> Option<String> {
-        let engine = self.jobs.get(id)?.record.engine_digest;
-        if self.workers.is_empty() {
-            Some("waits for a worker: none is connected".to_owned())
-        } else if self.slots_for(&engine) == 0 {
-            Some(format!("waits for a worker with engine {}: none of those connected has it", engine.short()))
-        } else {
-            None
-        }
-    }
-
     /// Tasks of the round at hand that are done, and how many it has; nothing for a job that ended.
     pub fn round(&self, id: &JobId) -> Option<(u32, u32)> {
         self.jobs.get(id).map(|job| (job.round.done(), job.round.size()))
@@ -181,9 +204,9 @@ impl Scheduler {
     pub fn submit(&mut self, now: Now, new: NewJob) -> JobRecord {
         let number = self.next_job;
         self.next_job += 1;
-        let (job, write) = ActiveJob::submitted(now, number, new, self.virtual_time);
+        let (job, writes) = ActiveJob::submitted(now, number, new, self.virtual_time);
         let record = job.record.clone();
-        self.actions.push(Action::Write(Box::new(write)));
+        self.actions.extend(writes.into_iter().map(|write| Action::Write(Box::new(write))));
         self.jobs.insert(record.id.clone(), job);
         self.dispatch(now);
         record
@@ -231,18 +254,19 @@ impl Scheduler {
         for worker in self.workers.values_mut() {
             worker.refused.retain(|_, until| *until > now.since_start);
         }
+        self.drain_leaving(now);
         self.dispatch(now);
+        for id in self.workers.keys().cloned().collect::<Vec<_>>() {
+            self.copy_stragglers(now, &id);
+        }
     }
 
     /// When the next lease ends unless a sign of life comes.
     pub fn next_deadline(&self) -> Option<Duration> {
         let expiry = self.workers.values().map(|w| w.expires);
         let refusal = self.workers.values().flat_map(|w| w.refused.values().copied());
-        expiry.chain(refusal).min()
-    }
-
-    fn slots_for(&self, engine: &Digest) -> u32 {
-        self.workers.values().filter(|w| w.takes_work() && w.engines.contains(engine)).map(|w| w.slots).sum()
+        let leaving = self.workers.values().filter(|w| !w.draining).filter_map(|w| self.stops(w));
+        expiry.chain(refusal).chain(leaving).min()
     }
 
     fn end_job(&mut self, now: Now, id: &JobId, state: JobState, reason: String) -> Option<JobRecord> {

@@ -71,14 +71,16 @@ pub enum LeaseEnd {
     Rejected,
     /// Its worker tried and failed.
     Failed,
+    /// It made no progress for long.
+    Stuck,
     /// Nobody needs it any more.
     Needless,
 }
 
 impl LeaseEnd {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Lost, Self::Undelivered, Self::Drained, Self::Rejected, Self::Failed, Self::Needless];
+    pub const ALL: [Self; 7] =
+        [Self::Lost, Self::Undelivered, Self::Drained, Self::Rejected, Self::Failed, Self::Stuck, Self::Needless];
 
     /// As a word.
     pub fn word(self) -> &'static str {
@@ -88,6 +90,7 @@ impl LeaseEnd {
             Self::Drained => "drained",
             Self::Rejected => "rejected",
             Self::Failed => "failed",
+            Self::Stuck => "stuck",
             Self::Needless => "needless",
         }
     }

@@ -1,9 +1,9 @@
 //! Results come in: on time, late, twice, wrong, or for something long over.
 
 use super::job::End;
-use super::lease::AssignmentId;
+use super::lease::{AssignmentId, Kind};
 use super::notes::{LeaseEnd, Note};
-use super::round::{Outcome, Range, Recorded, same_bits};
+use super::round::{Outcome, Range, Recorded};
 use super::worker::WorkerId;
 use super::{Action, Now, Scheduler};
 use crate::record::{JobId, JobState};
@@ -66,6 +66,8 @@ pub enum Verdict {
     Obsolete,
     /// No such job or range.
     Unknown,
+    /// What this worker says is not trusted any more; nothing was stored.
+    Quarantined,
 }
 
 impl Verdict {
@@ -77,6 +79,7 @@ impl Verdict {
             Self::Conflict => "conflict",
             Self::Obsolete => "obsolete",
             Self::Unknown => "unknown",
+            Self::Quarantined => "quarantined",
         }
     }
 }
@@ -91,7 +94,11 @@ impl Scheduler {
 
     fn take_result(&mut self, now: Now, completed: Completed) -> Verdict {
         let Completed { worker, assignment, job: id, engine, compute, delivery } = completed;
-        let own = self.leases.get(&assignment).is_some_and(|l| l.worker == worker && l.job == id);
+        if self.quarantined.contains_key(&worker) {
+            return Verdict::Quarantined;
+        }
+        let lease = self.leases.get(&assignment).filter(|l| l.worker == worker && l.job == id);
+        let (own, decides) = (lease.is_some(), lease.is_some_and(|l| l.kind == Kind::Decides));
         let Some(job) = self.jobs.get(&id) else {
             return if self.ended.contains(&id) { Verdict::Obsolete } else { Verdict::Unknown };
         };
@@ -104,7 +111,11 @@ impl Scheduler {
                     return Verdict::Obsolete;
                 }
                 if let Some(lease) = self.release(assignment, LeaseEnd::Failed) {
-                    self.blame(now, &lease, &reason);
+                    if decides && let Some(worker) = self.workers.get_mut(&worker) {
+                        // Two others could do it: somebody else, for a while.
+                        worker.refused.insert(id.clone(), now.since_start + self.settings.lease);
+                    }
+                    self.blame(now, &lease, true, &reason);
                 }
                 Verdict::Accepted
             }
@@ -112,34 +123,36 @@ impl Scheduler {
                 let Ok(count) = u32::try_from(outcomes.len()) else { return Verdict::Unknown };
                 let range = Range { round: generation, first, count };
                 let fits = first.checked_add(count).is_some_and(|end| count > 0 && end <= job.record.population);
+                let job_generation = job.record.generations_done;
                 if !fits || generation > job.record.generations_done || generation >= job.record.generations_total {
                     return Verdict::Unknown;
-                }
-                if generation < job.record.generations_done {
-                    return self.compare_with_generation(&id, &range, &outcomes);
                 }
                 if own {
                     self.settle(assignment, count, compute);
                 }
-                self.take_outcomes(now, &id, range, outcomes, &worker)
+                if generation < job_generation {
+                    return self.take_late(now, &id, range, outcomes, &worker, decides);
+                }
+                self.take_outcomes(now, &id, range, outcomes, &worker, decides)
             }
             Delivery::Examination { round, index, outcome } => {
                 let range = Range { round, first: index, count: 1 };
-                if let Some(sealed) = job.examined.iter().find(|r| r.contains(&range)) {
-                    let same = sealed.outcome(index) == Some(&outcome);
-                    return if same { Verdict::Duplicate } else { Verdict::Conflict };
-                }
-                if job.round.is_generation() || !job.round.contains(&range) {
+                let examined = job.examined.iter().any(|r| r.contains(&range));
+                if !examined && (job.round.is_generation() || !job.round.contains(&range)) {
                     return Verdict::Unknown;
                 }
                 if own {
                     self.settle(assignment, 1, compute);
                 }
-                self.take_outcomes(now, &id, range, vec![outcome], &worker)
+                if examined {
+                    return self.take_late(now, &id, range, vec![outcome], &worker, decides);
+                }
+                self.take_outcomes(now, &id, range, vec![outcome], &worker, decides)
             }
         }
     }
 
+    /// Results of the round at hand.
     fn take_outcomes(
         &mut self,
         now: Now,
@@ -147,24 +160,26 @@ impl Scheduler {
         range: Range,
         outcomes: Vec<Outcome>,
         worker: &WorkerId,
+        decides: bool,
     ) -> Verdict {
         let Some(job) = self.jobs.get_mut(id).filter(|j| j.round.contains(&range)) else { return Verdict::Unknown };
-        // What is new, in ranges without a break.
+        // What is new, in ranges without a break; and what may contradict what is there, or decide a dispute.
         let mut ranges: Vec<(u32, Vec<Outcome>)> = Vec::new();
-        let mut conflict = false;
+        let mut there: Vec<(u32, Outcome)> = Vec::new();
         for (index, outcome) in range.indexes().zip(outcomes) {
-            match job.round.record(index, &outcome) {
+            match job.round.record(index, &outcome, &worker.0) {
                 Recorded::New => match ranges.last_mut() {
                     Some((first, run)) if *first + run.len() as u32 == index => run.push(outcome),
                     _ => ranges.push((index, vec![outcome])),
                 },
-                Recorded::Same => {}
-                Recorded::Other => conflict = true,
+                Recorded::Same if !job.is_disputed(range.round, index) => {}
+                Recorded::Same | Recorded::Other => there.push((index, outcome)),
             }
         }
         let accepted: usize = ranges.iter().map(|(_, run)| run.len()).sum();
         if let Some(worker) = self.workers.get_mut(worker) {
             worker.evaluations += accepted as u64;
+            worker.stuck = 0;
         }
         if accepted > 0 {
             self.notes.push(Note::Taken {
@@ -177,23 +192,58 @@ impl Scheduler {
             let needless: Vec<AssignmentId> = self
                 .leases
                 .iter()
-                .filter(|(_, l)| l.job == *id && job.round.contains(&l.range) && job.round.is_done(&l.range))
+                .filter(|(_, l)| {
+                    l.job == *id
+                        && l.kind != Kind::Decides
+                        && job.round.contains(&l.range)
+                        && job.round.is_done(&l.range)
+                })
                 .map(|(a, _)| *a)
                 .collect();
             self.cancel_leases(&needless);
-            self.seal_or_store(now, id, range.round, ranges);
+        }
+        // Before anything is sealed: what is in doubt is not.
+        let conflict = !there.is_empty() && self.weigh(now, id, &range, there, worker);
+        if accepted > 0 {
+            self.seal_or_store(now, id, range.round, ranges, worker);
         }
         match (conflict, accepted) {
             (true, _) => Verdict::Conflict,
-            (false, 0) => Verdict::Duplicate,
+            (false, 0) if !decides => Verdict::Duplicate,
             (false, _) => Verdict::Accepted,
         }
     }
 
+    /// Results of a round that is sealed: they can only agree or disagree.
+    fn take_late(
+        &mut self,
+        now: Now,
+        id: &JobId,
+        range: Range,
+        outcomes: Vec<Outcome>,
+        worker: &WorkerId,
+        decides: bool,
+    ) -> Verdict {
+        let Some(job) = self.jobs.get(id) else { return Verdict::Unknown };
+        let known = job.last.iter().any(|s| s.contains(&range)) || job.examined.iter().any(|r| r.contains(&range));
+        let disputed = range.indexes().any(|index| job.is_disputed(range.round, index));
+        if !known && !disputed {
+            return Verdict::Obsolete;
+        }
+        if self.weigh(now, id, &range, range.indexes().zip(outcomes), worker) {
+            Verdict::Conflict
+        } else if decides {
+            Verdict::Accepted
+        } else {
+            Verdict::Duplicate
+        }
+    }
+
     /// Keeps what came in, and goes on to the next round if this one is complete.
-    fn seal_or_store(&mut self, now: Now, id: &JobId, round: u32, ranges: Vec<(u32, Vec<Outcome>)>) {
+    fn seal_or_store(&mut self, now: Now, id: &JobId, round: u32, ranges: Vec<(u32, Vec<Outcome>)>, worker: &WorkerId) {
         let Some(job) = self.jobs.get(id) else { return };
-        let write = Action::Write(Box::new(Write::Results { job: id.clone(), round, ranges }));
+        let write =
+            Action::Write(Box::new(Write::Results { job: id.clone(), round, ranges, worker: worker.0.clone() }));
         // Of a sealed generation only the scores are kept; answers are needed until the report is made.
         let of_generation = job.round.is_generation();
         if !of_generation {
@@ -227,34 +277,20 @@ impl Scheduler {
         true
     }
 
-    /// A result for a generation that is over can only agree or disagree.
-    fn compare_with_generation(&self, id: &JobId, range: &Range, outcomes: &[Outcome]) -> Verdict {
-        let Some(job) = self.jobs.get(id) else { return Verdict::Unknown };
-        match &job.last_scores {
-            Some(scores) if range.round + 1 == job.record.generations_done => {
-                let same = range.indexes().zip(outcomes).all(|(i, o)| same_bits(scores[i as usize], o.score()));
-                if same { Verdict::Duplicate } else { Verdict::Conflict }
-            }
-            _ => Verdict::Obsolete,
-        }
-    }
-
     /// A lease was worked off: its measured cost replaces the estimate.
     fn settle(&mut self, id: AssignmentId, count: u32, compute: Duration) {
-        let Some(lease) = self.leases.get(&id) else { return };
-        let charged = lease.charged;
-        let Some(job) = self.jobs.get_mut(&lease.job) else { return };
-        if !compute.is_zero() {
-            let each = compute.as_secs_f64() / f64::from(count);
-            job.cost = Some(job.cost.map_or(each, |cost| 0.7 * cost + 0.3 * each));
-            job.finish_tag += compute.as_secs_f64() / f64::from(job.record.priority) - charged;
-        }
-        if let Some(lease) = self.leases.remove(&id) {
-            self.let_go(&lease.worker, id);
-            // Should a result cover less than was asked for, the rest is still to be done.
-            if let Some(job) = self.jobs.get_mut(&lease.job).filter(|job| job.round.contains(&lease.range)) {
-                job.round.release(&lease.range, id);
+        let Some(lease) = self.leases.get_mut(&id) else { return };
+        if let Some(job) = self.jobs.get_mut(&lease.job) {
+            if compute.is_zero() {
+                // Unknown: the estimate stands.
+                lease.charged = 0.0;
+            } else {
+                let each = compute.as_secs_f64() / f64::from(count);
+                job.cost = Some(job.cost.map_or(each, |cost| 0.7 * cost + 0.3 * each));
+                job.finish_tag += compute.as_secs_f64() / f64::from(job.record.priority);
             }
         }
+        // Should a result cover less than was asked for, the rest is still to be done.
+        self.drop_lease(id);
     }
 }

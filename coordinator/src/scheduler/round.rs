@@ -1,9 +1,11 @@
 //! A round of tasks, each pending, leased or done: a generation's candidates, or the examinations that follow the search.
 
-use super::lease::AssignmentId;
+use super::lease::{AssignmentId, Task};
 use proto::limits::MAX_ASSIGNMENT_GENOMES;
+use proto::v1;
 use sim_core::finish::{Done, Examination};
 use sim_core::score::{Counts, Genome};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Tasks `first .. first + count` of a round.
@@ -84,6 +86,14 @@ impl Work {
         }
     }
 
+    /// What a worker is asked to do for a range.
+    pub fn task(&self, range: Range) -> Task {
+        match self {
+            Self::Candidates(genomes) => Task::Evaluate { range, genomes: genomes.clone(), base: 0 },
+            Self::Examinations(all) => Task::Examine { range, examination: all[range.first as usize].clone() },
+        }
+    }
+
     /// A task, for people.
     pub fn describe(&self, round: u32, index: u32) -> String {
         match self {
@@ -105,7 +115,8 @@ enum State {
     #[default]
     Pending,
     Leased(AssignmentId),
-    Done(Outcome),
+    /// What was found, and by which worker.
+    Done(Outcome, Arc<str>),
 }
 
 /// What became of a result.
@@ -124,7 +135,7 @@ struct Entry {
     state: State,
     /// Crashes and failures while it was worked on alone.
     attempts: u32,
-    /// It was part of a range that crashed or failed: from now on it is worked on alone, to find the culprit.
+    /// A suspect: it was worked on when a worker crashed or failed. From now on it is worked on alone, to find the culprit.
     alone: bool,
 }
 
@@ -136,8 +147,10 @@ pub(super) struct Round {
     tasks: Vec<Entry>,
     pending: u32,
     done: u32,
-    /// No task below this one is pending.
+    /// No task below this one is pending, suspects aside.
     cursor: usize,
+    /// Whether any task was ever suspected.
+    suspected: bool,
 }
 
 impl Round {
@@ -151,7 +164,7 @@ impl Round {
 
     fn new(number: u32, work: Work) -> Self {
         let n = work.len();
-        Self { number, work, tasks: vec![Entry::default(); n], pending: n as u32, done: 0, cursor: 0 }
+        Self { number, work, tasks: vec![Entry::default(); n], pending: n as u32, done: 0, cursor: 0, suspected: false }
     }
 
     pub fn pending(&self) -> u32 {
@@ -177,16 +190,33 @@ impl Round {
             && range.first.checked_add(range.count).is_some_and(|end| end <= self.size())
     }
 
-    /// Leases the first pending task and up to `size - 1` that follow it without a break.
+    /// Tasks that are pending and no suspects.
+    pub fn pending_unsuspected(&self) -> u32 {
+        if !self.suspected {
+            return self.pending;
+        }
+        self.tasks.iter().filter(|t| matches!(t.state, State::Pending) && !t.alone).count() as u32
+    }
+
+    /// Whether a suspect is pending.
+    pub fn has_pending_suspect(&self) -> bool {
+        self.suspected && self.tasks.iter().any(|t| matches!(t.state, State::Pending) && t.alone)
+    }
+
+    /// Leases the first pending suspect.
+    pub fn cut_suspect(&mut self, assignment: AssignmentId) -> Option<Range> {
+        let suspect = |t: &Entry| matches!(t.state, State::Pending) && t.alone;
+        let first = self.tasks.iter().position(suspect)?;
+        self.tasks[first].state = State::Leased(assignment);
+        self.pending -= 1;
+        Some(Range { round: self.number, first: first as u32, count: 1 })
+    }
+
+    /// Leases the first pending task that is no suspect, and up to `size - 1` that follow it without a break.
     pub fn cut(&mut self, size: u32, assignment: AssignmentId) -> Option<Range> {
-        let is_pending = |t: &Entry| matches!(t.state, State::Pending);
+        let is_pending = |t: &Entry| matches!(t.state, State::Pending) && !t.alone;
         let first = self.cursor + self.tasks[self.cursor..].iter().position(is_pending)?;
-        let rest = &self.tasks[first..];
-        let count = if rest[0].alone {
-            1
-        } else {
-            rest.iter().take(size.max(1) as usize).take_while(|t| is_pending(t) && !t.alone).count()
-        };
+        let count = self.tasks[first..].iter().take(size.max(1) as usize).take_while(|t| is_pending(t)).count();
         for task in &mut self.tasks[first..first + count] {
             task.state = State::Leased(assignment);
         }
@@ -211,6 +241,29 @@ impl Round {
         true
     }
 
+    /// A task that failed too often, for those who want to see it happen.
+    pub fn poisoned(&self, index: u32, attempts: u32) -> v1::Poisoned {
+        match &self.work {
+            Work::Candidates(genomes) => v1::Poisoned {
+                generation: self.number,
+                candidate: index,
+                genome: genomes.get(index as usize).cloned().unwrap_or_default(),
+                attempts,
+                ..v1::Poisoned::default()
+            },
+            Work::Examinations(all) => {
+                all.get(index as usize).map_or_else(v1::Poisoned::default, |examination| v1::Poisoned {
+                    generation: examination.candidate.generation,
+                    candidate: examination.candidate.candidate,
+                    genome: examination.candidate.genome.clone(),
+                    question: v1::Question::from(examination.question).into(),
+                    attempts,
+                    score: Some(examination.candidate.score),
+                })
+            }
+        }
+    }
+
     /// What a lease still held becomes pending again.
     pub fn release(&mut self, range: &Range, assignment: AssignmentId) {
         for i in range.indexes().map(|i| i as usize) {
@@ -223,15 +276,15 @@ impl Round {
     }
 
     /// Takes a result in unless there is one: the first one wins.
-    pub fn record(&mut self, index: u32, outcome: &Outcome) -> Recorded {
+    pub fn record(&mut self, index: u32, outcome: &Outcome, worker: &Arc<str>) -> Recorded {
         let state = &mut self.tasks[index as usize].state;
         match state {
-            State::Done(there) if there == outcome => return Recorded::Same,
-            State::Done(_) => return Recorded::Other,
+            State::Done(there, _) if there == outcome => return Recorded::Same,
+            State::Done(..) => return Recorded::Other,
             State::Pending => self.pending -= 1,
             State::Leased(_) => {}
         }
-        *state = State::Done(outcome.clone());
+        *state = State::Done(outcome.clone(), worker.clone());
         self.done += 1;
         Recorded::New
     }
@@ -245,14 +298,57 @@ impl Round {
     /// What a task found, if it is done.
     pub fn outcome(&self, index: u32) -> Option<&Outcome> {
         match &self.tasks.get(index as usize)?.state {
-            State::Done(outcome) => Some(outcome),
+            State::Done(outcome, _) => Some(outcome),
             _ => None,
+        }
+    }
+
+    /// Who found it; empty if it is not done or that is not known.
+    pub fn finder(&self, index: u32) -> Arc<str> {
+        match self.tasks.get(index as usize).map(|t| &t.state) {
+            Some(State::Done(_, worker)) => worker.clone(),
+            _ => "".into(),
+        }
+    }
+
+    /// Replaces what was found by what was decided.
+    pub fn correct(&mut self, index: u32, outcome: &Outcome, worker: Arc<str>) {
+        if let Some(State::Done(there, finder)) = self.tasks.get_mut(index as usize).map(|t| &mut t.state) {
+            *there = outcome.clone();
+            *finder = worker;
+        }
+    }
+
+    /// Hands what a lease still holds on to another one.
+    pub fn pass_on(&mut self, range: &Range, from: AssignmentId, to: AssignmentId) {
+        for i in range.indexes().map(|i| i as usize) {
+            if let State::Leased(holder) = &mut self.tasks[i].state
+                && *holder == from
+            {
+                *holder = to;
+            }
+        }
+    }
+
+    /// Tasks that are worked on alone, and how often each failed so.
+    pub fn suspects(&self) -> BTreeMap<u32, u32> {
+        let suspect = |(i, t): (usize, &Entry)| t.alone.then_some((i as u32, t.attempts));
+        self.tasks.iter().enumerate().filter_map(suspect).collect()
+    }
+
+    /// Takes up what was known of suspects.
+    pub fn suspect(&mut self, suspects: &BTreeMap<u32, u32>) {
+        for (&index, &attempts) in suspects {
+            if let Some(task) = self.tasks.get_mut(index as usize) {
+                self.suspected = true;
+                (task.alone, task.attempts) = (true, attempts);
+            }
         }
     }
 
     /// Whether all of a range is done.
     pub fn is_done(&self, range: &Range) -> bool {
-        range.indexes().all(|i| matches!(self.tasks[i as usize].state, State::Done(_)))
+        range.indexes().all(|i| matches!(self.tasks[i as usize].state, State::Done(..)))
     }
 
     /// All outcomes by index, once every task is done.
@@ -267,13 +363,14 @@ impl Round {
         Some(examinations.iter().cloned().zip(outcomes.into_iter().map(|o| o.scores.clone())).collect())
     }
 
-    /// A crash or failure while this range was worked on: a range of several is split, a single one is blamed. Returns
-    /// how many attempts the single one has had.
-    pub fn blame(&mut self, range: &Range) -> u32 {
+    /// A crash or failure while this range was worked on: its tasks are suspects from now on. If it is one task and
+    /// nothing else can be to blame (`sure`), that is an attempt. Returns how many attempts it has had.
+    pub fn blame(&mut self, range: &Range, sure: bool) -> u32 {
+        self.suspected = true;
         for i in range.indexes() {
             self.tasks[i as usize].alone = true;
         }
-        if range.count > 1 {
+        if range.count > 1 || !sure {
             return 0;
         }
         let attempts = &mut self.tasks[range.first as usize].attempts;

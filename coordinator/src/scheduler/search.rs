@@ -1,11 +1,15 @@
-//! The state of a search, as it is stored with each sealed generation: optimiser and archive.
+//! The state of a search, as it is stored with each sealed generation: optimiser, archive, and who found what in the
+//! generation before.
 
+use super::sealed::Sealed;
 use prost::Message as _;
-use proto::v1::ScoredCandidate;
+use proto::v1::{Genome as WireGenome, ScoredCandidate};
 use sim_core::finish::Plan;
 use sim_core::optimise::BadState;
 use sim_core::optimise::archive::Archive;
-use sim_core::score::Scored;
+use sim_core::score::{Genome, Scored};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 #[derive(Clone, PartialEq, prost::Message)]
 struct SearchState {
@@ -15,20 +19,67 @@ struct SearchState {
     archive: Vec<ScoredCandidate>,
     #[prost(message, repeated, tag = "3")]
     bests: Vec<ScoredCandidate>,
+    #[prost(message, optional, tag = "4")]
+    before: Option<Before>,
 }
 
-pub(super) fn encode_search(optimiser: Vec<u8>, archive: &Archive) -> Vec<u8> {
+/// The generation before, as far as it is not stored with its scores.
+#[derive(Clone, PartialEq, prost::Message)]
+struct Before {
+    #[prost(message, repeated, tag = "1")]
+    genomes: Vec<WireGenome>,
+    /// Ids of workers, each once.
+    #[prost(string, repeated, tag = "2")]
+    workers: Vec<String>,
+    /// By candidate, its worker's place among these.
+    #[prost(uint32, repeated, tag = "3")]
+    by: Vec<u32>,
+}
+
+/// What is read back of it.
+pub(super) struct Search {
+    pub optimiser: Vec<u8>,
+    pub archive: Archive,
+    /// Genomes of the generation before, by candidate; `None` in a store of an earlier version.
+    pub genomes_before: Option<Arc<[Genome]>>,
+    /// The ids of the workers that scored them.
+    pub workers_before: Vec<Arc<str>>,
+}
+
+pub(super) fn encode_search(optimiser: Vec<u8>, archive: &Archive, last: Option<&Sealed>) -> Vec<u8> {
     let wire = |all: &[Scored]| all.iter().map(Into::into).collect();
-    SearchState { optimiser, archive: wire(archive.entries()), bests: wire(archive.bests()) }.encode_to_vec()
+    let before = last.and_then(before);
+    SearchState { optimiser, archive: wire(archive.entries()), bests: wire(archive.bests()), before }.encode_to_vec()
 }
 
-/// The optimiser's state and the archive.
-pub(super) fn decode_search(plan: &Plan, bytes: &[u8]) -> Result<(Vec<u8>, Archive), BadState> {
-    let SearchState { optimiser, archive, bests } =
+fn before(sealed: &Sealed) -> Option<Before> {
+    let genomes = sealed.genomes.as_ref()?.iter().map(|g| WireGenome { values: g.clone() }).collect();
+    let mut places: HashMap<&str, u32> = HashMap::new();
+    let mut workers = Vec::new();
+    let by = sealed.workers.iter().map(|worker| {
+        *places.entry(worker).or_insert_with(|| {
+            workers.push(worker.to_string());
+            workers.len() as u32 - 1
+        })
+    });
+    let by = by.collect();
+    Some(Before { genomes, workers, by })
+}
+
+pub(super) fn decode_search(plan: &Plan, bytes: &[u8]) -> Result<Search, BadState> {
+    let SearchState { optimiser, archive, bests, before } =
         SearchState::decode(bytes).map_err(|e| BadState(format!("it can't be decoded: {e}")))?;
     let scored = |all: Vec<ScoredCandidate>| {
         let each = all.into_iter().map(|s| Scored::try_from(s).map_err(|e| BadState(format!("its archive: {e}"))));
         each.collect::<Result<Vec<_>, _>>()
     };
-    Ok((optimiser, Archive::restore(plan.direction, plan.archive, scored(archive)?, scored(bests)?)))
+    let archive = Archive::restore(plan.direction, plan.archive, scored(archive)?, scored(bests)?);
+    let before = before.map(|Before { genomes, workers, by }| {
+        let workers: Vec<Arc<str>> = workers.into_iter().map(Into::into).collect();
+        let unknown: Arc<str> = "".into();
+        let by: Vec<_> = by.into_iter().map(|i| workers.get(i as usize).unwrap_or(&unknown).clone()).collect();
+        (genomes.into_iter().map(|g| g.values).collect(), by)
+    });
+    let (genomes_before, workers_before) = before.map_or((None, Vec::new()), |(g, w)| (Some(g), w));
+    Ok(Search { optimiser, archive, genomes_before, workers_before })
 }

@@ -35,20 +35,29 @@ pub(super) struct Cut {
 pub(super) fn range_size(cut: Cut) -> u32 {
     let Cut { all, pending, slots, cost, at_once, most } = cut;
     let share = |ranges_a_slot: u32| pending.div_ceil((slots * ranges_a_slot).max(1));
-    let longest = |cost: f64| (MOST / cost).floor().min(f64::from(u32::MAX)) as u32;
     let cost = cost.map(|cost| cost.max(1e-6));
     let size = match cost {
         _ if at_once > 1 => {
             let share = all.div_ceil(slots.max(1)).max(at_once);
-            cost.map_or(share, |cost| share.min(longest(cost)))
+            cost.map_or(share, |cost| share.min(at_most(cost)))
         }
         None => pending / (slots * 3).max(1),
         Some(cost) => {
             let least = (LEAST / cost).ceil().min(f64::from(u32::MAX)) as u32;
-            share(2).min(longest(cost)).max(least)
+            share(2).min(at_most(cost)).max(least)
         }
     };
     size.clamp(1, most.max(1))
+}
+
+/// How many tasks of this cost, s, make a range that does not take too long.
+fn at_most(cost: f64) -> u32 {
+    (MOST / cost).floor().min(f64::from(u32::MAX)) as u32
+}
+
+/// The size of a range that is not part of a share; one task while nothing is measured.
+pub(super) fn longest(cost: Option<f64>) -> u32 {
+    cost.map_or(1, |cost| at_most(cost.max(1e-6)).max(1))
 }
 
 /// Whether a busy slot may get a range of this size in advance.

@@ -2,13 +2,20 @@
 //!
 //! Evaluations are replaced by a pure function of the genome: what is tested here needs no physics.
 
+mod crashes;
+mod disputes;
 mod finish;
 mod laws;
 mod model;
+mod restarts;
+mod seen;
+mod time;
 
 use super::*;
-use crate::store::{MemoryStore, Store};
+use crate::record::Origin;
+use crate::store::{MemoryStore, SealedGeneration, Store};
 use sim_core::finish::{Done, Examination, Found, Plan, Question};
+use sim_core::identity::Digest;
 use sim_core::optimise::Optimiser;
 use sim_core::report::{Report, Traces};
 use sim_core::score::{Counts, Direction, Genome, Scored};
@@ -105,6 +112,7 @@ pub fn new_job(name: &str, population: u32, generations: u32) -> NewJob {
         optimiser: Box::new(Fake::new(population)),
         generations,
         finish: finish(name),
+        carried: None,
     }
 }
 
@@ -154,6 +162,7 @@ pub fn greeting(id: &str, slots: u32) -> Greeting {
         slots,
         engines: vec![ENGINE],
         running: Vec::new(),
+        time_left: None,
     }
 }
 
@@ -169,10 +178,10 @@ pub struct Given {
 impl Given {
     pub fn delivery(&self) -> Delivery {
         match &self.task {
-            Task::Evaluate { range, genomes } => Delivery::Evaluations {
+            Task::Evaluate { range, genomes, base } => Delivery::Evaluations {
                 generation: range.round,
                 first: range.first,
-                outcomes: range.indexes().map(|i| score(&genomes[i as usize])).collect(),
+                outcomes: range.indexes().map(|i| score(&genomes[(i - base) as usize])).collect(),
             },
             Task::Examine { range, examination } => {
                 Delivery::Examination { round: range.round, index: range.first, outcome: answer(examination) }
@@ -191,10 +200,28 @@ impl Given {
         }
     }
 
-    pub fn range(&self) -> Range {
-        match &self.task {
-            Task::Evaluate { range, .. } | Task::Examine { range, .. } => *range,
+    /// What a worker delivers that computes wrongly, always in the same way for the same `how`.
+    pub fn wrong(&self, how: u64) -> Delivery {
+        let spoil = |mut outcome: Outcome| {
+            match outcome.scores.first_mut() {
+                Some(score) => *score = Some(score.map_or(1.0, |s| f64::from_bits(s.to_bits() ^ (1 + how)))),
+                None => outcome.counts.nodes += 1 + how,
+            }
+            outcome
+        };
+        match self.delivery() {
+            Delivery::Evaluations { generation, first, outcomes } => {
+                Delivery::Evaluations { generation, first, outcomes: outcomes.into_iter().map(spoil).collect() }
+            }
+            Delivery::Examination { round, index, outcome } => {
+                Delivery::Examination { round, index, outcome: spoil(outcome) }
+            }
+            failure => failure,
         }
+    }
+
+    pub fn range(&self) -> Range {
+        self.task.range()
     }
 
     pub fn question(&self) -> Option<Question> {
@@ -211,9 +238,16 @@ pub struct Rig {
     /// Everything that was ever sent to a worker and not cancelled.
     pub given: Vec<Given>,
     pub cancelled: Vec<AssignmentId>,
+    /// Who was told to stop.
+    pub drained: Vec<WorkerId>,
+    pub seen: seen::Seen,
 }
 
 pub const LEASE: Duration = Duration::from_secs(10);
+
+fn settings(epoch: u64) -> Settings {
+    Settings { stuck_after: 2 * LEASE, ..Settings::new(epoch, LEASE) }
+}
 
 /// The memory store never waits.
 pub fn at_once<T>(answer: crate::store::Answer<'_, T>) -> T {
@@ -229,13 +263,16 @@ impl Rig {
     pub fn new() -> Self {
         let store = MemoryStore::default();
         let epoch = at_once(store.start()).epoch;
-        let scheduler = Scheduler::new(Settings { epoch, lease: LEASE }, 1, BTreeSet::new());
-        Self { scheduler, store, epoch, now: Now::default(), given: Vec::new(), cancelled: Vec::new() }
+        let scheduler = Scheduler::new(settings(epoch), 1, BTreeSet::new());
+        let (given, cancelled, drained) = (Vec::new(), Vec::new(), Vec::new());
+        Self { scheduler, store, epoch, now: Now::default(), given, cancelled, drained, seen: seen::Seen::default() }
     }
 
     /// Commits and collects what the scheduler wants done.
     pub fn settle(&mut self) {
         let actions = self.scheduler.take_actions();
+        self.seen.writes(&actions);
+        seen::Seen::sends(&self.scheduler, self.now, &actions);
         let writes = actions.iter().filter_map(|a| if let Action::Write(w) = a { Some((**w).clone()) } else { None });
         at_once(self.store.commit(self.epoch, writes.collect()));
         for action in actions {
@@ -244,6 +281,7 @@ impl Rig {
                     self.given.push(Given { worker, assignment, job, task });
                 }
                 Action::Send(_, _, Message::Cancel(ids)) => self.cancelled.extend(ids),
+                Action::Send(worker, _, Message::Drain(_)) => self.drained.push(worker),
                 Action::Write(_) | Action::Publish(..) => {}
             }
         }
@@ -251,6 +289,26 @@ impl Rig {
 
     pub fn submit(&mut self, name: &str, population: u32, generations: u32) -> JobId {
         let record = self.scheduler.submit(self.now, new_job(name, population, generations));
+        self.settle();
+        record.id
+    }
+
+    /// Has an ended job done again, from this generation on.
+    pub fn submit_again(&mut self, id: &JobId, from: u32) -> JobId {
+        let before = self.stored(id);
+        let history = at_once(self.store.result(id)).history;
+        let sealed = |n: u32| SealedGeneration {
+            scores: at_once(self.store.scores(id, n)).expect("it was sealed"),
+            statistics: history[n as usize],
+        };
+        let generations = (0..from).map(sealed).collect();
+        let origin = Origin { job: id.clone(), generations: from };
+        let new = NewJob {
+            request_id: format!("again {from} {id}"),
+            carried: Some(Carried { origin, generations }),
+            ..new_job(&before.name, before.population, before.generations_total)
+        };
+        let record = self.scheduler.submit(self.now, new);
         self.settle();
         record.id
     }
@@ -271,6 +329,23 @@ impl Rig {
         self.now.since_start += by;
         self.scheduler.tick(self.now);
         self.settle();
+    }
+
+    /// A sign of life, with what the worker was given and `progress` of each.
+    pub fn heartbeat(&mut self, id: &str, session: SessionId, progress: u64) {
+        let id = WorkerId(id.into());
+        self.given.retain(|g| !self.cancelled.contains(&g.assignment));
+        let running: Vec<_> = self.given.iter().filter(|g| g.worker == id).map(|g| g.assignment).collect();
+        let progress = vec![progress; running.len()];
+        assert!(self.scheduler.heartbeat(self.now, &id, session, &running, &progress), "the session stands");
+        self.settle();
+    }
+
+    /// Takes the next work that this worker has.
+    pub fn take_of(&mut self, id: &str) -> Option<Given> {
+        self.given.retain(|g| !self.cancelled.contains(&g.assignment));
+        let at = self.given.iter().position(|g| &*g.worker.0 == id)?;
+        Some(self.given.remove(at))
     }
 
     /// Takes the next unanswered work.
@@ -313,8 +388,8 @@ impl Rig {
     pub fn restart(&mut self, population: impl Fn(&JobId) -> u32) {
         let loaded = at_once(self.store.start());
         self.epoch = loaded.epoch;
-        let settings = Settings { epoch: loaded.epoch, lease: LEASE };
-        self.scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect());
+        self.scheduler = Scheduler::new(settings(loaded.epoch), loaded.next_job, loaded.ended.into_iter().collect())
+            .with_quarantined(loaded.quarantined);
         for stored in loaded.active {
             let optimiser = Box::new(Fake::new(population(&stored.record.id)));
             let crate::store::StoredJob { record, toml, search, results, last_scores } = stored;

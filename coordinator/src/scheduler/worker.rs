@@ -1,9 +1,9 @@
 //! Workers: they come, give signs of life, and go.
 
-use super::lease::{AssignmentId, Lease};
+use super::lease::{AssignmentId, Kind, Lease};
 use super::notes::{LeaseEnd, Note};
 use super::round::Range;
-use super::{Now, Scheduler};
+use super::{Now, Scheduler, stuck};
 use crate::record::JobId;
 use proto::v1;
 use sim_core::identity::Digest;
@@ -41,6 +41,8 @@ pub struct Greeting {
     pub engines: Vec<Digest>,
     /// What it still works on.
     pub running: Vec<(AssignmentId, JobId, Range)>,
+    /// How long its machine will still be there, if that is known.
+    pub time_left: Option<Duration>,
 }
 
 /// The answer to a [`Greeting`].
@@ -71,13 +73,38 @@ pub(super) struct Worker {
     pub known_jobs: BTreeSet<JobId>,
     /// Jobs it rejected, and until when it is spared them.
     pub refused: BTreeMap<JobId, Duration>,
+    /// When its machine goes away, if that is known.
+    pub ends: Option<Duration>,
+    /// What it says is believed: it is not quarantined.
+    pub trusted: bool,
+    /// How often its work was taken back since its last result, because it stood still.
+    pub stuck: u32,
+    /// The suspect that it works on, with nothing beside it.
+    pub suspect: Option<AssignmentId>,
     connected_at_ms: i64,
     pub evaluations: u64,
 }
 
 impl Worker {
     pub fn takes_work(&self) -> bool {
-        self.session.is_some() && !self.draining
+        self.session.is_some() && !self.draining && self.trusted && self.stuck < stuck::MOST_TIMES
+    }
+
+    /// Whether it gets something now, if it has a free slot: not while it works on a suspect.
+    pub fn is_open(&self) -> bool {
+        self.takes_work() && self.suspect.is_none()
+    }
+
+    /// The machine it calls from.
+    pub fn host(&self) -> &str {
+        self.address.rsplit_once(':').map_or(&self.address, |(host, _)| host)
+    }
+
+    pub fn give_back(&mut self, id: AssignmentId) {
+        self.held.remove(&id);
+        if self.suspect == Some(id) {
+            self.suspect = None;
+        }
     }
 }
 
@@ -100,22 +127,29 @@ impl Scheduler {
             draining: false,
             known_jobs: BTreeSet::new(),
             refused: BTreeMap::new(),
+            ends: greeting.time_left.map(|left| now.since_start + left),
+            trusted: !self.quarantined.contains_key(&greeting.worker),
+            stuck: 0,
+            suspect: before.as_ref().and_then(|w| w.suspect),
             connected_at_ms: before.as_ref().map_or(now.unix_ms, |w| w.connected_at_ms),
             evaluations: before.as_ref().map_or(0, |w| w.evaluations),
         };
+        let trusted = worker.trusted;
         self.workers.insert(greeting.worker.clone(), worker);
         self.room.may_have(&greeting.worker);
         self.room.workers_changed();
 
         let (mut keep, mut drop) = (Vec::new(), Vec::new());
         for (id, job, range) in greeting.running {
-            let kept = held.contains(&id) || self.adopt(now, &greeting.worker, id, &job, range);
+            let kept = held.contains(&id) || trusted && self.adopt(now, &greeting.worker, id, &job, range);
             if kept { keep.push(id) } else { drop.push(id) }
         }
         // Assignments that never reached it.
         for id in held.iter().filter(|id| !keep.contains(id)) {
             self.release(*id, LeaseEnd::Undelivered);
         }
+        self.tell_quarantined(&greeting.worker);
+        self.drain_leaving(now);
         self.dispatch(now);
         Welcome { session, keep, drop }
     }
@@ -130,16 +164,23 @@ impl Scheduler {
         if !active.round.take(&range, id) {
             return false;
         }
-        let lease = Lease { worker: worker.clone(), job: job.clone(), range, since: now.since_start, charged: 0.0 };
-        self.leases.insert(id, lease);
+        self.leases.insert(id, Lease::new(now, worker, job, range, Kind::Ordinary));
         if let Some(worker) = self.workers.get_mut(worker) {
             worker.held.insert(id);
         }
         true
     }
 
-    /// A sign of life. `false` if this session is not known any more: the worker has to connect again.
-    pub fn heartbeat(&mut self, now: Now, id: &WorkerId, session: SessionId, running: &[AssignmentId]) -> bool {
+    /// A sign of life, with what is worked on and, from a worker that counts, how far each of it is. `false` if this
+    /// session is not known any more: the worker has to connect again.
+    pub fn heartbeat(
+        &mut self,
+        now: Now,
+        id: &WorkerId,
+        session: SessionId,
+        running: &[AssignmentId],
+        progress: &[u64],
+    ) -> bool {
         let Some(worker) = self.session(id, session) else { return false };
         let held = worker.held.clone();
         if let Some(worker) = self.workers.get_mut(id) {
@@ -152,7 +193,12 @@ impl Scheduler {
                 self.release(id, LeaseEnd::Undelivered);
             }
         }
+        if progress.len() == running.len() {
+            let progress: Vec<_> = running.iter().copied().zip(progress.iter().copied()).collect();
+            self.watch_progress(now, id, &progress);
+        }
         self.dispatch(now);
+        self.copy_stragglers(now, id);
         true
     }
 
@@ -214,6 +260,8 @@ impl Scheduler {
                 connected_at_ms: w.connected_at_ms,
                 evaluations: w.evaluations,
                 address: w.address.clone(),
+                reason: self.about_worker(id, w),
+                quarantined: !w.trusted,
             })
             .collect()
     }
@@ -226,11 +274,12 @@ impl Scheduler {
         let crashed = worker.session.is_none();
         let (leases, name) = (worker.held.len() as u32, worker.name.clone());
         self.notes.push(Note::WorkerLost { worker: id.clone(), name, leases, crashed });
+        let alone = leases == 1;
         for assignment in worker.held {
             if let Some(lease) = self.release(assignment, LeaseEnd::Lost)
                 && crashed
             {
-                self.blame(now, &lease, &format!("worker {} died with it", worker.name));
+                self.blame(now, &lease, alone, &format!("worker {} died with it", worker.name));
             }
         }
     }

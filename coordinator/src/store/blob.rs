@@ -1,10 +1,9 @@
 //! Blobs: a version byte, then protobuf. A reader that meets a version it does not know says so.
 
-use super::StoreError;
-use crate::record::{JobRecord, StoredRecord};
+use super::{Quarantined, StoreError};
+use crate::record::{JobRecord, StoredOutcome, StoredRecord};
 use crate::scheduler::Outcome;
 use proto::v1;
-use sim_core::score::Counts;
 
 const VERSION: u8 = 1;
 
@@ -12,16 +11,19 @@ const VERSION: u8 = 1;
 struct Outcomes {
     #[prost(message, repeated, tag = "1")]
     outcomes: Vec<StoredOutcome>,
+    /// Who found them.
+    #[prost(string, tag = "2")]
+    worker: String,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
-struct StoredOutcome {
-    #[prost(message, repeated, tag = "1")]
-    scores: Vec<v1::Score>,
-    #[prost(message, optional, tag = "2")]
-    counts: Option<v1::Counts>,
-    #[prost(bytes = "vec", tag = "3")]
-    traces: Vec<u8>,
+struct StoredQuarantine {
+    #[prost(string, tag = "1")]
+    name: String,
+    #[prost(string, tag = "2")]
+    reason: String,
+    #[prost(int64, tag = "3")]
+    at_ms: i64,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -55,23 +57,24 @@ pub(super) fn decode_record(bytes: &[u8]) -> Result<JobRecord, StoreError> {
     JobRecord::from_stored(stored).map_err(|e| StoreError::Corrupt { what: format!("job: {e}") })
 }
 
-pub(super) fn encode_outcomes(outcomes: &[Outcome]) -> Vec<u8> {
-    let stored = |o: &Outcome| StoredOutcome {
-        scores: proto::scores(&o.scores),
-        counts: Some(o.counts.into()),
-        traces: o.traces.clone(),
-    };
-    encode(&Outcomes { outcomes: outcomes.iter().map(stored).collect() })
+/// Outcomes, and the worker that found them.
+pub(super) fn encode_outcomes(outcomes: &[Outcome], worker: &str) -> Vec<u8> {
+    encode(&Outcomes { outcomes: outcomes.iter().map(Into::into).collect(), worker: worker.to_owned() })
 }
 
-pub(super) fn decode_outcomes(bytes: &[u8]) -> Result<Vec<Outcome>, StoreError> {
-    let stored: Outcomes = decode("results", bytes)?;
-    let outcome = |o: StoredOutcome| Outcome {
-        scores: o.scores.iter().map(|s| s.score).collect(),
-        counts: o.counts.map(Counts::from).unwrap_or_default(),
-        traces: o.traces,
-    };
-    Ok(stored.outcomes.into_iter().map(outcome).collect())
+pub(super) fn decode_outcomes(bytes: &[u8]) -> Result<(Vec<Outcome>, String), StoreError> {
+    let Outcomes { outcomes, worker } = decode("results", bytes)?;
+    Ok((outcomes.into_iter().map(Into::into).collect(), worker))
+}
+
+pub(super) fn encode_quarantined(entry: &Quarantined) -> Vec<u8> {
+    let Quarantined { worker: _, name, reason, at_ms } = entry;
+    encode(&StoredQuarantine { name: name.to_string(), reason: reason.clone(), at_ms: *at_ms })
+}
+
+pub(super) fn decode_quarantined(worker: &str, bytes: &[u8]) -> Result<Quarantined, StoreError> {
+    let StoredQuarantine { name, reason, at_ms } = decode("quarantine", bytes)?;
+    Ok(Quarantined { worker: worker.into(), name: name.into(), reason, at_ms })
 }
 
 pub(super) fn encode_scores(scores: &[Option<f64>]) -> Vec<u8> {

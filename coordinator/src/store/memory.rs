@@ -1,6 +1,8 @@
 //! A store in memory: what the others must behave like. Forgotten when it is dropped.
 
-use super::{Answer, Loaded, SealedGeneration, Store, StoreError, StoredJob, StoredResult, Write};
+use super::{
+    Answer, Loaded, Quarantined, SealedGeneration, Store, StoreError, StoredJob, StoredRange, StoredResult, Write,
+};
 use crate::record::{JobId, JobRecord, JobState, ended};
 use crate::scheduler::Outcome;
 use proto::v1;
@@ -18,6 +20,7 @@ struct Inner {
     epoch: u64,
     jobs: BTreeMap<u64, Entry>,
     numbers: BTreeMap<JobId, u64>,
+    quarantined: BTreeMap<Arc<str>, Quarantined>,
 }
 
 struct Entry {
@@ -25,7 +28,7 @@ struct Entry {
     toml: Arc<str>,
     search: Vec<u8>,
     /// By round and index of the first.
-    results: BTreeMap<(u32, u32), Vec<Outcome>>,
+    results: BTreeMap<(u32, u32), (Vec<Outcome>, Arc<str>)>,
     generations: Vec<SealedGeneration>,
     events: Vec<v1::JobEvent>,
     report: Vec<u8>,
@@ -57,8 +60,8 @@ impl Inner {
                 };
                 self.jobs.insert(entry.record.number, entry);
             }
-            Write::Results { job, round, ranges } => {
-                let ranges = ranges.into_iter().map(|(first, outcomes)| ((round, first), outcomes));
+            Write::Results { job, round, ranges, worker } => {
+                let ranges = ranges.into_iter().map(|(first, o)| ((round, first), (o, worker.clone())));
                 self.entry_mut(&job)?.results.extend(ranges);
             }
             Write::Seal { record, sealed, search, events } => {
@@ -69,6 +72,15 @@ impl Inner {
                 entry.change(record, events);
             }
             Write::Change { record, event } => self.entry_mut(&record.id)?.change(record, vec![event]),
+            Write::Note { record } => self.entry_mut(&record.id)?.change(record, Vec::new()),
+            Write::Carry { from, to, generations } => {
+                let carried: Vec<_> =
+                    self.entry_mut(&from)?.generations.iter().take(generations as usize).cloned().collect();
+                self.entry_mut(&to)?.generations = carried;
+            }
+            Write::Quarantine(entry) => {
+                self.quarantined.entry(entry.worker.clone()).or_insert(entry);
+            }
             Write::Report { record, report, event } => {
                 let entry = self.entry_mut(&record.id)?;
                 entry.report = report;
@@ -106,6 +118,7 @@ impl Store for MemoryStore {
         inner.epoch += 1;
         let mut loaded =
             Loaded { epoch: inner.epoch, next_job: inner.jobs.keys().last().map_or(1, |n| n + 1), ..Loaded::default() };
+        loaded.quarantined = inner.quarantined.values().cloned().collect();
         for entry in inner.jobs.values() {
             if ended(entry.record.state) {
                 loaded.ended.push(entry.record.id.clone());
@@ -114,7 +127,16 @@ impl Store for MemoryStore {
                     record: entry.record.clone(),
                     toml: entry.toml.clone(),
                     search: entry.search.clone(),
-                    results: entry.results.iter().map(|(&(round, first), o)| (round, first, o.clone())).collect(),
+                    results: entry
+                        .results
+                        .iter()
+                        .map(|(&(round, first), (outcomes, worker))| StoredRange {
+                            round,
+                            first,
+                            outcomes: outcomes.clone(),
+                            worker: worker.clone(),
+                        })
+                        .collect(),
                     last_scores: entry.generations.last().map(|g| g.scores.clone()),
                 });
             }

@@ -1,7 +1,7 @@
 //! The SQLite store's schema, step by step. Steps are never changed, only added.
 
 /// Step n brings a file with `user_version = n` to `n + 1`.
-pub(super) const MIGRATIONS: [&str; 2] = [
+pub(super) const MIGRATIONS: [&str; 3] = [
     "
     CREATE TABLE meta (
         id INTEGER PRIMARY KEY CHECK (id = 1),
@@ -56,6 +56,13 @@ pub(super) const MIGRATIONS: [&str; 2] = [
     "
     ALTER TABLE results RENAME COLUMN generation TO round;
     ALTER TABLE jobs RENAME COLUMN optimiser TO search;
+",
+    // Workers whose results are not trusted any more.
+    "
+    CREATE TABLE quarantined (
+        worker TEXT PRIMARY KEY,
+        entry BLOB NOT NULL
+    ) STRICT, WITHOUT ROWID;
 ",
 ];
 

@@ -42,6 +42,8 @@ pub enum Write {
         round: u32,
         /// Ranges without overlap: (index of the first, outcomes).
         ranges: Vec<(u32, Vec<Outcome>)>,
+        /// Who found them.
+        worker: Arc<str>,
     },
     /// A generation is over: scores, statistics, the state of the search and the events at once.
     Seal {
@@ -61,6 +63,22 @@ pub enum Write {
         /// What is told.
         event: v1::JobEvent,
     },
+    /// What nobody watches of a job changed: suspects.
+    Note {
+        /// The job after it.
+        record: JobRecord,
+    },
+    /// A restarted job takes over what is kept of the first generations of another.
+    Carry {
+        /// From this job …
+        from: JobId,
+        /// … to this one, which was submitted before.
+        to: JobId,
+        /// How many.
+        generations: u32,
+    },
+    /// A worker's results are not trusted any more.
+    Quarantine(Quarantined),
     /// The report: the job succeeded.
     Report {
         /// The job after it.
@@ -80,18 +98,20 @@ impl Write {
                 std::slice::from_ref(event)
             }
             Self::Seal { events, .. } => events,
-            Self::Results { .. } => &[],
+            Self::Results { .. } | Self::Note { .. } | Self::Carry { .. } | Self::Quarantine(_) => &[],
         }
     }
 
-    /// Whose change it is.
-    pub fn job(&self) -> &JobId {
+    /// Whose change it is; `None` if it is of no job.
+    pub fn job(&self) -> Option<&JobId> {
         match self {
             Self::Submit { record, .. }
             | Self::Seal { record, .. }
             | Self::Change { record, .. }
-            | Self::Report { record, .. } => &record.id,
-            Self::Results { job, .. } => job,
+            | Self::Note { record }
+            | Self::Report { record, .. } => Some(&record.id),
+            Self::Results { job, .. } | Self::Carry { to: job, .. } => Some(job),
+            Self::Quarantine(_) => None,
         }
     }
 }
@@ -112,6 +132,32 @@ impl PartialEq for SealedGeneration {
     }
 }
 
+/// A worker that gave other bits than two others did.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Quarantined {
+    /// Its id.
+    pub worker: Arc<str>,
+    /// Its name, for people.
+    pub name: Arc<str>,
+    /// Why, in a sentence.
+    pub reason: String,
+    /// Unix time, ms.
+    pub at_ms: i64,
+}
+
+/// Results of a range of tasks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredRange {
+    /// The round.
+    pub round: u32,
+    /// Index of the first task.
+    pub first: u32,
+    /// By index from `first` on.
+    pub outcomes: Vec<Outcome>,
+    /// Id of the worker that found them; empty if that was not stored.
+    pub worker: Arc<str>,
+}
+
 /// A job that has not ended, with all it takes to go on.
 #[derive(Clone, Debug)]
 pub struct StoredJob {
@@ -121,8 +167,8 @@ pub struct StoredJob {
     pub toml: Arc<str>,
     /// The state of the search.
     pub search: Vec<u8>,
-    /// Results of the current generation, or of all rounds after the search: (round, index of the first, outcomes).
-    pub results: Vec<(u32, u32, Vec<Outcome>)>,
+    /// Results of the current generation, or of all rounds after the search.
+    pub results: Vec<StoredRange>,
     /// Scores of the generation sealed last.
     pub last_scores: Option<Vec<Option<f64>>>,
 }
@@ -138,6 +184,8 @@ pub struct Loaded {
     pub active: Vec<StoredJob>,
     /// Jobs that will never change again.
     pub ended: Vec<JobId>,
+    /// Workers whose results are not trusted.
+    pub quarantined: Vec<Quarantined>,
 }
 
 /// What a succeeded job found.

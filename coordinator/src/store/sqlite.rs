@@ -4,7 +4,7 @@
 //! so two coordinators can't share it by accident; the system frees the lock when a process dies, however it dies.
 
 use super::migrations::{APPLICATION_ID, FIRST_READABLE, MIGRATIONS};
-use super::{Answer, Loaded, Store, StoreError, StoredJob, StoredResult, Write, blob};
+use super::{Answer, Loaded, Store, StoreError, StoredJob, StoredRange, StoredResult, Write, blob};
 use crate::record::{JobId, JobRecord, JobState, ended};
 use proto::v1;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteLockingMode, SqliteRow, SqliteSynchronous};
@@ -130,7 +130,7 @@ async fn apply(tx: &mut Tx<'_>, write: Write) -> Result<(), sqlx::Error> {
             run!(tx, "INSERT INTO texts (job, toml) VALUES (?, ?)", record.id.as_str(), &*toml)?;
             insert_events(tx, &record.id, &[event]).await
         }
-        Write::Results { job, round, ranges } => {
+        Write::Results { job, round, ranges, worker } => {
             for (first, outcomes) in ranges {
                 run!(
                     tx,
@@ -138,7 +138,7 @@ async fn apply(tx: &mut Tx<'_>, write: Write) -> Result<(), sqlx::Error> {
                     job.as_str(),
                     round,
                     first,
-                    blob::encode_outcomes(&outcomes),
+                    blob::encode_outcomes(&outcomes, &worker),
                 )?;
             }
             Ok(())
@@ -160,6 +160,27 @@ async fn apply(tx: &mut Tx<'_>, write: Write) -> Result<(), sqlx::Error> {
         Write::Change { record, event } => {
             update_record(tx, &record).await?;
             insert_events(tx, &record.id, &[event]).await
+        }
+        Write::Note { record } => update_record(tx, &record).await,
+        Write::Carry { from, to, generations } => {
+            run!(
+                tx,
+                "INSERT INTO generations (job, generation, statistics, scores)
+                 SELECT ?, generation, statistics, scores FROM generations WHERE job = ? AND generation < ?",
+                to.as_str(),
+                from.as_str(),
+                generations,
+            )?;
+            Ok(())
+        }
+        Write::Quarantine(entry) => {
+            run!(
+                tx,
+                "INSERT INTO quarantined (worker, entry) VALUES (?, ?) ON CONFLICT (worker) DO NOTHING",
+                &*entry.worker,
+                blob::encode_quarantined(&entry),
+            )?;
+            Ok(())
         }
         Write::Report { record, report, event } => {
             run!(tx, "INSERT INTO reports (job, report) VALUES (?, ?)", record.id.as_str(), report)?;
@@ -352,6 +373,11 @@ async fn load(tx: &mut Tx<'_>) -> Result<Loaded, LoadError> {
             loaded.active.push(load_job(tx, &id).await?);
         }
     }
+    let rows = sqlx::query("SELECT worker, entry FROM quarantined ORDER BY worker").fetch_all(&mut **tx).await?;
+    for row in rows {
+        let (worker, entry): (String, Vec<u8>) = (row.try_get(0)?, row.try_get(1)?);
+        loaded.quarantined.push(blob::decode_quarantined(&worker, &entry)?);
+    }
     Ok(loaded)
 }
 
@@ -371,7 +397,8 @@ async fn load_job(tx: &mut Tx<'_>, id: &JobId) -> Result<StoredJob, LoadError> {
     let mut results = Vec::with_capacity(rows.len());
     for row in rows {
         let (round, first): (u32, u32) = (row.try_get(0)?, row.try_get(1)?);
-        results.push((round, first, blob::decode_outcomes(&row.try_get::<Vec<u8>, _>(2)?)?));
+        let (outcomes, worker) = blob::decode_outcomes(&row.try_get::<Vec<u8>, _>(2)?)?;
+        results.push(StoredRange { round, first, outcomes, worker: worker.into() });
     }
     let last: Option<Vec<u8>> =
         sqlx::query_scalar("SELECT scores FROM generations WHERE job = ? AND generation = ? - 1")

@@ -1,7 +1,9 @@
 //! One suite, run on every store.
 
 use super::*;
+use crate::record::{Claim, Dispute, Origin, Ruling, Source, Subject};
 use proto::v1::job_event::Event;
+use sim_core::finish::{Examination, Question};
 use sim_core::identity::{Digest, ResultDigest};
 use sim_core::score::{Counts, Scored};
 use std::path::Path;
@@ -31,6 +33,11 @@ fn record(number: u64) -> JobRecord {
         evaluations: 0,
         failed_evaluations: 0,
         reason: String::new(),
+        paused: false,
+        restarted_from: None,
+        disputes: Vec::new(),
+        suspects: Default::default(),
+        poisoned: None,
         submitted_at_ms: 1_000,
         started_at_ms: 0,
         ended_at_ms: 0,
@@ -64,6 +71,10 @@ fn failed() -> Outcome {
 fn answer() -> Outcome {
     let scores = ODD.iter().map(|b| Some(f64::from_bits(*b))).chain([None]).collect();
     Outcome { scores, counts: Counts { nodes: 3, ..Counts::default() }, traces: b"{}".to_vec() }
+}
+
+fn stored_range(round: u32, first: u32, outcomes: Vec<Outcome>) -> StoredRange {
+    StoredRange { round, first, outcomes, worker: "w".into() }
 }
 
 fn seal(record: &JobRecord, sequence: u64) -> Write {
@@ -150,7 +161,7 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let ranges = [(0, ODD.map(outcome).to_vec()), (9, vec![failed()])];
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.to_vec() };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.to_vec(), worker: "w".into() };
         store.commit(epoch, vec![submit(&job), results]).await.unwrap();
 
         let store = store.reopen().await;
@@ -159,7 +170,7 @@ on_every_store! {
         let [stored] = loaded.active.as_slice() else { panic!("one job") };
         assert_eq!(stored.record, job);
         assert_eq!((stored.toml.as_ref(), stored.search.as_slice()), ("name = \"x\"", [1, 2, 3].as_slice()));
-        assert_eq!(stored.results, ranges.map(|(first, outcomes)| (0, first, outcomes)));
+        assert_eq!(stored.results, ranges.map(|(first, outcomes)| stored_range(0, first, outcomes)));
         assert!(stored.last_scores.is_none());
     }
 
@@ -167,7 +178,7 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let best = |bits| Scored { generation: 0, candidate: 1, score: f64::from_bits(bits), genome: vec![-0.0, 1.5] };
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])] };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], worker: "w".into() };
         let after = JobRecord {
             generations_done: 1,
             last_event: 3,
@@ -198,11 +209,86 @@ on_every_store! {
         assert_eq!(store.result(&job.id).await.unwrap().history.len(), 1);
     }
 
+    async fn what_is_noted_of_a_job_survives_with_all_its_bits_and_tells_nobody(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let job = record(1);
+        let source = |worker: &str| Source { worker: worker.into(), name: "n".into(), host: "h".into() };
+        let claim = |worker: &str, outcome: Outcome| Claim { source: source(worker), outcome };
+        let candidate = Scored { generation: 1, candidate: 2, score: f64::from_bits(ODD[0]), genome: vec![0.5] };
+        let dispute = Dispute {
+            round: 0,
+            index: 3,
+            what: "candidate 3 of generation 0".to_owned(),
+            subject: Subject::Candidate(vec![f64::from_bits(ODD[0]), f64::from_bits(ODD[3])]),
+            claims: vec![claim("a", outcome(ODD[0])), claim("b", outcome(ODD[4])), claim("c", failed())],
+            ruling: None,
+            at_ms: 77,
+        };
+        let asked = Dispute {
+            subject: Subject::Examination(Examination::new(Question::Traces, &candidate)),
+            claims: vec![claim("", answer())],
+            ruling: Some(Ruling::Tainted),
+            ..dispute.clone()
+        };
+        let poisoned = v1::Poisoned { generation: 1, candidate: 2, genome: vec![-0.0], attempts: 3, ..Default::default() };
+        let noted = JobRecord {
+            paused: true,
+            restarted_from: Some(Origin { job: "j0-x".into(), generations: 4 }),
+            disputes: vec![dispute, asked],
+            suspects: [(0, 2), (7, 0)].into(),
+            poisoned: Some(poisoned),
+            ..job.clone()
+        };
+        store.commit(epoch, vec![submit(&job), Write::Note { record: noted.clone() }]).await.unwrap();
+
+        let store = store.reopen().await;
+        assert_eq!(store.start().await.unwrap().active[0].record, noted);
+        assert_eq!(store.job(&job.id).await.unwrap().unwrap().0, noted);
+        assert_eq!(store.events(&job.id, 0, 10).await.unwrap().len(), 1);
+    }
+
+    async fn a_restart_takes_over_the_generations_before_it_and_no_others(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let (old, new) = (record(1), record(2));
+        let sealed = |n| JobRecord { generations_done: n, last_event: 2 * u64::from(n) + 1, ..old.clone() };
+        let writes = vec![submit(&old), seal(&sealed(1), 2), seal(&sealed(2), 4), end(&sealed(2), JobState::Tainted)];
+        store.commit(epoch, writes).await.unwrap();
+        let carry = Write::Carry { from: old.id.clone(), to: new.id.clone(), generations: 1 };
+        let carried = JobRecord { generations_done: 1, ..new.clone() };
+        store.commit(epoch, vec![submit(&carried), carry]).await.unwrap();
+
+        let store = store.reopen().await;
+        let loaded = store.start().await.unwrap();
+        assert_eq!(loaded.ended, std::slice::from_ref(&old.id));
+        let [stored] = loaded.active.as_slice() else { panic!("one job goes on") };
+        let bits = |scores: Option<Vec<Option<f64>>>| -> Vec<_> {
+            scores.expect("it was sealed").iter().map(|s| s.map(f64::to_bits)).collect()
+        };
+        let expected: Vec<_> = ODD.iter().map(|b| Some(*b)).chain([None]).collect();
+        assert_eq!(bits(stored.last_scores.clone()), expected);
+        assert_eq!(bits(store.scores(&new.id, 0).await.unwrap()), expected);
+        assert!(store.scores(&new.id, 1).await.unwrap().is_none());
+        assert_eq!(store.result(&old.id).await.unwrap().history.len(), 2, "the old one keeps what it had");
+    }
+
+    async fn a_quarantine_survives_and_the_first_reason_stays(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let entry = |worker: &str, reason: &str| {
+            let reason = reason.to_owned();
+            Quarantined { worker: worker.into(), name: "n".into(), reason, at_ms: 5 }
+        };
+        let writes = ["a", "b", "a"].map(|w| Write::Quarantine(entry(w, "why"))).to_vec();
+        store.commit(epoch, writes).await.unwrap();
+        store.commit(epoch, vec![Write::Quarantine(entry("a", "again"))]).await.unwrap();
+        let store = store.reopen().await;
+        assert_eq!(store.start().await.unwrap().quarantined, [entry("a", "why"), entry("b", "why")]);
+    }
+
     async fn rounds_after_the_search_are_all_kept_until_the_job_ends(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let results = |round, first, outcome| {
-            Write::Results { job: job.id.clone(), round, ranges: vec![(first, vec![outcome])] }
+            Write::Results { job: job.id.clone(), round, ranges: vec![(first, vec![outcome])], worker: "w".into() }
         };
         let over = JobRecord { generations_done: 2, state: JobState::Finishing, last_event: 3, ..job.clone() };
         store.commit(epoch, vec![submit(&job), seal(&over, 2)]).await.unwrap();
@@ -213,7 +299,8 @@ on_every_store! {
 
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
-        let kept = vec![(2, 0, vec![answer()]), (2, 1, vec![failed()]), (3, 1, vec![answer()])];
+        let kept = [(2, 0, vec![answer()]), (2, 1, vec![failed()]), (3, 1, vec![answer()])];
+        let kept = kept.map(|(round, first, outcomes)| stored_range(round, first, outcomes)).to_vec();
         assert_eq!((&loaded.active[0].record, &loaded.active[0].results), (&reporting, &kept));
         store.commit(loaded.epoch, vec![end(&reporting, JobState::Cancelled)]).await.unwrap();
         assert!(store.start().await.unwrap().active.is_empty());
@@ -253,7 +340,7 @@ on_every_store! {
     async fn an_ended_job_keeps_its_report_and_drops_what_nobody_needs(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])] };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], worker: "w".into() };
         let done = JobRecord { state: JobState::Succeeded, last_event: 2, ..job.clone() };
         let report = Write::Report {
             record: done.clone(),

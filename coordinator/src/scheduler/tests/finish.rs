@@ -77,7 +77,9 @@ fn a_repeated_or_wrong_answer_is_told_as_such_as_long_as_the_job_runs() {
     let wrong = Delivery::Examination { round, index, outcome: outcome.clone() };
     assert_eq!(rig.complete(given.completed(right.clone())), Verdict::Accepted);
     assert_eq!(rig.complete(given.completed(right.clone())), Verdict::Duplicate);
-    assert_eq!(rig.complete(given.completed(wrong.clone())), Verdict::Conflict);
+    let by = |who: &str, delivery| Completed { worker: WorkerId(who.into()), ..given.completed(delivery) };
+    assert_eq!(rig.complete(by("x", wrong.clone())), Verdict::Conflict);
+    rig.connect("third", 1);
     let beyond = Delivery::Examination { round, index: 99, outcome: outcome.clone() };
     assert_eq!(rig.complete(given.completed(beyond)), Verdict::Unknown);
     let as_scores = Delivery::Evaluations { generation: round, first: index, outcomes: vec![outcome] };
@@ -90,7 +92,7 @@ fn a_repeated_or_wrong_answer_is_told_as_such_as_long_as_the_job_runs() {
     // The round is sealed: the same answers still, after a restart too.
     assert_eq!(rig.complete(given.completed(right.clone())), Verdict::Duplicate);
     rig.restart(|_| 6);
-    assert_eq!(rig.complete(given.completed(wrong)), Verdict::Conflict);
+    assert_eq!(rig.complete(by("z", wrong)), Verdict::Conflict);
     rig.connect("v", 1);
     rig.given.retain(|g| g.worker.to_string() == "v");
     rig.work_off();

@@ -85,15 +85,20 @@ fn the_answer_to_a_repeated_late_or_wrong_result_says_what_it_is() {
         outcomes[0].scores = vec![Some(outcomes[0].score().map_or(0.0, |s| -s))];
         Delivery::Evaluations { generation, first, outcomes }
     };
-    assert_eq!(rig.complete(given.completed(wrong(&delivery))), Verdict::Conflict);
-    // The generation is sealed: the same answers still.
+    let by = |who: &str, delivery| Completed { worker: WorkerId(who.into()), ..given.completed(delivery) };
+    assert_eq!(rig.complete(by("x", wrong(&delivery))), Verdict::Conflict);
+    // Somebody decides, and the generation is sealed: the same answers still.
+    rig.connect("third", 1);
     while rig.stored(&job).generations_done == 0 {
         let other = rig.take().unwrap();
         let d = other.delivery();
         rig.complete(other.completed(d));
     }
     assert_eq!(rig.complete(given.completed(delivery.clone())), Verdict::Duplicate);
-    assert_eq!(rig.complete(given.completed(wrong(&delivery))), Verdict::Conflict);
+    assert_eq!(rig.complete(by("y", wrong(&delivery))), Verdict::Conflict);
+    for who in ["x", "y"] {
+        assert_eq!(rig.complete(by(who, delivery.clone())), Verdict::Quarantined, "whoever was wrong is not believed");
+    }
     // Another generation later nobody compares any more.
     while rig.stored(&job).generations_done == 1 {
         let other = rig.take().unwrap();
@@ -130,7 +135,7 @@ fn a_silent_worker_loses_its_work_and_a_late_result_still_counts() {
     rig.connect("other", 1);
     rig.advance(LEASE / 2);
     let session = rig.scheduler.workers[&WorkerId("other".into())].session.unwrap();
-    assert!(rig.scheduler.heartbeat(rig.now, &WorkerId("other".into()), session, &[]));
+    assert!(rig.scheduler.heartbeat(rig.now, &WorkerId("other".into()), session, &[], &[]));
     rig.advance(LEASE / 2);
     let again = rig.take().expect("leased to the other worker");
     assert_eq!((again.range(), again.worker.to_string()), (late.range(), "other".to_owned()));
@@ -142,13 +147,58 @@ fn a_silent_worker_loses_its_work_and_a_late_result_still_counts() {
 }
 
 #[test]
+fn a_paused_job_rests_over_a_restart_takes_what_still_runs_and_goes_on() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 8, 2);
+    rig.connect("w", 2);
+    let running = rig.take().unwrap();
+    let paused = rig.scheduler.pause(rig.now, &job, true).unwrap();
+    rig.settle();
+    assert!(paused.paused && rig.stored(&job).paused);
+    assert_eq!(rig.stored(&job).state, JobState::Running, "it does not forget where it stands");
+    rig.work_off();
+    let delivery = running.delivery();
+    assert_eq!(rig.complete(running.completed(delivery)), Verdict::Accepted, "what runs counts");
+    assert_eq!((leased(&rig, &job), rig.given.len()), (0, 0), "nothing new is handed out");
+    let events = rig.stored(&job).last_event;
+    rig.scheduler.pause(rig.now, &job, true);
+    rig.settle();
+    assert_eq!(rig.stored(&job).last_event, events, "twice is once");
+
+    rig.restart(|_| 8);
+    rig.connect("w", 2);
+    assert_eq!(leased(&rig, &job), 0, "an acknowledged pause survives");
+    assert!(rig.scheduler.waits_for(&job).is_some_and(|r| r.contains("paused")));
+    assert!(!rig.scheduler.pause(rig.now, &job, false).unwrap().paused);
+    rig.settle();
+    rig.work_off();
+    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 8, 2)));
+    assert_eq!(rig.scheduler.pause(rig.now, &job, true), None, "it has ended");
+}
+
+#[test]
+fn a_paused_job_can_be_cancelled_and_leaves_its_slots_to_others() {
+    let mut rig = Rig::new();
+    let (job, other) = (rig.submit("a", 8, 2), rig.submit("b", 8, 2));
+    rig.scheduler.pause(rig.now, &job, true);
+    rig.settle();
+    rig.connect("w", 2);
+    assert_eq!((leased(&rig, &job), leased(&rig, &other)), (0, 2));
+    rig.work_off();
+    assert_eq!(rig.stored(&other).state, JobState::Succeeded);
+    let cancelled = rig.scheduler.cancel(rig.now, &job).unwrap();
+    rig.settle();
+    assert_eq!((cancelled.state, cancelled.paused), (JobState::Cancelled, false));
+}
+
+#[test]
 fn a_heartbeat_of_a_worker_that_was_given_up_is_refused() {
     let mut rig = Rig::new();
     let session = rig.connect("w", 1);
     let id = WorkerId("w".into());
-    assert!(rig.scheduler.heartbeat(rig.now, &id, session, &[]));
+    assert!(rig.scheduler.heartbeat(rig.now, &id, session, &[], &[]));
     rig.advance(LEASE * 2);
-    assert!(!rig.scheduler.heartbeat(rig.now, &id, session, &[]));
+    assert!(!rig.scheduler.heartbeat(rig.now, &id, session, &[], &[]));
 }
 
 #[test]
@@ -170,7 +220,7 @@ fn drained_and_rejected_work_goes_elsewhere_and_costs_nothing() {
         rig.settle();
         assert_eq!(leased(&rig, &job), 0, "no hot loop: it is spared this job for a while");
         rig.now.since_start += LEASE / 2;
-        assert!(rig.scheduler.heartbeat(rig.now, &given.worker, session, &[]));
+        assert!(rig.scheduler.heartbeat(rig.now, &given.worker, session, &[], &[]));
         rig.advance(LEASE / 2);
     }
     rig.work_off();

@@ -1,0 +1,164 @@
+//! `evogait evaluate`: one evaluation on this machine, with the bits that any worker would give.
+
+use crate::arguments::{Evaluate, EvaluateWhat};
+use crate::client::Client;
+use crate::console::{self, count};
+use crate::error::Error;
+use crate::load;
+use crate::progress::Label;
+use crate::view::{bits, hex, question};
+use proto::v1;
+use serde::Serialize;
+use sim_core::evaluate::evaluate;
+use sim_core::finish::{Examination, Question, examine};
+use sim_core::job::Job;
+use sim_core::score::{Counts, Scored};
+use std::time::Instant;
+
+#[derive(Serialize)]
+struct View {
+    job_digest: String,
+    engine_digest: String,
+    generation: u32,
+    candidate: u32,
+    question: Option<&'static str>,
+    /// One for an evaluation of the search, one a tree for a question.
+    scores: Vec<Option<f64>>,
+    /// The scores' bits in hexadecimal digits; "failed" where there is no score.
+    bits: Vec<String>,
+    rollouts: u64,
+    nodes: u64,
+    simulated_seconds: f64,
+    seconds: f64,
+}
+
+/// What is evaluated.
+struct Subject {
+    generation: u32,
+    candidate: u32,
+    question: Option<Question>,
+    genome: Vec<f64>,
+    score: f64,
+}
+
+/// Evaluates and tells.
+pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
+    let (job, poisoned) = match &args.what {
+        EvaluateWhat::File(file) => (load::job(file)?, None),
+        EvaluateWhat::Stored { id, on } => super::with_runtime(async {
+            let mut client = Client::connect(on).await?;
+            let (status, job_toml) = client.get(id).await?;
+            let label = format!("job {id}");
+            let job = Job::from_toml(&job_toml).map_err(|source| Error::Invalid { file: label, source })?;
+            if !quiet && job.engine_digest().0.as_slice() != status.engine_digest {
+                console::note("this build has another engine than the job ran on: the bits may differ from a worker's");
+            }
+            Ok((job, status.poisoned))
+        })?,
+    };
+    let subject = subject(&args, poisoned)?;
+    let parameters = job.bounds().0.len();
+    if subject.genome.len() != parameters {
+        return Err(Error::Usage {
+            message: format!(
+                "the genome has {} numbers, and a candidate of this job has {parameters} parameters",
+                subject.genome.len()
+            ),
+        });
+    }
+    let start = Instant::now();
+    let (scores, counts) = carry_out(&job, &subject)?;
+    let view = View {
+        job_digest: hex(&job.digest().0),
+        engine_digest: hex(&job.engine_digest().0),
+        generation: subject.generation,
+        candidate: subject.candidate,
+        question: subject.question.and_then(|q| question(q.into())),
+        bits: scores.iter().map(|s| bits(*s)).collect(),
+        scores,
+        rollouts: counts.rollouts,
+        nodes: counts.nodes,
+        simulated_seconds: counts.simulated_ms as f64 / 1000.0,
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    if args.json { console::say_json(&view) } else { console::say(&text(&view, &Label::of_job(&job))) }
+}
+
+fn subject(args: &Evaluate, poisoned: Option<v1::Poisoned>) -> Result<Subject, Error> {
+    let usage = |message: &str| Err(Error::Usage { message: message.to_owned() });
+    match (&args.genome, poisoned) {
+        (Some(genome), _) => Ok(Subject {
+            generation: args.generation,
+            candidate: args.candidate,
+            question: args.question,
+            genome: genome.clone(),
+            score: 0.0,
+        }),
+        (None, Some(poisoned)) => {
+            let asked = poisoned.question();
+            let candidate = v1::ScoredCandidate {
+                generation: poisoned.generation,
+                candidate: poisoned.candidate,
+                score: Some(poisoned.score.unwrap_or(0.0)),
+                genome: poisoned.genome.clone(),
+            };
+            let task = v1::ExamineTask { question: asked.into(), candidate: Some(candidate), ..Default::default() };
+            Ok(Subject {
+                generation: poisoned.generation,
+                candidate: poisoned.candidate,
+                question: proto::examination(task).ok().map(|e| e.question),
+                genome: poisoned.genome,
+                score: poisoned.score.unwrap_or(0.0),
+            })
+        }
+        (None, None) if matches!(args.what, EvaluateWhat::Stored { .. }) => {
+            usage("this job has no candidate that failed too often: tell one with --genome or --genome-file")
+        }
+        (None, None) => usage("tell the candidate with --genome or --genome-file"),
+    }
+}
+
+/// What a worker does.
+fn carry_out(job: &Job, subject: &Subject) -> Result<(Vec<Option<f64>>, Counts), Error> {
+    let Subject { generation, candidate, question, genome, score } = subject;
+    let never = || false;
+    let stopped = |_| Error::Interrupted { hint: String::new() };
+    match question {
+        None => {
+            let done = evaluate(job, *generation, &[(*candidate, genome.clone())], &never).map_err(stopped)?;
+            Ok((done.iter().map(|e| e.score).collect(), done.first().map(|e| e.counts).unwrap_or_default()))
+        }
+        Some(question) => {
+            let (generation, candidate) = (*generation, *candidate);
+            let candidate = Scored { generation, candidate, score: *score, genome: genome.clone() };
+            let answer = examine(job, &Examination::new(*question, &candidate), &never).map_err(stopped)?;
+            Ok((answer.scores, answer.counts))
+        }
+    }
+}
+
+fn text(view: &View, label: &Label) -> String {
+    let mut lines = vec![format!(
+        "candidate {} of generation {}{}",
+        view.candidate,
+        view.generation,
+        view.question.map_or_else(String::new, |q| format!(", asked for {q}"))
+    )];
+    for (score, bits) in view.scores.iter().zip(&view.bits) {
+        lines.push(match score {
+            Some(score) => {
+                format!("  {:<13}  {} (bits {bits})", label.name, console::score_with(Some(*score), &label.unit))
+            }
+            None => "  failed         the robot can't stand still at its start".to_owned(),
+        });
+    }
+    lines.push(format!(
+        "  it took        {}: {} rollouts, {} nodes, {} of simulated time",
+        console::seconds(view.seconds),
+        count(view.rollouts),
+        count(view.nodes),
+        console::seconds(view.simulated_seconds)
+    ));
+    lines.push(format!("  engine digest  {}", view.engine_digest));
+    lines.join("\n")
+}

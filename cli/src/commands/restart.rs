@@ -1,0 +1,42 @@
+//! `evogait restart`: an ended job of a coordinator is done again from one of its generations on.
+
+use crate::arguments::Restart;
+use crate::client::Client;
+use crate::console;
+use crate::error::Error;
+use crate::view::JobView;
+use crate::watch::word;
+use proto::v1;
+use sim_core::identity::Digest;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Restarts under a name made of job and generation, so that doing it twice is doing it once.
+pub async fn run(args: Restart, quiet: bool) -> Result<(), Error> {
+    let mut client = Client::connect(&args.job.on).await?;
+    let again = args.again.then(|| SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos() as u64);
+    let name = Digest::of("evogait restart request 1", &(&args.job.id, args.from_generation, again));
+    let request = v1::RestartJobRequest {
+        request_id: name.to_string(),
+        id: args.job.id.clone(),
+        from_generation: args.from_generation,
+    };
+    let (job, created) = client.restart(request).await?;
+    if args.job.json {
+        return console::say_json(&JobView::new(&job));
+    }
+    if !quiet {
+        let taken_over = job.restarted_from.as_ref().map_or(0, |origin| origin.generations);
+        console::note(&match created {
+            true => format!(
+                "\"{}\" is done again from generation {taken_over} on: {}",
+                job.name,
+                match taken_over {
+                    0 => "nothing is taken over".to_owned(),
+                    n => format!("generations 0 to {} are taken over from {}", n - 1, args.job.id),
+                }
+            ),
+            false => format!("it was restarted before: that job is {} (`--again` starts another)", word(job.state())),
+        });
+    }
+    console::say(&job.id)
+}

@@ -1,0 +1,123 @@
+//! Why a job gets nothing done, or a worker no work: sentences for people.
+
+use super::job::ActiveJob;
+use super::lease::Kind;
+use super::worker::{Worker, WorkerId};
+use super::{Scheduler, stuck};
+use crate::record::JobId;
+
+impl Scheduler {
+    /// Why a job gets nothing done, or less than it might; `None` if there is nothing to say.
+    pub fn waits_for(&self, id: &JobId) -> Option<String> {
+        let job = self.jobs.get(id)?;
+        let mut said = Vec::new();
+        said.extend(self.about_pause(id, job));
+        said.extend(self.about_disputes(id, job));
+        if !job.record.paused {
+            said.extend(self.about_workers(id, job));
+            said.extend(self.about_stragglers(id, job));
+        }
+        (!said.is_empty()).then(|| said.join("; "))
+    }
+
+    fn about_pause(&self, id: &JobId, job: &ActiveJob) -> Option<String> {
+        let running = self.leases.values().filter(|l| l.job == *id).count();
+        job.record.paused.then(|| match running {
+            0 => format!("paused: `evogait resume {id}` goes on"),
+            n => format!("paused, {} may still finish: `evogait resume {id}` goes on", ranges(n)),
+        })
+    }
+
+    fn about_disputes(&self, id: &JobId, job: &ActiveJob) -> Option<String> {
+        let open = job.open_disputes().count();
+        let first = job.open_disputes().next()?;
+        let asked = self.leases.values().any(|l| l.kind == Kind::Decides && l.job == *id);
+        let what = match open {
+            1 => format!("two results of {} differ", first.what),
+            n => format!("results of {n} tasks differ, {} for one", first.what),
+        };
+        Some(if asked {
+            format!("{what}: another worker is deciding")
+        } else if self.arbiters(job, first).next().is_none() {
+            format!("waits for another worker: {what}, and only one that has had no part in it can decide")
+        } else {
+            format!("{what}: another worker will decide as soon as it has a free slot")
+        })
+    }
+
+    /// Why nobody works on what is pending.
+    fn about_workers(&self, id: &JobId, job: &ActiveJob) -> Option<String> {
+        if self.leases.values().any(|l| l.job == *id) {
+            return None;
+        }
+        let engine = &job.record.engine_digest;
+        let connected = || self.workers.values().filter(|w| w.session.is_some());
+        let able = || connected().filter(|w| w.engines.contains(engine));
+        if self.workers.is_empty() {
+            return Some("waits for a worker: none is connected".to_owned());
+        }
+        if connected().next().is_none() {
+            return Some("waits for a worker: all have lost their connection".to_owned());
+        }
+        if able().next().is_none() {
+            return Some(format!("waits for a worker with engine {}: none of those connected has it", engine.short()));
+        }
+        let willing = || able().filter(|w| w.takes_work());
+        if willing().next().is_none() {
+            let mut why: Vec<String> = able().filter_map(|w| self.idle_because(w)).collect();
+            why.sort();
+            why.dedup();
+            return Some(format!("waits for a worker: those connected get no work ({})", why.join(", ")));
+        }
+        if job.round.pending() == 0 {
+            return None;
+        }
+        if willing().all(|w| w.refused.contains_key(id)) {
+            return Some(
+                "waits: every worker rejected it or got nowhere with it, they are asked again soon".to_owned(),
+            );
+        }
+        if willing().all(|w| w.held.len() >= w.slots as usize) {
+            return Some(
+                "waits for a free slot: other jobs have all of them, it gets its share as they end".to_owned(),
+            );
+        }
+        Some("waits: what is left does not fit into the time that the workers have".to_owned())
+    }
+
+    fn about_stragglers(&self, id: &JobId, job: &ActiveJob) -> Option<String> {
+        let copied = self.leases.values().filter(|l| l.job == *id && matches!(l.kind, Kind::Copy(_))).count();
+        (copied > 0 && job.round.pending() == 0)
+            .then(|| format!("{} of the round take far longer than others and are computed twice", ranges(copied)))
+    }
+
+    /// Why a worker gets no work, in a sentence; empty if there is nothing to say.
+    pub(super) fn about_worker(&self, id: &WorkerId, worker: &Worker) -> String {
+        match self.quarantined.get(id) {
+            Some(entry) => format!("quarantined: {}; started again it gets a new id", entry.reason),
+            None if worker.stuck >= stuck::MOST_TIMES => {
+                format!("stuck: its work stood still {} times; start it again", worker.stuck)
+            }
+            None => self.idle_because(worker).unwrap_or_default(),
+        }
+    }
+
+    /// Why a worker gets no work, if so.
+    pub(super) fn idle_because(&self, worker: &Worker) -> Option<String> {
+        if !worker.trusted {
+            Some("quarantined".to_owned())
+        } else if worker.draining {
+            Some("draining".to_owned())
+        } else if worker.stuck >= stuck::MOST_TIMES {
+            Some("stuck".to_owned())
+        } else if worker.session.is_none() {
+            Some("connection lost".to_owned())
+        } else {
+            None
+        }
+    }
+}
+
+fn ranges(n: usize) -> String {
+    if n == 1 { "1 range".to_owned() } else { format!("{n} ranges") }
+}

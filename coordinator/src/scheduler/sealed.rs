@@ -1,0 +1,51 @@
+//! The generation sealed last: enough to tell a repeated result from a wrong one, and to have it decided who is right.
+
+use super::round::{Outcome, Range, Round, Work, same_bits};
+use sim_core::score::{Counts, Genome};
+use std::sync::Arc;
+
+#[derive(Clone, Debug)]
+pub(super) struct Sealed {
+    pub number: u32,
+    /// By candidate; `None` where the evaluation failed.
+    pub scores: Vec<Option<f64>>,
+    /// `None` in a store of an earlier version.
+    pub genomes: Option<Arc<[Genome]>>,
+    /// By candidate, the id of the worker that scored it; empty where that is not known.
+    pub workers: Vec<Arc<str>>,
+}
+
+impl Sealed {
+    /// That of a round of candidates whose tasks are all done.
+    pub fn of(round: &Round, scores: Vec<Option<f64>>) -> Self {
+        let genomes = match &round.work {
+            Work::Candidates(genomes) => Some(genomes.clone()),
+            Work::Examinations(_) => None,
+        };
+        let workers = (0..round.size()).map(|i| round.finder(i)).collect();
+        Self { number: round.number, scores, genomes, workers }
+    }
+
+    pub fn contains(&self, range: &Range) -> bool {
+        let end = range.first.checked_add(range.count);
+        range.round == self.number && end.is_some_and(|end| range.count > 0 && end as usize <= self.scores.len())
+    }
+
+    pub fn agrees(&self, index: u32, outcome: &Outcome) -> bool {
+        same_bits(self.scores[index as usize], outcome.score())
+    }
+
+    /// What was found, as far as it was kept: only scores are compared.
+    pub fn outcome(&self, index: u32) -> Outcome {
+        only_score(self.scores[index as usize])
+    }
+
+    pub fn worker(&self, index: u32) -> Arc<str> {
+        self.workers.get(index as usize).cloned().unwrap_or_else(|| "".into())
+    }
+}
+
+/// An evaluation without what it took, which is not kept of sealed generations.
+pub(super) fn only_score(score: Option<f64>) -> Outcome {
+    Outcome::evaluation(score, Counts::default())
+}

@@ -1,0 +1,61 @@
+//! Stragglers: at the end of a round, ranges that take far longer than they should are given to a second worker as well.
+//! The first result wins; the bits can't differ.
+
+use super::job::ActiveJob;
+use super::lease::{AssignmentId, Kind, Lease};
+use super::worker::{Worker, WorkerId};
+use super::{Now, Scheduler};
+use std::time::Duration;
+
+/// A range is a straggler once it has taken so many times what its tasks cost on the average …
+const SLOWER: f64 = 2.0;
+/// … and at least this long: a copy made sooner would hardly be done sooner.
+const LEAST: Duration = Duration::from_secs(1);
+
+impl Scheduler {
+    /// Gives free slots of a worker that nobody else needs to stragglers, the oldest first; each gets one copy.
+    pub(super) fn copy_stragglers(&mut self, now: Now, id: &WorkerId) {
+        while let Some(worker) = self.workers.get(id).filter(|w| w.is_open() && w.held.len() < w.slots as usize)
+            && let Some(original) = self.straggler(now, id, worker)
+        {
+            self.copy(now, id, original);
+        }
+    }
+
+    fn straggler(&self, now: Now, id: &WorkerId, worker: &Worker) -> Option<AssignmentId> {
+        let may_be_copied = |(original, lease): &(&AssignmentId, &Lease)| {
+            let Some(job) = self.jobs.get(&lease.job) else { return false };
+            lease.kind == Kind::Ordinary
+                && !lease.solo
+                && lease.worker != *id
+                && !self.copies.contains_key(original)
+                && is_straggler(now, job, lease)
+                && worker.engines.contains(&job.record.engine_digest)
+                && !worker.refused.contains_key(&lease.job)
+                && self.time_for(now, worker, job.cost) >= lease.range.count
+        };
+        let stragglers = self.leases.iter().filter(may_be_copied);
+        stragglers.min_by_key(|(original, lease)| (lease.since, **original)).map(|(original, _)| *original)
+    }
+
+    fn copy(&mut self, now: Now, id: &WorkerId, original: AssignmentId) {
+        let copy = self.new_assignment();
+        let Some(lease) = self.leases.get(&original).cloned() else { return };
+        let Some(job) = self.jobs.get(&lease.job) else { return };
+        let task = job.round.work.task(lease.range);
+        let charged = self.charge(&lease.job, lease.range.count);
+        self.copies.insert(original, copy);
+        let lease = Lease { charged, ..Lease::new(now, id, &lease.job, lease.range, Kind::Copy(original)) };
+        self.assign(now, copy, lease, task);
+    }
+}
+
+/// Whether nothing is left to hand out beside it and it takes longer than its measured cost says.
+pub(super) fn is_straggler(now: Now, job: &ActiveJob, lease: &Lease) -> bool {
+    let Some(cost) = job.cost else { return false };
+    let expected = Duration::try_from_secs_f64(SLOWER * cost * f64::from(lease.range.count)).unwrap_or(Duration::MAX);
+    !job.record.paused
+        && job.round.pending() == 0
+        && job.round.contains(&lease.range)
+        && now.since_start.saturating_sub(lease.since) >= expected.max(LEAST)
+}

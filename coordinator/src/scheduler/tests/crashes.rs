@@ -1,0 +1,94 @@
+//! The promises about tasks that take workers down.
+
+use super::*;
+
+/// Workers with so many slots come and crash whenever they work on a poisoned candidate, until the job ends. Returns how
+/// many crashed.
+fn run_until_poisoned(rig: &mut Rig, job: &JobId, slots: u32, poison: u32, restarts: bool) -> u32 {
+    for crashes in 0..100 {
+        if rig.stored(job).state == JobState::Failed {
+            return crashes;
+        }
+        if restarts {
+            rig.given.clear();
+            rig.restart(|_| 20);
+        }
+        let id = format!("w{crashes}");
+        let session = rig.connect(&id, slots);
+        rig.given.retain(|g| *g.worker.0 == *id);
+        loop {
+            rig.given.retain(|g| !rig.cancelled.contains(&g.assignment));
+            if rig.given.iter().any(|g| g.range().indexes().contains(&poison)) {
+                rig.scheduler.disconnect(rig.now, &WorkerId(id.as_str().into()), session);
+                rig.given.clear();
+                rig.advance(LEASE);
+                break;
+            }
+            let Some(given) = rig.take() else { break };
+            let delivery = given.delivery();
+            rig.complete(given.completed(delivery));
+        }
+    }
+    panic!("the job does not end");
+}
+
+#[test]
+fn a_crash_beside_others_charges_nobody_and_the_culprit_is_found_alone() {
+    for restarts in [false, true] {
+        let mut rig = Rig::new();
+        let job = rig.submit("a", 20, 1);
+        let crashes = run_until_poisoned(&mut rig, &job, 4, 13, restarts);
+        assert_eq!(crashes, MAX_ATTEMPTS + 1, "once in company, then alone; restarts: {restarts}");
+        let record = rig.stored(&job);
+        assert!(record.reason.contains("candidate 13 of generation 0 failed 3 times"), "{}", record.reason);
+        let poisoned = record.poisoned.expect("what to look at");
+        assert_eq!((poisoned.generation, poisoned.candidate, poisoned.attempts), (0, 13, MAX_ATTEMPTS));
+        assert_eq!(poisoned.genome, Fake::new(20).ask()[13]);
+    }
+}
+
+#[test]
+fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
+    let mut rig = Rig::new();
+    let (job, other) = (rig.submit("a", 20, 1), rig.submit("b", 1000, 1));
+    let session = rig.connect("dies", 8);
+    rig.scheduler.disconnect(rig.now, &WorkerId("dies".into()), session);
+    rig.given.clear();
+    rig.advance(LEASE);
+    let suspects = rig.stored(&job).suspects.len() + rig.stored(&other).suspects.len();
+    assert!(suspects > 8, "{suspects}");
+    assert!(rig.stored(&job).suspects.values().all(|attempts| *attempts == 0), "in company nobody is charged");
+
+    rig.connect("x", 4);
+    rig.connect("y", 4);
+    while let Some(given) = rig.take() {
+        for worker in rig.scheduler.workers.values() {
+            let solo = worker.held.iter().any(|a| rig.scheduler.leases[a].solo);
+            assert!(!solo || worker.held.len() == 1, "a suspect has company");
+        }
+        let delivery = given.delivery();
+        rig.complete(given.completed(delivery));
+    }
+    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 20, 1)));
+    assert_eq!(rig.stored(&other).result_digest, Some(expected_digest("b", 1000, 1)));
+}
+
+#[test]
+fn attempts_and_suspicions_survive_a_restart_and_end_with_the_round() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 2, 2);
+    rig.connect("w", 1);
+    let given = rig.take().unwrap();
+    rig.complete(given.completed(Delivery::Failure("why".to_owned())));
+    rig.given.clear();
+    rig.restart(|_| 2);
+    assert_eq!(rig.stored(&job).suspects, [(0, 1)].into());
+    assert_eq!(rig.scheduler.jobs[&job].round.suspects(), [(0, 1)].into());
+    rig.connect("v", 1);
+    while rig.stored(&job).generations_done == 0 {
+        let given = rig.take().unwrap();
+        let delivery = given.delivery();
+        rig.complete(given.completed(delivery));
+    }
+    assert!(rig.stored(&job).suspects.is_empty(), "another generation is another matter");
+}

@@ -1,0 +1,130 @@
+//! What must hold after every event, whatever happened.
+
+use super::*;
+use crate::record::Subject;
+use crate::scheduler::lease::Kind;
+
+impl World {
+    pub fn check(&mut self) {
+        self.leases();
+        let jobs: Vec<JobId> = self.rig.scheduler.jobs.keys().cloned().collect();
+        for id in &jobs {
+            self.active(id);
+        }
+        let jobs: Vec<JobId> = self.jobs.values().cloned().collect();
+        for id in &jobs {
+            for dispute in self.rig.stored(id).disputes.iter().filter(|d| d.ruling.is_some()) {
+                self.lies.remove(&(id.clone(), dispute.round, dispute.index));
+            }
+            self.stored(id);
+        }
+        let quarantined = self.rig.scheduler.quarantined.keys();
+        assert!(quarantined.clone().all(|w| *w == worker_id(LIAR)), "only the liar: {quarantined:?}");
+    }
+
+    /// Leases and workers agree, and nothing is leased beyond its time.
+    fn leases(&self) {
+        let scheduler = &self.rig.scheduler;
+        let now = self.rig.now.since_start;
+        for (id, lease) in &scheduler.leases {
+            let worker = scheduler.workers.get(&lease.worker).expect("a lease has a worker");
+            assert!(worker.held.contains(id) && worker.expires > now, "leased beyond its worker's sign of life");
+            assert!(scheduler.jobs.contains_key(&lease.job), "no lease of an ended job");
+            assert!(!lease.solo || worker.held.len() == 1 || self.adopted, "a suspect has company");
+            if let Kind::Copy(original) = lease.kind {
+                let first = &scheduler.leases[&original];
+                assert!(scheduler.copies[&original] == *id && first.range == lease.range);
+                assert!(first.worker != lease.worker && first.kind == Kind::Ordinary);
+            }
+            // A worker that counts is watched: what stood still for the time that is allowed went to others, at the
+            // latest with the next sign of life.
+            let busy = worker.held.len() > worker.slots as usize;
+            if let Some(still) = self.still.get(id)
+                && !busy
+            {
+                let bound = settings(0).stuck_after + LEASE;
+                assert!(now.saturating_sub(*still) <= bound, "leased without progress beyond all bounds");
+            }
+        }
+        let held: usize = scheduler.workers.values().map(|w| w.held.len()).sum();
+        assert_eq!(held, scheduler.leases.len());
+        assert_eq!(
+            scheduler.copies.len(),
+            scheduler.leases.values().filter(|l| matches!(l.kind, Kind::Copy(_))).count()
+        );
+        for worker in scheduler.workers.values() {
+            assert!(!worker.draining || worker.held.is_empty());
+        }
+    }
+
+    fn active(&self, id: &JobId) {
+        let scheduler = &self.rig.scheduler;
+        let job = &scheduler.jobs[id];
+        assert_eq!(self.rig.stored(id), job.record, "the store is where memory is");
+        // No task is lost: each is pending, done, or in exactly one lease.
+        let round = &job.round;
+        let leases = || scheduler.leases.values().filter(|l| l.job == *id);
+        let open = |l: &lease::Lease| l.range.indexes().filter(|i| !round.is_done(&one(round.number, *i))).count();
+        let leased: usize = leases().filter(|l| l.kind == Kind::Ordinary).map(open).sum();
+        assert_eq!(round.pending() + round.done() + leased as u32, round.size());
+        assert!(
+            round.done() < round.size() || job.open_disputes().next().is_some(),
+            "a complete round is sealed at once, unless it is in doubt"
+        );
+        // Only crashes and failures are attempts.
+        assert_eq!(job.record.suspects, round.suspects(), "attempts are stored");
+        let attempts: u32 = job.record.suspects.values().sum();
+        assert!(attempts <= self.faults, "{attempts} attempts after {} faults", self.faults);
+        // Free slots are used when there is work that may go there.
+        let suspect = round.has_pending_suspect();
+        let suspects = scheduler.jobs.values().any(|job| job.round.has_pending_suspect());
+        for worker in scheduler.workers.values().filter(|w| w.is_open() && w.refused.is_empty() && w.ends.is_none()) {
+            let idle = worker.held.len() < worker.slots as usize;
+            assert!(!(idle && job.has_ordinary()) || suspects, "an idle slot beside pending work");
+            assert!(!(worker.held.is_empty() && suspect && !job.record.paused), "an idle worker beside a suspect");
+        }
+        // What two agree on is the truth: only one worker lies.
+        for dispute in job.record.disputes.iter().filter(|d| d.ruling.is_some()) {
+            let truth = match &dispute.subject {
+                Subject::Candidate(genome) => score(genome),
+                Subject::Examination(examination) => answer(examination),
+            };
+            let held = dispute.holding().expect("somebody said something");
+            assert!(held.outcome.scores == truth.scores, "a lie holds");
+        }
+        if let Some(round) = job.record.disputes.iter().find(|d| d.ruling.is_none()).map(|d| d.round) {
+            assert!(round <= job.round.number);
+            assert!(scheduler.waits_for(id).is_some_and(|w| w.contains("differ")), "a dispute is told");
+        }
+    }
+
+    fn stored(&mut self, id: &JobId) {
+        let record = self.rig.stored(id);
+        if let Some(then) = self.rig.seen.ended.get(id) {
+            assert_eq!(record, *then, "the end is final");
+        } else if crate::record::ended(record.state) {
+            assert!(!record.paused);
+            self.rig.seen.ended.insert(id.clone(), record.clone());
+        }
+        for generation in 0..record.generations_done {
+            let scores = at_once(self.rig.store.scores(id, generation)).expect("a sealed generation has scores");
+            let bits: Vec<Option<u64>> = scores.iter().map(|s| s.map(f64::to_bits)).collect();
+            let then = self.rig.seen.sealed.entry((id.clone(), generation)).or_insert_with(|| bits.clone());
+            assert_eq!(*then, bits, "a sealed generation never changes");
+        }
+        assert!(
+            !self.rig.seen.sealed.contains_key(&(id.clone(), record.generations_done)),
+            "a sealed generation stays sealed"
+        );
+        let history = at_once(self.rig.store.result(id)).history;
+        let numbers: Vec<u32> = history.iter().map(|g| g.generation).collect();
+        assert_eq!(numbers, (0..record.generations_done).collect::<Vec<_>>(), "each sealed exactly once");
+        let events = at_once(self.rig.store.events(id, 0, 10_000));
+        let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
+        assert_eq!(sequence, (1..=record.last_event).collect::<Vec<_>>(), "events without a gap");
+    }
+}
+
+fn one(round: u32, first: u32) -> Range {
+    Range { round, first, count: 1 }
+}

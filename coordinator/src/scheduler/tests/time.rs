@@ -1,0 +1,180 @@
+//! The promises about time: stragglers, work that stands still, machines that go away.
+
+use super::*;
+
+/// Delivers with a cost of one second a task.
+fn in_a_second(rig: &mut Rig, given: &Given) -> Verdict {
+    let compute = Duration::from_secs(1) * given.range().count;
+    rig.complete(Completed { compute, ..given.completed(given.delivery()) })
+}
+
+/// A job of two candidates, the second with a worker that takes its time; "fast" has a free slot.
+fn straggling() -> (Rig, JobId, Given, BTreeMap<&'static str, SessionId>) {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 2, 1);
+    let mut sessions = BTreeMap::new();
+    for id in ["fast", "slow"] {
+        sessions.insert(id, rig.connect(id, 1));
+    }
+    let fast = rig.take_of("fast").unwrap();
+    assert_eq!(in_a_second(&mut rig, &fast), Verdict::Accepted);
+    let slow = rig.given[0].clone();
+    (rig, job, slow, sessions)
+}
+
+#[test]
+fn a_straggler_gets_one_copy_once_it_is_clearly_late_and_the_first_result_wins() {
+    for first in ["fast", "slow"] {
+        let (mut rig, job, slow, sessions) = straggling();
+        rig.now.since_start += Duration::from_millis(1900);
+        rig.heartbeat("fast", sessions["fast"], 0);
+        assert!(rig.take_of("fast").is_none(), "not before it has taken twice as long as it should");
+        rig.now.since_start += Duration::from_millis(200);
+        rig.heartbeat("slow", sessions["slow"], 1);
+        assert_eq!(leased(&rig, &job), 1, "not beside itself");
+        rig.heartbeat("fast", sessions["fast"], 0);
+        let copy = rig.take_of("fast").expect("a copy");
+        assert_eq!(copy.range(), slow.range());
+        let why = rig.scheduler.waits_for(&job).unwrap();
+        assert!(why.contains("computed twice"), "{why}");
+        rig.connect("idle", 4);
+        rig.advance(Duration::from_secs(1));
+        assert!(rig.take_of("idle").is_none(), "one copy is enough");
+
+        let (winner, loser) = if first == "fast" { (&copy, &slow) } else { (&slow, &copy) };
+        assert_eq!(rig.complete(winner.completed(winner.delivery())), Verdict::Accepted);
+        assert!(rig.cancelled.contains(&loser.assignment), "the other one may stop");
+        assert_eq!(rig.complete(loser.completed(loser.delivery())), Verdict::Duplicate);
+        rig.given.retain(|g| g.assignment != slow.assignment);
+        rig.work_off();
+        assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 2, 1)), "first: {first}");
+    }
+}
+
+#[test]
+fn a_copy_takes_over_when_the_first_worker_goes() {
+    let (mut rig, job, slow, sessions) = straggling();
+    rig.now.since_start += Duration::from_secs(3);
+    rig.heartbeat("fast", sessions["fast"], 0);
+    let copy = rig.take_of("fast").expect("a copy");
+    rig.scheduler.drain(rig.now, &slow.worker, sessions["slow"]);
+    rig.settle();
+    assert_eq!(leased(&rig, &job), 1, "it is not handed out a third time");
+    assert_eq!(rig.scheduler.jobs[&job].round.pending(), 0);
+    assert_eq!(rig.complete(copy.completed(copy.delivery())), Verdict::Accepted);
+
+    let (mut rig, job, _, sessions) = straggling();
+    rig.now.since_start += Duration::from_secs(3);
+    rig.heartbeat("fast", sessions["fast"], 0);
+    rig.scheduler.drain(rig.now, &WorkerId("fast".into()), sessions["fast"]);
+    rig.settle();
+    assert_eq!((leased(&rig, &job), rig.scheduler.copies.len()), (1, 0), "the first goes on alone");
+    rig.scheduler.drain(rig.now, &WorkerId("slow".into()), sessions["slow"]);
+    rig.settle();
+    assert_eq!(rig.scheduler.jobs[&job].round.pending(), 1);
+}
+
+#[test]
+fn work_that_stands_still_goes_to_others_though_its_worker_gives_signs_of_life() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 2, 1);
+    let session = rig.connect("stuck", 1);
+    let other = rig.connect("other", 1);
+    let (stuck, fine) = (rig.given[0].clone(), rig.given[1].clone());
+    let mut beats = 0;
+    let mut beat = |rig: &mut Rig, progress: u64| {
+        beats += 1;
+        rig.now.since_start += LEASE / 2;
+        rig.heartbeat("stuck", session, progress);
+        rig.heartbeat("other", other, beats);
+    };
+    // As long as it grows it is fine; then it has two leases' time.
+    for progress in 1..8 {
+        beat(&mut rig, progress);
+    }
+    for _ in 0..3 {
+        beat(&mut rig, 7);
+        assert!(!rig.cancelled.contains(&stuck.assignment));
+    }
+    beat(&mut rig, 7);
+    assert!(rig.cancelled.contains(&stuck.assignment), "its worker is told");
+    assert!(rig.take_of("stuck").is_none(), "others first");
+    rig.given.retain(|g| g.assignment != fine.assignment);
+    assert_eq!(in_a_second(&mut rig, &fine), Verdict::Accepted);
+    let again = rig.take_of("other").expect("somebody else gets it");
+    assert_eq!(again.range(), stuck.range());
+    assert_eq!(rig.stored(&job).state, JobState::Running);
+}
+
+#[test]
+fn a_worker_that_does_not_count_is_left_alone_and_so_is_work_that_waits_for_its_slot() {
+    let mut rig = Rig::new();
+    rig.submit("a", 2000, 1);
+    let session = rig.connect("w", 1);
+    let first = rig.take().unwrap();
+    let compute = Duration::from_millis(2) * first.range().count;
+    let delivery = first.delivery();
+    rig.complete(Completed { compute, ..first.completed(delivery) });
+    assert_eq!(rig.scheduler.workers.values().next().unwrap().held.len(), 2, "one in advance");
+    let ids: Vec<_> = rig.given.iter().map(|g| g.assignment).collect();
+    let id = WorkerId("w".into());
+    for beat in 0..10 {
+        rig.now.since_start += LEASE / 2;
+        // The first moves, the second waits behind it.
+        assert!(rig.scheduler.heartbeat(rig.now, &id, session, &ids, &[beat + 1, 0]));
+    }
+    for _ in 0..10 {
+        rig.now.since_start += LEASE / 2;
+        assert!(rig.scheduler.heartbeat(rig.now, &id, session, &ids, &[]));
+    }
+    rig.settle();
+    assert!(rig.cancelled.is_empty());
+}
+
+#[test]
+fn a_worker_that_gets_nowhere_again_and_again_gets_no_more_work_until_it_starts_anew() {
+    let mut rig = Rig::new();
+    rig.submit("a", 50, 1);
+    let session = rig.connect("stuck", 1);
+    for _ in 0..stuck::MOST_TIMES {
+        assert!(rig.scheduler.workers.values().next().unwrap().takes_work());
+        for _ in 0..6 {
+            rig.now.since_start += LEASE / 2;
+            rig.heartbeat("stuck", session, 1);
+        }
+        rig.advance(LEASE / 2);
+    }
+    let told = rig.scheduler.workers().remove(0);
+    assert!(told.reason.contains("stuck") && told.busy == 0, "{told:?}");
+    rig.given.clear();
+    rig.connect("stuck", 1);
+    assert!(rig.take().is_some());
+}
+
+#[test]
+fn what_does_not_fit_before_a_machine_goes_away_is_not_handed_out_there() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 100, 1);
+    rig.connect("w", 1);
+    let first = rig.take().unwrap();
+    in_a_second(&mut rig, &first);
+    let seconds = |s| Some(Duration::from_secs(s));
+    let connect = |rig: &mut Rig, id: &str, time_left| {
+        rig.scheduler.connect(rig.now, Greeting { time_left, ..greeting(id, 1) });
+        rig.settle();
+        rig.take_of(id).map(|g| g.range().count)
+    };
+    // 4 s of them are for the farewell, and a range of 5 tasks would take 5 s.
+    assert_eq!(connect(&mut rig, "short", seconds(7)), Some(3));
+    assert_eq!(connect(&mut rig, "shorter", seconds(4)), None);
+    assert!(connect(&mut rig, "long", seconds(100)).is_some_and(|count| count > 3));
+    assert_eq!(rig.drained, [WorkerId("shorter".into())], "at once");
+    // "short" is told in time, and what it has goes back.
+    assert_eq!(rig.scheduler.next_deadline(), Some(rig.now.since_start + Duration::from_secs(3)));
+    let before = leased(&rig, &job);
+    rig.advance(Duration::from_secs(3));
+    assert_eq!(rig.drained.last(), Some(&WorkerId("short".into())));
+    assert_eq!(leased(&rig, &job), before - 1);
+    let why: Vec<String> = rig.scheduler.workers().into_iter().map(|w| format!("{} {}", w.id, w.reason)).collect();
+    assert!(why.contains(&"short draining".to_owned()), "{why:?}");
+}
