@@ -8,6 +8,8 @@ mod api;
 mod journal;
 pub mod limits;
 mod metrics;
+#[cfg(unix)]
+pub mod open_files;
 pub mod record;
 pub mod scheduler;
 mod server;

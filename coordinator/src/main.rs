@@ -55,6 +55,7 @@ async fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    coordinator::open_files::raise();
     match run(arguments).await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

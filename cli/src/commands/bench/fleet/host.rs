@@ -66,6 +66,8 @@ impl Drop for Host {
 /// What the process does: serves until nobody holds its standard input any more.
 pub async fn serve(folder: PathBuf) -> Result<(), Error> {
     let failed = |e: coordinator::Error| Error::LocalCoordinator { reason: e.to_string() };
+    #[cfg(unix)]
+    coordinator::open_files::raise();
     let store = coordinator::StoreUrl::Sqlite(folder.join("store.sqlite"));
     let mut running = coordinator::serve(coordinator::Config::embedded(store)).await.map_err(failed)?;
     // If nobody reads it nobody needs it.

@@ -97,6 +97,8 @@ pub fn run(args: &BenchDispatch, workers: u32) -> Result<(), Error> {
 }
 
 async fn measure(args: &BenchDispatch, job: &Job, workers: u32) -> Result<View, Error> {
+    #[cfg(unix)]
+    coordinator::open_files::raise();
     let scratch = Scratch::new()?;
     let host = Host::start(&scratch.0)?;
     let slots = args.slots.first().copied().unwrap_or(1);
