@@ -93,6 +93,7 @@ impl Journal {
             },
             Write::Report { record, .. } => self.stands(record),
             Write::Quarantine(Quarantined { worker, name, reason, .. }) => {
+                self.metrics.quarantines.inc();
                 tracing::error!(worker = &**worker, name = &**name, reason, epoch = self.epoch, "worker quarantined");
             }
             Write::Carry { from, to: job, generations } => {
@@ -104,6 +105,7 @@ impl Journal {
 
     /// Workers disagree about a result, or somebody decided.
     fn disputed(&self, job: &JobId, dispute: &v1::Dispute) {
+        self.metrics.dispute(dispute.verdict());
         let claim = |c: &v1::Claim| {
             let bits = |s: &v1::Score| s.score.map_or("failed".to_owned(), |s| format!("{:016x}", s.to_bits()));
             format!("{} {}", c.worker_id, c.scores.iter().map(bits).collect::<Vec<_>>().join(","))

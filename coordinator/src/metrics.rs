@@ -11,6 +11,7 @@ use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
+use proto::v1::dispute;
 use sim_core::identity::Digest;
 use std::sync::{Arc, OnceLock};
 use telemetry::Vitals;
@@ -38,6 +39,9 @@ pub(crate) struct Metrics {
     /// Workers that were lost.
     pub workers_lost: Counter,
     leases_ended: Family<Label, Counter>,
+    disputes: Family<Label, Counter>,
+    /// Workers that were quarantined.
+    pub quarantines: Counter,
     results: Family<Label, Counter>,
     /// Tasks charged with a crash or a failure.
     pub attempts: Counter,
@@ -71,6 +75,8 @@ impl Metrics {
             workers: Family::default(),
             workers_lost: Counter::default(),
             leases_ended: Family::default(),
+            disputes: Family::default(),
+            quarantines: Counter::default(),
             results: Family::default(),
             attempts: Counter::default(),
             commit_seconds: Histogram::new(exponential_buckets(0.0001, 2.0, 16)),
@@ -100,6 +106,12 @@ impl Metrics {
         r.register("workers", "Workers, by what can be expected of them", self.workers.clone());
         r.register("workers_lost", "Workers that fell silent or died", self.workers_lost.clone());
         r.register("leases_ended", "Assignments that ended without a result", self.leases_ended.clone());
+        r.register(
+            "disputes",
+            "Tasks of which workers gave different bits, by what was decided",
+            self.disputes.clone(),
+        );
+        r.register("quarantines", "Workers that were found to compute wrongly", self.quarantines.clone());
         r.register("results", "Results delivered, by what became of them", self.results.clone());
         r.register("attempts", "Tasks charged with a crash or a failure", self.attempts.clone());
         r.register_with_unit("commit", "Time of a commit", Unit::Seconds, self.commit_seconds.clone());
@@ -123,6 +135,9 @@ impl Metrics {
         }
         for state in [JobState::Succeeded, JobState::Failed, JobState::Cancelled, JobState::Tainted] {
             self.jobs_ended.get_or_create_owned(&[("state", word(state))]);
+        }
+        for verdict in ["open", "upheld", "corrected", "tainted"] {
+            self.disputes.get_or_create_owned(&[("verdict", verdict)]);
         }
         for why in LeaseEnd::ALL {
             self.leases_ended.get_or_create_owned(&[("why", why.word())]);
@@ -150,6 +165,17 @@ impl Metrics {
         self.leases_ended.get_or_create(&[("why", why.word())]).inc();
     }
 
+    /// Workers disagree about a result, or somebody decided.
+    pub fn dispute(&self, verdict: dispute::Verdict) {
+        let verdict = match verdict {
+            dispute::Verdict::Unspecified => "open",
+            dispute::Verdict::Upheld => "upheld",
+            dispute::Verdict::Corrected => "corrected",
+            dispute::Verdict::Tainted => "tainted",
+        };
+        self.disputes.get_or_create(&[("verdict", verdict)]).inc();
+    }
+
     /// A result was answered.
     pub fn result(&self, verdict: Verdict) {
         self.results.get_or_create(&[("verdict", verdict.word())]).inc();
@@ -171,7 +197,13 @@ impl Metrics {
         for (state, count) in [("pending", census.pending), ("leased", census.leased)] {
             self.candidates.get_or_create(&[("state", state)]).set(count as i64);
         }
-        let workers = [("ready", census.ready), ("draining", census.draining), ("disconnected", census.disconnected)];
+        let workers = [
+            ("ready", census.ready),
+            ("draining", census.draining),
+            ("quarantined", census.quarantined),
+            ("stuck", census.stuck),
+            ("disconnected", census.disconnected),
+        ];
         for (state, count) in workers {
             self.workers.get_or_create(&[("state", state)]).set(count as i64);
         }

@@ -19,8 +19,12 @@ pub struct Census {
     pub busy: u64,
     /// Workers that take work.
     pub ready: u64,
-    /// Workers that are connected and get no more work: they will stop, or are quarantined or stuck.
+    /// Workers that are connected and will stop.
     pub draining: u64,
+    /// Workers that are connected and not believed any more.
+    pub quarantined: u64,
+    /// Workers that are connected and get nowhere with what they are given.
+    pub stuck: u64,
     /// Workers whose connection broke and whose leases still run.
     pub disconnected: u64,
 }
@@ -39,8 +43,12 @@ impl Scheduler {
             census.busy += worker.held.len().min(worker.slots as usize) as u64;
             if worker.session.is_none() {
                 census.disconnected += 1;
-            } else if !worker.takes_work() {
+            } else if !worker.trusted {
+                census.quarantined += 1;
+            } else if worker.draining {
                 census.draining += 1;
+            } else if !worker.takes_work() {
+                census.stuck += 1;
             } else {
                 census.ready += 1;
                 census.slots += u64::from(worker.slots);
