@@ -3,6 +3,7 @@
 use crate::client::Url;
 use crate::error::Error;
 use std::path::Path;
+use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
@@ -23,12 +24,9 @@ impl Local {
         let coordinator = coordinator::serve(coordinator::Config::embedded(store)).await.map_err(failed)?;
         let url = Url::of_socket(coordinator.local_addr());
         let (stop_worker, mut stopped) = watch::channel(false);
-        let config = worker::Config {
-            coordinator: url.to_string(),
-            slots: slots as usize,
-            name: worker::default_name(),
-            metrics: None,
-        };
+        // Whoever stops it wants it to stop: what runs is given back at once.
+        let grace = Duration::ZERO;
+        let config = worker::Config { grace, ..worker::Config::new(url.to_string(), slots as usize) };
         let worker = tokio::spawn(worker::run(config, async move {
             // An error means that the sender is gone: then stop, too.
             let _ = stopped.wait_for(|stop| *stop).await;

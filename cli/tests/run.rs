@@ -204,7 +204,7 @@ impl Cluster {
         let coordinator = runtime.block_on(coordinator::serve(config)).unwrap();
         let url = format!("http://{}", coordinator.local_addr());
         if slots > 0 {
-            let config = worker::Config { coordinator: url.clone(), slots, name: "test".to_owned(), metrics: None };
+            let config = worker::Config { name: "test".to_owned(), ..worker::Config::new(url.clone(), slots) };
             runtime.spawn(worker::run(config, std::future::pending()));
         }
         Self { url, runtime, coordinator: Some(coordinator) }

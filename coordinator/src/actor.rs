@@ -78,6 +78,7 @@ pub(crate) enum Command {
     Drain {
         worker: WorkerId,
         session: SessionId,
+        finishing: Vec<AssignmentId>,
     },
     Disconnect {
         worker: WorkerId,
@@ -161,7 +162,7 @@ impl Actor {
             self.flush(replies).await?;
         }
         for (_, outbox) in self.sessions.values() {
-            let drain = v1::Drain { reason: "the coordinator stops".to_owned() };
+            let drain = v1::Drain { reason: "the coordinator stops".to_owned(), finishing: Vec::new() };
             let _ = outbox.send(message(coordinator_message::Message::Drain(drain)));
         }
         Ok(())
@@ -224,9 +225,9 @@ impl Actor {
                 tracing::warn!(%worker, assignment = assignment.0, reason, "assignment rejected");
                 self.scheduler.reject(now, &worker, session, assignment);
             }
-            Command::Drain { worker, session } => {
-                tracing::info!(%worker, "worker drains");
-                self.scheduler.drain(now, &worker, session);
+            Command::Drain { worker, session, finishing } => {
+                tracing::info!(%worker, finishing = finishing.len(), "worker drains");
+                self.scheduler.drain(now, &worker, session, &finishing);
             }
             Command::Disconnect { worker, session } => {
                 tracing::info!(%worker, "worker disconnected");
@@ -316,7 +317,7 @@ fn message(content: coordinator_message::Message) -> v1::CoordinatorMessage {
 
 fn to_wire(content: Message) -> v1::CoordinatorMessage {
     message(match content {
-        Message::Drain(reason) => coordinator_message::Message::Drain(v1::Drain { reason }),
+        Message::Drain(reason) => coordinator_message::Message::Drain(v1::Drain { reason, finishing: Vec::new() }),
         Message::Cancel(ids) => {
             coordinator_message::Message::Cancel(v1::Cancel { assignment_ids: ids.iter().map(|a| a.0).collect() })
         }

@@ -13,7 +13,7 @@ use crate::rollout::{Engine, Outcome, Request};
 use crate::score::{Counts, Evaluation, Genome};
 use std::collections::BTreeSet;
 
-/// Rollouts between two looks at whether to stop.
+/// Rollouts between two looks at whether to stop, on an engine that does many at a time; on others each is looked at.
 const BATCH: usize = 64;
 /// Candidates advanced side by side: enough to fill an engine's lanes, few enough that what they hold, some 2 MiB each,
 /// stays small.
@@ -35,18 +35,26 @@ pub struct Trial {
     pub growths: Vec<Growth>,
     /// What it took.
     pub counts: Counts,
+    /// Rollouts it may simulate.
+    pub budget: u64,
+    /// It needed more: its trees are not grown.
+    pub exhausted: bool,
 }
 
 impl Trial {
-    /// A trial with one tree a stream, at the given reuse tolerance and the job's number of variants.
+    /// A trial with one tree a stream, at the given reuse tolerance and the job's number of variants, within the job's
+    /// budget.
     ///
     /// # Panics
     /// If the genome's length does not fit the job.
     pub fn new(job: &Job, genome: &[f64], tolerance: f64, streams: impl IntoIterator<Item = Stream>) -> Self {
-        Self::with_reuse(job, genome, Reuse { tolerance, ..job.reuse() }, streams)
+        let reuse = Reuse { tolerance, ..job.reuse() };
+        let trial = Self::with_reuse(job, genome, reuse, streams);
+        let budget = job.rollout_budget(trial.growths.len() as u32, reuse == job.reuse());
+        Self { budget, ..trial }
     }
 
-    /// A trial with one tree a stream, whose transitions are reused otherwise than the job says.
+    /// A trial with one tree a stream, whose transitions are reused otherwise than the job says. It may cost what it likes.
     ///
     /// # Panics
     /// If the genome's length does not fit the job.
@@ -59,6 +67,8 @@ impl Trial {
             table: Transitions::new(gaits, reuse, job.start()),
             growths: streams.into_iter().map(|s| Growth::new(job.planner(), job.root(), s)).collect(),
             counts: Counts::default(),
+            budget: u64::MAX,
+            exhausted: false,
         }
     }
 
@@ -86,16 +96,24 @@ impl Trial {
     }
 
     fn wishes(&mut self, job: &Job) -> Vec<TransitionKey> {
+        if self.exhausted {
+            return Vec::new();
+        }
         let (mut wishes, mut wished) = (Vec::new(), BTreeSet::new());
         for growth in &mut self.growths {
             let missing = growth.advance(&job.setting(), &mut self.table);
             wishes.extend(missing.into_iter().filter(|key| wished.insert(*key)));
         }
+        // What is wished for follows from this trial alone, and so does where it ends.
+        if self.counts.rollouts + wishes.len() as u64 > self.budget {
+            self.exhausted = true;
+            wishes.clear();
+        }
         wishes
     }
 }
 
-/// Advances trials side by side until all their trees are grown.
+/// Advances trials side by side until all their trees are grown, or their budgets are spent.
 pub fn grow(job: &Job, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
     grow_on(job.engine(), job, trials, stop)
 }
@@ -129,7 +147,8 @@ fn run(
     wishes: &[(usize, TransitionKey)],
     stop: &dyn Fn() -> bool,
 ) -> Result<(), Stopped> {
-    for batch in wishes.chunks(BATCH) {
+    let at_once = if engine.lanes() > 1 { BATCH } else { 1 };
+    for batch in wishes.chunks(at_once) {
         if stop() {
             return Err(Stopped);
         }
@@ -157,7 +176,8 @@ pub fn search_streams(job: &Job, generation: u32, candidate: u32) -> impl Iterat
 }
 
 /// Scores candidates of one generation, given as (index in the generation, genome). What a candidate scores does not
-/// depend on which others are in the batch. `stop` is asked now and then; once true, the work is given up.
+/// depend on which others are in the batch. One that exceeds the job's budget has failed. `stop` is asked before every
+/// batch of rollouts; once true, the work is given up.
 ///
 /// # Panics
 /// If a genome's length does not fit the job.
@@ -177,7 +197,7 @@ pub fn evaluate(
         grow(job, &mut trials, stop)?;
         evaluations.extend(trials.iter().zip(some).map(|(trial, (index, _))| Evaluation {
             candidate: *index,
-            score: Some(trial.score(job)),
+            score: (!trial.exhausted).then(|| trial.score(job)),
             counts: trial.counts(),
         }));
     }

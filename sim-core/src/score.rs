@@ -93,7 +93,7 @@ impl std::ops::AddAssign for Counts {
 pub struct Evaluation {
     /// Index in its generation.
     pub candidate: u32,
-    /// The score; `None` where the evaluation failed (an unstable start), which counts as worst.
+    /// The score; `None` where the evaluation failed (it exceeded its budget), which counts as worst.
     pub score: Option<f64>,
     /// What it took.
     pub counts: Counts,

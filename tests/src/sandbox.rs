@@ -2,6 +2,7 @@
 
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobState, SubmitJobRequest};
+use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -17,9 +18,14 @@ pub const PATIENCE: Duration = Duration::from_secs(120);
 fn binaries() -> &'static Path {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     BUILT.get_or_init(|| {
-        // The test runs from TARGET/PROFILE/deps.
+        // A test runs from TARGET/PROFILE/deps, a program of this package from TARGET/PROFILE.
         let own = std::env::current_exe().expect("a process knows its program");
-        let folder = own.ancestors().nth(2).expect("tests live in TARGET/PROFILE/deps").to_owned();
+        let mut folder = own.parent().expect("a program lies in a folder").to_owned();
+        // Whoever started such a program built the others, too.
+        if !folder.ends_with("deps") {
+            return folder;
+        }
+        folder.pop();
         let mut build = Command::new(env!("CARGO"));
         // The whole workspace: with fewer packages, dependencies would be built again with fewer features.
         build.args(["build", "--quiet", "--workspace", "--bins"]).current_dir(env!("CARGO_MANIFEST_DIR"));
@@ -37,6 +43,11 @@ fn binaries() -> &'static Path {
 pub struct Process(Child);
 
 impl Process {
+    /// Starts a program.
+    pub fn start(command: &mut Command) -> Self {
+        Self(command.spawn().expect("the program starts"))
+    }
+
     /// SIGKILL: it has no time for anything.
     pub fn kill_9(mut self) {
         self.0.kill().expect("a process of ours can be killed");
@@ -45,9 +56,19 @@ impl Process {
 
     /// SIGTERM, and its exit code.
     pub fn terminate(mut self) -> Option<i32> {
-        let status = Command::new("kill").arg(self.0.id().to_string()).status().expect("kill runs");
-        assert!(status.success());
+        self.signal("TERM");
         self.wait()
+    }
+
+    /// A signal by its name: TERM, STOP, CONT.
+    pub fn signal(&self, name: &str) {
+        let status = Command::new("kill").arg(format!("-{name}")).arg(self.0.id().to_string()).status();
+        assert!(status.expect("kill runs").success());
+    }
+
+    /// Whether it has ended.
+    pub fn has_ended(&mut self) -> bool {
+        self.0.try_wait().expect("a child can be waited for").is_some()
     }
 
     /// Its exit code, once it has ended by itself.
@@ -76,6 +97,8 @@ pub struct Sandbox {
     folder: TempDir,
     /// `127.0.0.1:PORT` once a coordinator was started.
     address: Option<String>,
+    /// Where processes write what they have to say, if not to the terminal.
+    logs: Option<PathBuf>,
 }
 
 impl Default for Sandbox {
@@ -87,7 +110,23 @@ impl Default for Sandbox {
 impl Sandbox {
     /// An empty folder.
     pub fn new() -> Self {
-        Self { folder: tempfile::tempdir().expect("a temporary folder"), address: None }
+        Self { folder: tempfile::tempdir().expect("a temporary folder"), address: None, logs: None }
+    }
+
+    /// Lets processes say more, into files in a folder.
+    pub fn log_to(&mut self, folder: &Path) {
+        self.logs = Some(folder.to_owned());
+    }
+
+    /// Adds to a command what it says and where.
+    fn with_log(&self, mut command: Command, name: &str) -> Command {
+        let level = if self.logs.is_some() { "info" } else { "error" };
+        command.env("RUST_LOG", std::env::var("RUST_LOG").unwrap_or_else(|_| level.to_owned()));
+        if let Some(folder) = &self.logs {
+            let file = OpenOptions::new().create(true).append(true).open(folder.join(name)).expect("a log");
+            command.stderr(file);
+        }
+        command
     }
 
     /// The folder.
@@ -129,21 +168,26 @@ impl Sandbox {
         let store = format!("sqlite:{}", self.folder.path().join("store.db").display());
         command.args(["--store", &store, "--lease-seconds", "2"]);
         command.args(["--listen", self.address.as_deref().unwrap_or("127.0.0.1:0")]);
-        command.env("RUST_LOG", std::env::var("RUST_LOG").unwrap_or_else(|_| "error".to_owned()));
-        command
+        self.with_log(command, "coordinator.log")
     }
 
-    /// Starts a worker for the sandbox's coordinator.
+    /// Starts a worker for the sandbox's coordinator. What it does not finish within a moment it gives back when stopped.
     pub fn worker(&self, slots: u32) -> Process {
         self.worker_with(slots, &[])
     }
 
     /// The same with more arguments.
     pub fn worker_with(&self, slots: u32, arguments: &[&str]) -> Process {
+        let mut command = self.worker_command(&self.url(), slots);
+        Process::start(command.args(["--grace", "0.1"]).args(arguments))
+    }
+
+    /// A worker that dials the coordinator at a URL of its own, with options still to be added.
+    pub fn worker_command(&self, url: &str, slots: u32) -> Command {
         let mut command = Command::new(binaries().join("worker"));
-        command.args(["--coordinator", &self.url(), "--slots", &slots.to_string()]).args(arguments);
-        command.env("RUST_LOG", std::env::var("RUST_LOG").unwrap_or_else(|_| "error".to_owned()));
-        Process(command.spawn().expect("worker starts"))
+        command.args(["--coordinator", url, "--slots", &slots.to_string(), "--keepalive", "1"]);
+        let name = url.rsplit(':').next().unwrap_or_default();
+        self.with_log(command, &format!("worker-{name}.log"))
     }
 
     /// Where clients connect to.

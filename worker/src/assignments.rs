@@ -1,12 +1,13 @@
 //! What this worker is working on, from the moment it is assigned until its result is answered.
 
-use proto::v1::RunningAssignment;
+use proto::v1::{Heartbeat, RunningAssignment};
 use sim_core::finish::Examination;
 use sim_core::job::Job;
 use sim_core::score::Genome;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::Notify;
 
 /// What is to be done.
 #[derive(Debug)]
@@ -17,6 +18,13 @@ pub(crate) enum Task {
     Examine { round: u32, index: u32, examination: Examination },
 }
 
+/// Where an assignment stands. A slot takes it from `WAITING` to `COMPUTING` and to `DONE`; the watchdog from `COMPUTING`
+/// to `ABANDONED`. Only one of the last two ever happens.
+const WAITING: u8 = 0;
+const COMPUTING: u8 = 1;
+const DONE: u8 = 2;
+const ABANDONED: u8 = 3;
+
 /// Work for one slot.
 #[derive(Debug)]
 pub(crate) struct Assignment {
@@ -25,16 +33,59 @@ pub(crate) struct Assignment {
     pub job: Arc<Job>,
     pub task: Task,
     stop: AtomicBool,
+    stage: AtomicU8,
+    progress: AtomicU64,
 }
 
 impl Assignment {
     pub fn new(id: u64, job_id: String, job: Arc<Job>, task: Task) -> Self {
-        Self { id, job_id, job, task, stop: AtomicBool::new(false) }
+        let (stop, stage, progress) = (AtomicBool::new(false), AtomicU8::new(WAITING), AtomicU64::new(0));
+        Self { id, job_id, job, task, stop, stage, progress }
     }
 
     /// Whether nobody needs it any more.
     pub fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+
+    /// A slot takes it up. `false` if nobody needs it any more.
+    pub fn start(&self) -> bool {
+        !self.stopped() && self.step(WAITING, COMPUTING)
+    }
+
+    /// Its slot is done with it. `false` if the slot took so long that it was given up.
+    pub fn finish(&self) -> bool {
+        self.step(COMPUTING, DONE)
+    }
+
+    /// Its slot is stuck: whatever comes of it is ignored. `false` if it has just been finished.
+    pub fn abandon(&self) -> bool {
+        let abandoned = self.step(COMPUTING, ABANDONED);
+        if abandoned {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+        abandoned
+    }
+
+    /// A sign that its slot gets on.
+    pub fn advance(&self) {
+        self.progress.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How far it is: 0 while it waits for a slot, then ever more.
+    pub fn progress(&self) -> u64 {
+        match self.stage.load(Ordering::SeqCst) {
+            WAITING => 0,
+            _ => 1 + self.progress.load(Ordering::Relaxed),
+        }
+    }
+
+    fn step(&self, from: u8, to: u8) -> bool {
+        self.stage.compare_exchange(from, to, Ordering::SeqCst, Ordering::SeqCst).is_ok()
+    }
+
+    fn is(&self, stage: u8) -> bool {
+        self.stage.load(Ordering::SeqCst) == stage
     }
 
     fn to_wire(&self) -> RunningAssignment {
@@ -48,11 +99,15 @@ impl Assignment {
 
 /// All of them.
 #[derive(Debug, Default)]
-pub(crate) struct Assignments(Mutex<BTreeMap<u64, Arc<Assignment>>>);
+pub(crate) struct Assignments {
+    all: Mutex<BTreeMap<u64, Arc<Assignment>>>,
+    /// One of them went.
+    gone: Notify,
+}
 
 impl Assignments {
     fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Assignment>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.all.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn insert(&self, assignment: Arc<Assignment>) {
@@ -62,6 +117,7 @@ impl Assignments {
     /// Its result was answered, or nobody needs it.
     pub fn remove(&self, id: u64) {
         self.lock().remove(&id);
+        self.gone.notify_waiters();
     }
 
     /// Gives work up. What is computing ends within a moment.
@@ -72,6 +128,20 @@ impl Assignments {
                 assignment.stop.store(true, Ordering::Relaxed);
             }
         }
+        drop(all);
+        self.gone.notify_waiters();
+    }
+
+    /// Gives up what no slot has taken up.
+    pub fn stop_waiting(&self) {
+        let waiting: Vec<u64> = self.lock().values().filter(|a| a.is(WAITING)).map(|a| a.id).collect();
+        self.stop(&waiting);
+    }
+
+    /// Gives up what slots work on; what is done stays until it is answered.
+    pub fn stop_computing(&self) {
+        let computing: Vec<u64> = self.lock().values().filter(|a| !a.is(DONE)).map(|a| a.id).collect();
+        self.stop(&computing);
     }
 
     pub fn stop_all(&self) {
@@ -83,8 +153,30 @@ impl Assignments {
         self.lock().keys().copied().collect()
     }
 
+    /// Those that a slot works on.
+    pub fn computing(&self) -> Vec<Arc<Assignment>> {
+        self.lock().values().filter(|a| a.is(COMPUTING)).cloned().collect()
+    }
+
+    /// Waits until there are none.
+    pub async fn none_left(&self) {
+        loop {
+            let gone = self.gone.notified();
+            if self.lock().is_empty() {
+                return;
+            }
+            gone.await;
+        }
+    }
+
     /// As Hello tells them.
     pub fn running(&self) -> Vec<RunningAssignment> {
         self.lock().values().map(|a| a.to_wire()).collect()
+    }
+
+    /// As a heartbeat tells them.
+    pub fn heartbeat(&self) -> Heartbeat {
+        let (running, progress) = self.lock().values().map(|a| (a.id, a.progress())).unzip();
+        Heartbeat { running, progress }
     }
 }

@@ -1,47 +1,51 @@
 //! The worker: pulls evaluations from a coordinator, runs them on its cores, reports.
 //!
-//! `session` keeps the connection, `assignments` knows what is being worked on, `slots` are the threads that compute,
-//! `delivery` brings results home. Computing goes on while the coordinator can't be reached.
+//! `session` keeps the connection, `intake` takes assignments in, `assignments` knows what is being worked on, `slots` are
+//! the threads that compute, `watchdog` finds those that are stuck, `delivery` brings results home. Computing goes on while
+//! the coordinator can't be reached.
 
 mod assignments;
 mod backoff;
+mod config;
 mod delivery;
 mod engines;
+#[cfg(any(debug_assertions, feature = "faults"))]
+mod fault;
+mod intake;
 mod jobs;
 mod metrics;
 mod session;
 mod slots;
+mod watchdog;
 mod work;
+
+pub use config::{Config, default_name, default_slots};
 
 use assignments::Assignments;
 use delivery::Courier;
 use engines::Engines;
+use intake::Intake;
 use jobs::Jobs;
 use metrics::{Metrics, Pulse};
 use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
-use session::Session;
+use session::{Session, Stage};
 use slots::Slots;
 use std::hash::{BuildHasher as _, RandomState};
 use std::sync::Arc;
-use std::time::Duration;
-use tokio::sync::mpsc;
-use tonic::transport::Endpoint;
+use std::time::{Duration, Instant};
+use tokio::sync::{mpsc, watch};
+use tokio::time::timeout;
+use watchdog::Watchdog;
 
-/// When told to stop, a worker has this long to say so and to deliver what is done.
-const STOP_WITHIN: Duration = Duration::from_secs(5);
-
-/// How a worker runs.
-#[derive(Clone, Debug)]
-pub struct Config {
-    /// The coordinator's URL, such as `http://127.0.0.1:7077`.
-    pub coordinator: String,
-    /// Evaluations at once, 1 to 4096. One thread each.
-    pub slots: usize,
-    /// For people, up to 256 bytes; see [`default_name`].
-    pub name: String,
-    /// Where metrics are served, if at all.
-    pub metrics: Option<telemetry::Bind>,
-}
+/// After the grace time, results that are done have this long to be delivered.
+const DELIVER_WITHIN: Duration = Duration::from_secs(3);
+/// Time to let the last words out.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+/// A worker whose time is limited starts to drain its grace time and this before its end, so that it is gone by then.
+pub const MARGIN: Duration = Duration::from_secs(5);
+/// With so many stuck slots a worker drains and ends: each may hold a core. One poisoned candidate makes at most 4, alone
+/// and as part of a range.
+pub const MAX_STUCK: usize = 5;
 
 /// Why a worker does not start, or stopped.
 #[derive(Debug, thiserror::Error)]
@@ -72,6 +76,21 @@ pub enum Error {
         /// What it says.
         reason: String,
     },
+    /// A time that can't be kept to.
+    #[error(transparent)]
+    Time(#[from] config::BadTime),
+    /// Slots got stuck, again and again. Start the worker again, if the machine is sound.
+    #[error(
+        "{stuck} slots made no progress for {} s each: the machine is sick, or its jobs are; the worker gave back what ran \
+         and ends",
+        .after.as_secs_f64()
+    )]
+    Stuck {
+        /// How many.
+        stuck: usize,
+        /// For how long.
+        after: Duration,
+    },
     /// Metrics can't be served as asked.
     #[error(transparent)]
     Metrics(#[from] telemetry::BindError),
@@ -80,90 +99,140 @@ pub enum Error {
     System(String),
 }
 
-/// Host and process: `node7:4711`.
-pub fn default_name() -> String {
-    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    let host = match host.trim() {
-        "" => "worker",
-        host => host,
-    };
-    format!("{host}:{}", std::process::id())
+/// Works until `drain` resolves, or its time is nearly up: then it takes nothing new, finishes what it can within the grace
+/// time, gives back the rest, and ends. Waits for a coordinator that is not there, and for one that went away.
+pub async fn run(config: Config, drain: impl Future<Output = ()>) -> Result<(), Error> {
+    run_until(config, drain, std::future::pending()).await
 }
 
-/// As many slots as the system has cores for this process.
-pub fn default_slots() -> usize {
-    std::thread::available_parallelism().map_or(1, |n| n.get())
-}
-
-/// Works until `shutdown` resolves: then what runs is given back, what is done is delivered, and it ends. Waits for a
-/// coordinator that is not there, and for one that went away.
-pub async fn run(config: Config, shutdown: impl Future<Output = ()>) -> Result<(), Error> {
-    let Config { coordinator: url, slots, name, metrics: bind } = config;
-    if slots == 0 || slots > MAX_SLOTS as usize {
-        return Err(Error::Slots { slots });
-    }
-    if name.len() > MAX_WORKER_NAME {
-        return Err(Error::Name { length: name.len() });
-    }
-    let endpoint = endpoint(&url)?;
+/// Like [`run`]; `at_once` cuts the grace time short.
+pub async fn run_until(
+    config: Config,
+    drain: impl Future<Output = ()>,
+    at_once: impl Future<Output = ()>,
+) -> Result<(), Error> {
+    config.check()?;
+    #[cfg(any(debug_assertions, feature = "faults"))]
+    fault::check().map_err(Error::System)?;
+    let end = config.time_left.map(|left| Instant::now() + left);
+    let endpoint = config.endpoint()?;
     let assignments = Arc::new(Assignments::default());
-    let metrics = Arc::new(Metrics::new(slots));
+    let metrics = Arc::new(Metrics::new(config.slots));
     let pulse = Arc::new(Pulse { metrics: metrics.clone(), assignments: assignments.clone() });
     // Served until the worker ends.
-    let _served = match bind {
+    let _served = match config.metrics.clone() {
         Some(bind) => Some(telemetry::Endpoint::start(bind, pulse).await?),
         None => None,
     };
     let engines = tokio::task::spawn_blocking(Engines::measure).await.map_err(|e| Error::System(e.to_string()))?;
     let id = unique_id();
     let (done, finished) = mpsc::unbounded_channel();
-    let queue = Slots::start(slots, done).map_err(|e| Error::System(e.to_string()))?;
+    let queue = Slots::start(config.slots, done).map_err(|e| Error::System(e.to_string()))?;
     let courier = Courier::new(endpoint.connect_lazy(), id.clone(), assignments.clone(), metrics.clone());
     let delivering = tokio::spawn(courier.clone().run(finished));
-
+    let (stage, stages) = watch::channel(Stage::Working);
     let mut session = Session {
-        url,
+        url: config.coordinator.clone(),
         endpoint,
         id,
-        name,
-        slots: slots as u32,
-        engines: Arc::new(engines),
-        assignments: assignments.clone(),
-        jobs: Jobs::default(),
-        queue,
-        courier,
+        name: config.name.clone(),
+        slots: config.slots as u32,
+        end,
+        intake: Intake {
+            engines: Arc::new(engines),
+            assignments: assignments.clone(),
+            queue: queue.clone(),
+            courier,
+            jobs: Jobs::default(),
+            waiting: Vec::new(),
+        },
         metrics,
-        said: None,
+        stage: stages,
     };
-    let outcome = tokio::select! {
-        error = session.keep() => Err(error),
-        () = shutdown => Ok(()),
+
+    let outcome = {
+        let watching = watch_slots(&assignments, &queue, config.stuck_after);
+        let mut keeping = std::pin::pin!(session.keep());
+        tokio::select! {
+            refused = &mut keeping => refused,
+            left = leave(&config, &assignments, &stage, (drain, at_once, watching), end) => {
+                // What it says last may find nobody.
+                let _ = timeout(LAST_WORDS, &mut keeping).await;
+                left
+            }
+        }
     };
-    // What runs is given back at once: the threads see the flag within a moment.
+    // The threads see the flag within a moment.
     assignments.stop_all();
-    if outcome.is_ok() {
-        session.say_drain().await;
-    }
-    drop(session);
-    let delivered = tokio::time::timeout(STOP_WITHIN, delivering).await;
-    if delivered.is_err() {
-        tracing::warn!("some results could not be delivered: their evaluations will be done again elsewhere");
-    }
+    delivering.abort();
     outcome
 }
 
-fn endpoint(url: &str) -> Result<Endpoint, Error> {
-    let wrong = || Error::BadAddress { url: url.to_owned() };
-    let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_| wrong())?;
-    if endpoint.uri().scheme_str() != Some("http") || endpoint.uri().host().is_none() {
-        return Err(wrong());
+/// Waits for a reason to leave, and then until there is nothing left to wait for.
+async fn leave(
+    config: &Config,
+    assignments: &Assignments,
+    stage: &watch::Sender<Stage>,
+    (drain, at_once, watching): (impl Future<Output = ()>, impl Future<Output = ()>, impl Future<Output = usize>),
+    end: Option<Instant>,
+) -> Result<(), Error> {
+    let nearly_up = async {
+        match end {
+            Some(end) => tokio::time::sleep_until((end - config.grace - MARGIN).into()).await,
+            None => std::future::pending().await,
+        }
+    };
+    let (reason, outcome) = tokio::select! {
+        () = drain => ("it was told to stop", Ok(())),
+        () = nearly_up => ("its time is nearly up", Ok(())),
+        stuck = watching => ("its slots get stuck", Err(Error::Stuck { stuck, after: config.stuck_after })),
+    };
+    let grace = config.grace.as_secs_f64();
+    tracing::info!(reason, running = assignments.computing().len(), grace_s = grace, "draining");
+    stage.send_replace(Stage::Draining(reason));
+    let mut at_once = std::pin::pin!(at_once);
+    let hurried = tokio::select! {
+        // What is not finished by then is given back.
+        _ = timeout(config.grace, assignments.none_left()) => false,
+        () = &mut at_once => true,
+    };
+    assignments.stop_computing();
+    stage.send_replace(Stage::Draining(reason));
+    let delivered = tokio::select! {
+        delivered = timeout(DELIVER_WITHIN, assignments.none_left()), if !hurried => delivered.is_ok(),
+        () = &mut at_once, if !hurried => false,
+        else => assignments.ids().is_empty(),
+    };
+    if !delivered {
+        tracing::warn!("some results could not be delivered: their evaluations will be done again elsewhere");
     }
-    Ok(endpoint
-        .connect_timeout(Duration::from_secs(5))
-        .tcp_nodelay(true)
-        .http2_keep_alive_interval(Duration::from_secs(10))
-        .keep_alive_timeout(Duration::from_secs(10))
-        .keep_alive_while_idle(true))
+    assignments.stop_all();
+    stage.send_replace(Stage::Leaving);
+    outcome
+}
+
+/// Replaces slots that are stuck; returns how many there are once there are too many.
+async fn watch_slots(assignments: &Assignments, queue: &Slots, stuck_after: Duration) -> usize {
+    let mut watchdog = Watchdog::default();
+    let mut looks = tokio::time::interval(Watchdog::period(stuck_after));
+    looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        looks.tick().await;
+        let computing = assignments.computing();
+        for id in watchdog.look(computing.iter().map(|a| (a.id, a.progress()))) {
+            let Some(assignment) = computing.iter().find(|a| a.id == id) else { continue };
+            let stuck = queue.replace(assignment, stuck_after);
+            tracing::error!(
+                assignment = id,
+                job = assignment.job_id,
+                stuck,
+                "a slot is stuck: a fresh one takes its place"
+            );
+            if stuck >= MAX_STUCK {
+                return stuck;
+            }
+        }
+    }
 }
 
 /// Tells this worker from all others, over reconnects. Has nothing to do with any result.
@@ -178,18 +247,33 @@ mod tests {
 
     #[tokio::test]
     async fn what_can_not_work_is_said_before_anything_starts() {
-        let run = |coordinator: &str, slots| {
-            run(
-                Config { coordinator: coordinator.to_owned(), slots, name: "n".to_owned(), metrics: None },
-                std::future::pending(),
-            )
-        };
+        let config = |coordinator: &str, slots| Config::new(coordinator.to_owned(), slots);
+        let run = |config| run(config, std::future::pending());
         for url in ["", "127.0.0.1:7077", "https://127.0.0.1:7077", "http://", "sqlite:x"] {
-            assert!(matches!(run(url, 1).await, Err(Error::BadAddress { .. })), "{url}");
+            assert!(matches!(run(config(url, 1)).await, Err(Error::BadAddress { .. })), "{url}");
         }
+        let url = "http://127.0.0.1:1";
         for slots in [0, MAX_SLOTS as usize + 1] {
-            assert!(matches!(run("http://127.0.0.1:1", slots).await, Err(Error::Slots { .. })));
+            assert!(matches!(run(config(url, slots)).await, Err(Error::Slots { .. })));
         }
+        let grace = Duration::from_secs(10);
+        let time_left = Some(grace + MARGIN);
+        for (config, word) in [
+            (Config { grace, time_left, ..config(url, 1) }, "--time-left"),
+            (Config { grace: Duration::MAX, ..config(url, 1) }, "--grace"),
+            (Config { stuck_after: Duration::ZERO, ..config(url, 1) }, "--stuck-after"),
+        ] {
+            let error = run(config).await.unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_worker_ends_in_good_order_though_no_coordinator_ever_came() {
+        let config = Config::new("http://127.0.0.1:1".to_owned(), 1);
+        let drain = tokio::time::sleep(Duration::from_millis(50));
+        let ended = timeout(Duration::from_secs(5), run(config, drain)).await;
+        assert!(matches!(ended, Ok(Ok(()))), "{ended:?}");
     }
 
     #[test]

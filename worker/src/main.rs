@@ -1,8 +1,12 @@
 //! The worker's binary.
 
+mod time_left;
+
 use clap::Parser;
 use std::process::ExitCode;
+use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::watch;
 use worker::{Config, Error};
 
 /// Runs evaluations for a coordinator.
@@ -16,8 +20,12 @@ use worker::{Config, Error};
     after_help = "Example:
   worker --coordinator http://127.0.0.1:7077 --slots 4
 
-SIGINT and SIGTERM give back what runs and end the worker with exit code 0. Messages go to standard error (RUST_LOG=debug
-for more)."
+SIGINT and SIGTERM drain it: it takes nothing new, finishes what it can within the grace time, gives back the rest, which
+costs nothing, and ends with exit code 0. A second one cuts the grace time short. In a Slurm job it drains before its
+time is up with --time-left $(squeue -h -j $SLURM_JOB_ID -o %L).
+
+A candidate that panics or gets stuck has failed an attempt; the worker goes on. Messages go to standard error
+(RUST_LOG=debug for more)."
 )]
 struct Arguments {
     /// The coordinator to work for
@@ -34,6 +42,24 @@ struct Arguments {
 
     #[command(flatten)]
     telemetry: telemetry::Options,
+
+    /// When told to stop, time to finish what runs
+    #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
+    grace: Duration,
+
+    /// Wall time that is left to this process: it drains by itself before that. Seconds, or as Slurm prints them
+    /// ([DAYS-]HOURS:MINUTES:SECONDS)
+    #[arg(long, value_name = "TIME", value_parser = time_left::slurm)]
+    time_left: Option<Duration>,
+
+    /// A slot that ends no batch of rollouts for this long is stuck: its work counts as failed, and a fresh one takes its
+    /// place
+    #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "600")]
+    stuck_after: Duration,
+
+    /// How often an idle connection is checked, and how long the coordinator has to answer
+    #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
+    keepalive: Duration,
 }
 
 #[tokio::main(worker_threads = 2)]
@@ -58,18 +84,31 @@ async fn main() -> ExitCode {
 async fn run(arguments: Arguments) -> Result<(), Error> {
     let signals = |kind| signal(kind).map_err(|e| Error::System(format!("signals can't be received: {e}")));
     let (mut interrupt, mut terminate) = (signals(SignalKind::interrupt())?, signals(SignalKind::terminate())?);
-    let shutdown = async move {
-        tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
+    let (told, times) = watch::channel(0);
+    tokio::spawn(async move {
+        loop {
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+            }
+            told.send_modify(|times| *times += 1);
         }
-        tracing::info!("stopping: what runs is given back");
+    });
+    let after = |least: u32| {
+        let mut times = times.clone();
+        async move {
+            // The task above never ends.
+            let _ = times.wait_for(|times| *times >= least).await;
+        }
     };
     let config = Config {
-        coordinator: arguments.coordinator,
-        slots: arguments.slots.unwrap_or_else(worker::default_slots),
         name: arguments.name.unwrap_or_else(worker::default_name),
         metrics: arguments.telemetry.bind(),
+        grace: arguments.grace,
+        time_left: arguments.time_left,
+        stuck_after: arguments.stuck_after,
+        keepalive: arguments.keepalive,
+        ..Config::new(arguments.coordinator, arguments.slots.unwrap_or_else(worker::default_slots))
     };
-    worker::run(config, shutdown).await
+    worker::run_until(config, after(1), after(2)).await
 }

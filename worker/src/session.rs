@@ -1,31 +1,34 @@
 //! The connection to the coordinator: made again and again, and nothing is lost in between.
 
 use crate::Error;
-use crate::assignments::{Assignment, Assignments, Task};
 use crate::backoff::Backoff;
-use crate::delivery::Courier;
-use crate::engines::Engines;
-use crate::jobs::{Jobs, Unavailable};
+use crate::intake::{Forgotten, Intake};
 use crate::metrics::Metrics;
-use crate::slots::Slots;
+use proto::PROTOCOL;
 use proto::limits::MAX_MESSAGE;
 use proto::v1::worker_service_client::WorkerServiceClient;
-use proto::v1::{
-    Assign, CompleteRequest, Drain, Heartbeat, Hello, Reject, Welcome, WorkerMessage, assign, complete_request,
-    coordinator_message, worker_message,
-};
-use proto::{ConvertError, PROTOCOL};
+use proto::v1::{CoordinatorMessage, Drain, Hello, Welcome, WorkerMessage, coordinator_message, worker_message};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
+use tokio::sync::watch;
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::transport::Endpoint;
-use tonic::{Code, Status};
+use tonic::{Code, Status, Streaming};
 
 /// Shortest time between two heartbeats, whatever the coordinator asks for.
 const LEAST_HEARTBEAT: Duration = Duration::from_millis(10);
-/// Time to let the last words out.
-const LAST_WORDS: Duration = Duration::from_millis(200);
+
+/// What the worker is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stage {
+    /// Takes work.
+    Working,
+    /// Finishes what it has, for a reason. Entered again when something of that is given back.
+    Draining(&'static str),
+    /// Has nothing left, and hangs up.
+    Leaving,
+}
 
 pub(crate) struct Session {
     pub url: String,
@@ -33,34 +36,50 @@ pub(crate) struct Session {
     pub id: String,
     pub name: String,
     pub slots: u32,
-    pub engines: Arc<Engines>,
-    pub assignments: Arc<Assignments>,
-    pub jobs: Jobs,
-    pub queue: Slots,
-    pub courier: Courier,
+    /// When the worker ends by itself.
+    pub end: Option<Instant>,
+    pub intake: Intake,
     pub metrics: Arc<Metrics>,
-    /// The way to the coordinator while connected.
-    pub said: Option<UnboundedSender<WorkerMessage>>,
+    pub stage: watch::Receiver<Stage>,
+}
+
+/// A connection that stands.
+struct Connection {
+    said: UnboundedSender<WorkerMessage>,
+    incoming: Streaming<CoordinatorMessage>,
+    heartbeat: Duration,
 }
 
 impl Session {
-    /// Connects, works, and connects again, until the coordinator refuses this worker.
-    pub async fn keep(&mut self) -> Error {
+    /// Connects, works, and connects again, until the worker leaves or the coordinator refuses it.
+    pub async fn keep(&mut self) -> Result<(), Error> {
         let mut backoff = Backoff::new();
         let mut told = false;
+        let mut stage = self.stage.clone();
         loop {
-            let ended = self.once(&mut backoff).await;
-            self.said = None;
-            self.metrics.connected.set(0);
-            if let Err(status) = &ended
-                && refusal(status.code())
-            {
-                return Error::Refused { url: self.url.clone(), reason: status.message().to_owned() };
+            let connected = tokio::select! {
+                connected = self.connect() => connected,
+                () = leaving(&mut stage) => return Ok(()),
+            };
+            let ended = match connected {
+                Ok(connection) => {
+                    backoff.reset();
+                    let ended = self.converse(connection).await;
+                    self.metrics.connected.set(0);
+                    ended
+                }
+                Err(status) => Err(status),
+            };
+            if *stage.borrow() == Stage::Leaving {
+                return Ok(());
             }
             match ended {
                 Ok(()) => {
-                    tracing::info!(url = self.url, "the coordinator hung up: connecting again");
+                    tracing::info!(url = self.url, "the connection ended: connecting again");
                     told = false;
+                }
+                Err(status) if refusal(status.code()) => {
+                    return Err(Error::Refused { url: self.url.clone(), reason: status.message().to_owned() });
                 }
                 Err(status) => {
                     // Once is enough while nothing changes.
@@ -70,36 +89,32 @@ impl Session {
                     told = true;
                 }
             }
-            backoff.wait().await;
-        }
-    }
-
-    /// Tells the coordinator that this worker stops, if it is connected.
-    pub async fn say_drain(&self) {
-        if let Some(said) = &self.said {
-            let drain = Drain { reason: "the worker stops".to_owned() };
-            if said.send(message(worker_message::Message::Drain(drain))).is_ok() {
-                tokio::time::sleep(LAST_WORDS).await;
+            tokio::select! {
+                () = backoff.wait() => {}
+                () = leaving(&mut stage) => return Ok(()),
             }
         }
     }
 
-    /// One connection, from Hello to its end. `Ok` if it stood for a while.
-    async fn once(&mut self, backoff: &mut Backoff) -> Result<(), Status> {
+    /// From dialing to Welcome.
+    async fn connect(&mut self) -> Result<Connection, Status> {
         let channel = self.endpoint.connect().await.map_err(|e| Status::unavailable(cause(&e)))?;
         let mut client = WorkerServiceClient::new(channel)
             .max_decoding_message_size(MAX_MESSAGE)
             .max_encoding_message_size(MAX_MESSAGE);
         let (said, outgoing) = unbounded_channel();
+        // What the connection before brought and is not yet taken up is not known here any more: it is assigned again.
+        self.intake.waiting.clear();
+        let left = self.end.map(|end| end.saturating_duration_since(Instant::now()).as_secs().max(1));
         let hello = Hello {
             protocol: PROTOCOL,
             worker_id: self.id.clone(),
             name: self.name.clone(),
             slots: self.slots,
-            engine_digests: self.engines.to_wire(),
-            running: self.assignments.running(),
+            engine_digests: self.intake.engines.to_wire(),
+            running: self.intake.assignments.running(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            seconds_left: 0,
+            seconds_left: left.unwrap_or(0),
         };
         say(&said, worker_message::Message::Hello(hello));
         let mut incoming = client.session(UnboundedReceiverStream::new(outgoing)).await?.into_inner();
@@ -110,28 +125,57 @@ impl Session {
         let Some(coordinator_message::Message::Welcome(Welcome { drop, heartbeat_ms, epoch, .. })) = welcome else {
             return Err(Status::unavailable("it did not say Welcome"));
         };
-        backoff.reset();
         self.metrics.connected.set(1);
         self.metrics.sessions.inc();
         tracing::info!(worker = self.id, url = self.url, slots = self.slots, epoch, "connected");
-        self.assignments.stop(&drop);
-        self.said = Some(said.clone());
+        self.intake.stop(&drop);
+        let heartbeat = Duration::from_millis(heartbeat_ms.into()).max(LEAST_HEARTBEAT);
+        Ok(Connection { said, incoming, heartbeat })
+    }
 
-        let period = Duration::from_millis(heartbeat_ms.into()).max(LEAST_HEARTBEAT);
-        let mut heartbeat = tokio::time::interval(period);
+    /// From Welcome to the connection's end. An error is a refusal.
+    async fn converse(&mut self, connection: Connection) -> Result<(), Status> {
+        let Connection { said, mut incoming, heartbeat } = connection;
+        let mut heartbeat = tokio::time::interval(heartbeat);
         heartbeat.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        let mut stage = self.stage.clone();
+        self.say_drain(&said);
         loop {
             let received = tokio::select! {
                 received = incoming.message() => received,
                 _ = heartbeat.tick() => {
-                    say(&said, worker_message::Message::Heartbeat(Heartbeat { running: self.assignments.ids(), progress: Vec::new() }));
+                    say(&said, worker_message::Message::Heartbeat(self.intake.heartbeat()));
                     continue;
+                }
+                Some((id, read)) = self.intake.jobs.next() => {
+                    for reject in self.intake.read(&id, read) {
+                        say(&said, worker_message::Message::Reject(reject));
+                    }
+                    continue;
+                }
+                Ok(()) = stage.changed() => {
+                    self.say_drain(&said);
+                    if *stage.borrow() != Stage::Leaving {
+                        continue;
+                    }
+                    // The last words have arrived once the other side ends, too.
+                    drop(said);
+                    while let Ok(Some(_)) = incoming.message().await {}
+                    return Ok(());
                 }
             };
             match received {
                 Ok(Some(content)) => match content.message {
-                    Some(coordinator_message::Message::Assign(assign)) => self.assigned(assign, &said).await,
-                    Some(coordinator_message::Message::Cancel(cancel)) => self.assignments.stop(&cancel.assignment_ids),
+                    // It crossed the word that this worker drains.
+                    Some(coordinator_message::Message::Assign(_)) if *stage.borrow() != Stage::Working => {
+                        self.say_drain(&said);
+                    }
+                    Some(coordinator_message::Message::Assign(assign)) => match self.intake.assigned(assign) {
+                        Ok(None) => {}
+                        Ok(Some(reject)) => say(&said, worker_message::Message::Reject(reject)),
+                        Err(Forgotten) => return Ok(()),
+                    },
+                    Some(coordinator_message::Message::Cancel(cancel)) => self.intake.stop(&cancel.assignment_ids),
                     // It will be back: what is being computed will be welcome then.
                     Some(coordinator_message::Message::Drain(drain)) => tracing::info!(reason = drain.reason, "drain"),
                     Some(coordinator_message::Message::Welcome(_)) | None => {}
@@ -146,57 +190,23 @@ impl Session {
         }
     }
 
-    /// Takes work on, or says why not.
-    async fn assigned(&mut self, assign: Assign, said: &UnboundedSender<WorkerMessage>) {
-        let Assign { assignment_id: id, job_id, job_toml, task } = assign;
-        let reject = |reason: String| {
-            say(said, worker_message::Message::Reject(Reject { assignment_id: id, reason }));
+    /// If the worker drains: gives back what no slot has taken up, and says what it still finishes.
+    fn say_drain(&mut self, said: &UnboundedSender<WorkerMessage>) {
+        let reason = match *self.stage.borrow() {
+            Stage::Working => return,
+            Stage::Draining(reason) => reason,
+            Stage::Leaving => "it leaves",
         };
-        let job = match self.jobs.get(&job_id, job_toml).await {
-            Ok(job) => job,
-            Err(problem @ (Unavailable::Unknown | Unavailable::Unreadable(_))) => return reject(problem.to_string()),
-        };
-        if !self.engines.has(&job.engine_digest()) {
-            return reject(format!("this worker has no engine {}", job.engine_digest().short()));
-        }
-        let task = match read(task) {
-            Ok(task) => task,
-            Err(problem) => return reject(problem.to_string()),
-        };
-        // A genome that does not fit would be a panic later on.
-        let parameters = job.bounds().0.len();
-        let fits = match &task {
-            Task::Evaluate { candidates, .. } => candidates.iter().all(|(_, genome)| genome.len() == parameters),
-            Task::Examine { examination, .. } => examination.candidate.genome.len() == parameters,
-        };
-        if !fits {
-            let result = Some(complete_request::Result::Failure(format!(
-                "its genomes do not have the {parameters} parameters that the job asks for"
-            )));
-            let engine_digest = job.engine_digest().0.to_vec();
-            let failure =
-                CompleteRequest { assignment_id: id, job_id, engine_digest, result, ..CompleteRequest::default() };
-            tokio::spawn(self.courier.clone().deliver(failure));
-            return;
-        }
-        let assignment = Arc::new(Assignment::new(id, job_id, job, task));
-        self.assignments.insert(assignment.clone());
-        self.queue.push(assignment);
+        self.intake.stop_waiting();
+        let finishing = self.intake.assignments.ids();
+        say(said, worker_message::Message::Drain(Drain { reason: reason.to_owned(), finishing }));
     }
 }
 
-fn read(task: Option<assign::Task>) -> Result<Task, ConvertError> {
-    match task.ok_or(ConvertError::Missing { field: "task" })? {
-        assign::Task::Evaluate(evaluate) => {
-            proto::range_length(evaluate.first, evaluate.genomes.len())?;
-            let candidates = (evaluate.first..).zip(evaluate.genomes.into_iter().map(|g| g.values)).collect();
-            Ok(Task::Evaluate { generation: evaluate.generation, first: evaluate.first, candidates })
-        }
-        assign::Task::Examine(task) => {
-            let (round, index) = (task.round, task.index);
-            Ok(Task::Examine { round, index, examination: proto::examination(task)? })
-        }
-    }
+/// Waits until the worker leaves.
+async fn leaving(stage: &mut watch::Receiver<Stage>) {
+    // An error means that nobody is there to wait for.
+    let _ = stage.wait_for(|stage| *stage == Stage::Leaving).await;
 }
 
 /// Codes by which a coordinator says that this worker will never do.
@@ -213,11 +223,7 @@ fn refusal(code: Code) -> bool {
 
 fn say(said: &UnboundedSender<WorkerMessage>, content: worker_message::Message) {
     // A connection that broke shows where it is read.
-    let _ = said.send(message(content));
-}
-
-fn message(content: worker_message::Message) -> WorkerMessage {
-    WorkerMessage { message: Some(content) }
+    let _ = said.send(WorkerMessage { message: Some(content) });
 }
 
 /// The innermost reason: "connection refused" rather than "transport error".

@@ -1,46 +1,85 @@
 //! The threads that compute: one a slot. They end when the queue does.
 
 use crate::assignments::Assignment;
-use crate::work::carry_out;
+use crate::work::{carry_out, gave_up};
 use proto::v1::CompleteRequest;
 use std::io;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 use tokio::sync::mpsc::UnboundedSender;
 
 /// The way into the queue of the slots.
 #[derive(Clone)]
-pub(crate) struct Slots(Sender<Arc<Assignment>>);
+pub(crate) struct Slots {
+    queue: Sender<Arc<Assignment>>,
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    queue: Mutex<Receiver<Arc<Assignment>>>,
+    done: UnboundedSender<CompleteRequest>,
+    /// Threads ever started.
+    started: AtomicUsize,
+    /// Threads that were given up and have not come back.
+    stuck: AtomicUsize,
+}
 
 impl Slots {
-    /// Starts the threads. `done` gets every result; it is closed once the last thread has ended.
+    /// Starts the threads. `done` gets every result.
     pub fn start(slots: usize, done: UnboundedSender<CompleteRequest>) -> io::Result<Self> {
-        let (sender, receiver) = channel();
-        let receiver = Arc::new(Mutex::new(receiver));
-        for slot in 0..slots {
-            let (receiver, done) = (receiver.clone(), done.clone());
-            std::thread::Builder::new().name(format!("slot-{slot}")).spawn(move || work_off(&receiver, &done))?;
-        }
-        Ok(Self(sender))
+        let (queue, receiver) = channel();
+        let (started, stuck) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let shared = Arc::new(Shared { queue: Mutex::new(receiver), done, started, stuck });
+        let slots = (0..slots).try_for_each(|_| Shared::spawn(&shared));
+        slots.map(|()| Self { queue, shared })
     }
 
     pub fn push(&self, assignment: Arc<Assignment>) {
         // The threads outlive every sender: they end when there is none.
-        let _ = self.0.send(assignment);
+        let _ = self.queue.send(assignment);
+    }
+
+    /// Gives a stuck slot up: its work has failed, and a fresh thread takes its place. The old one can't be ended from
+    /// outside; should it come back it ends by itself. Returns how many there are of those.
+    pub fn replace(&self, assignment: &Assignment, stuck_after: Duration) -> usize {
+        if assignment.abandon() {
+            self.shared.stuck.fetch_add(1, Ordering::SeqCst);
+            // Nobody listens any more: the worker ends.
+            let _ = self.shared.done.send(gave_up(assignment, stuck_after));
+            if let Err(error) = Shared::spawn(&self.shared) {
+                tracing::error!(%error, "no thread for a fresh slot: this worker has one less");
+            }
+        }
+        self.shared.stuck.load(Ordering::SeqCst)
     }
 }
 
-fn work_off(queue: &Mutex<Receiver<Arc<Assignment>>>, done: &UnboundedSender<CompleteRequest>) {
-    loop {
-        let next = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(assignment) = next else { return };
-        if assignment.stopped() {
-            continue;
-        }
-        if let Some(result) = carry_out(&assignment)
-            && done.send(result).is_err()
-        {
-            return;
+impl Shared {
+    fn spawn(shared: &Arc<Self>) -> io::Result<()> {
+        let (slot, own) = (shared.started.fetch_add(1, Ordering::SeqCst), shared.clone());
+        std::thread::Builder::new().name(format!("slot-{slot}")).spawn(move || own.work_off())?;
+        Ok(())
+    }
+
+    fn work_off(&self) {
+        loop {
+            let next = self.queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
+            let Ok(assignment) = next else { return };
+            if !assignment.start() {
+                continue;
+            }
+            let result = carry_out(&assignment);
+            if !assignment.finish() {
+                self.stuck.fetch_sub(1, Ordering::SeqCst);
+                return;
+            }
+            if let Some(result) = result
+                && self.done.send(result).is_err()
+            {
+                return;
+            }
         }
     }
 }

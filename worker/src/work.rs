@@ -1,13 +1,15 @@
 //! One assignment, carried out on the thread that calls.
 
 use crate::assignments::{Assignment, Task};
+#[cfg(any(debug_assertions, feature = "faults"))]
+use crate::fault;
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::{CompleteRequest, EvaluateResult, ExamineResult};
 use sim_core::evaluate::{Stopped, evaluate};
 use sim_core::finish::{Answer, examine};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What came of it, ready to be sent; `None` if it was stopped. A panic is a result like any other: it says that this
 /// work can't be done, and the worker lives on.
@@ -19,22 +21,40 @@ pub(crate) fn carry_out(assignment: &Assignment) -> Option<CompleteRequest> {
         Err(panic) => Outcome::Failure(format!("it panicked: {}", message(&*panic))),
     };
     let compute_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
-    Some(CompleteRequest {
+    Some(CompleteRequest { compute_us, ..result(assignment, outcome) })
+}
+
+/// What is said of work whose slot makes no progress.
+pub(crate) fn gave_up(assignment: &Assignment, stuck_after: Duration) -> CompleteRequest {
+    let reason = format!("it was stuck: no batch of rollouts came to its end within {} s", stuck_after.as_secs_f64());
+    result(assignment, Outcome::Failure(reason))
+}
+
+fn result(assignment: &Assignment, outcome: Outcome) -> CompleteRequest {
+    CompleteRequest {
         // The courier knows it.
         worker_id: String::new(),
         assignment_id: assignment.id,
         job_id: assignment.job_id.clone(),
         engine_digest: assignment.job.engine_digest().0.to_vec(),
         result: Some(outcome),
-        compute_us,
-    })
+        compute_us: 0,
+    }
 }
 
 fn compute(assignment: &Assignment) -> Result<Outcome, Stopped> {
-    let stop = || assignment.stopped();
+    // Asked before every batch of rollouts, so it counts them, too.
+    let stop = || {
+        assignment.advance();
+        assignment.stopped()
+    };
+    #[cfg(any(debug_assertions, feature = "faults"))]
+    fault::strike(&assignment.task, &stop)?;
     match &assignment.task {
         Task::Evaluate { generation, first, candidates } => {
             let evaluations = evaluate(&assignment.job, *generation, candidates, &stop)?;
+            #[cfg(any(debug_assertions, feature = "faults"))]
+            let evaluations = fault::falsified(*generation, evaluations);
             Ok(Outcome::Evaluate(EvaluateResult {
                 generation: *generation,
                 first: *first,

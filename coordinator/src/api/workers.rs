@@ -81,7 +81,10 @@ impl Api {
                         assignment: AssignmentId(reject.assignment_id),
                         reason: shortened(reject.reason),
                     },
-                    worker_message::Message::Drain(_) => Command::Drain { worker, session },
+                    worker_message::Message::Drain(drain) => {
+                        let finishing = drain.finishing.into_iter().map(AssignmentId).collect();
+                        Command::Drain { worker, session, finishing }
+                    }
                     // Said once is enough.
                     worker_message::Message::Hello(_) => continue,
                 },

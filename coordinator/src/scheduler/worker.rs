@@ -219,11 +219,14 @@ impl Scheduler {
         self.dispatch(now);
     }
 
-    /// A worker will stop: what it has goes back at once, at no cost, and it gets nothing new.
-    pub fn drain(&mut self, now: Now, id: &WorkerId, session: SessionId) {
+    /// A worker will stop: it gets nothing new, and what it has goes back at once, at no cost, but for what it says it
+    /// still finishes.
+    pub fn drain(&mut self, now: Now, id: &WorkerId, session: SessionId, finishing: &[AssignmentId]) {
         let Some(worker) = self.session(id, session) else { return };
         for assignment in worker.held.clone() {
-            self.release(assignment, LeaseEnd::Drained);
+            if !finishing.contains(&assignment) {
+                self.release(assignment, LeaseEnd::Drained);
+            }
         }
         if let Some(worker) = self.workers.get_mut(id) {
             worker.draining = true;

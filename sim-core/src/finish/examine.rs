@@ -39,7 +39,8 @@ pub struct Examination {
 /// What came of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answer {
-    /// One a tree; `None` where the evaluation failed: the robot can't stand still at its start.
+    /// One a tree; `None` where the evaluation failed: the robot can't stand still at its start, or the trees together
+    /// exceed the budget.
     pub scores: Vec<Option<f64>>,
     /// What it took.
     pub counts: Counts,
@@ -136,5 +137,6 @@ fn trees(
     let mut trials = [Trial::new(job, &candidate.genome, tolerance, streams)];
     grow(job, &mut trials, stop)?;
     let [trial] = trials;
-    Ok(Answer { scores: trial.scores(job).into_iter().map(Some).collect(), counts: trial.counts(), traces: None })
+    let told = |score| (!trial.exhausted).then_some(score);
+    Ok(Answer { scores: trial.scores(job).into_iter().map(told).collect(), counts: trial.counts(), traces: None })
 }

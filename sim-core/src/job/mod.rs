@@ -1,5 +1,6 @@
 //! A job: one optimisation, from its file to everything an evaluation needs.
 
+mod budget;
 mod engine;
 mod finish;
 mod spec;
@@ -77,6 +78,7 @@ impl Job {
         if let Some(finish) = &finish {
             whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
         }
+        budget::validate(&spec, &environment, &physics)?;
         let start = settle(engine(chosen.engine), &robot, &physics)
             .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
         refuse_blocked_start(&robot, &environment, &start)?;
@@ -276,12 +278,6 @@ impl Job {
     /// A fresh optimiser at generation 0.
     pub fn optimiser(&self) -> Box<dyn Optimiser> {
         optimise::build(&self.0.spec.optimiser, self.0.bounds.clone(), self.direction(), self.0.spec.seed)
-    }
-
-    /// Most rollouts one evaluation can take; with reuse it takes far fewer.
-    pub fn most_rollouts(&self) -> u64 {
-        let planner = &self.0.spec.planner;
-        u64::from(planner.iterations) * u64::from(self.0.spec.gaits.count) * u64::from(planner.repeats)
     }
 }
 

@@ -128,6 +128,10 @@ pub struct PlannerSpec {
     pub variants: u32,
     /// Trees a candidate; its fitness is their mean.
     pub repeats: u32,
+    /// Rollouts that an evaluation may simulate for all of its trees; one that needs more has failed. Not given: as many
+    /// as it can ever need.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_rollouts: Option<u64>,
 }
 
 impl Default for PlannerSpec {
@@ -139,6 +143,7 @@ impl Default for PlannerSpec {
             reuse_tolerance: 0.05,
             variants: 1,
             repeats: 1,
+            max_rollouts: None,
         }
     }
 }

@@ -93,6 +93,7 @@ fn farthest(job: &Job, candidates: u32, quiet: bool) -> (u32, Vec<f64>) {
 fn known(job: &Job, genome: &[f64], stream: &Stream, iterations: u32) -> Transitions {
     let mut trial = Trial::new(job, genome, tolerance(job), []);
     trial.growths = vec![fresh(job, stream, iterations)];
+    trial.budget = u64::MAX;
     let mut trials = [trial];
     // Nobody stops it.
     let _ = grow(job, &mut trials, &|| false);

@@ -208,7 +208,7 @@ fn drained_and_rejected_work_goes_elsewhere_and_costs_nothing() {
     for round in 0..5 {
         let id = format!("drains{round}");
         let session = rig.connect(&id, 4);
-        rig.scheduler.drain(rig.now, &WorkerId(id.as_str().into()), session);
+        rig.scheduler.drain(rig.now, &WorkerId(id.as_str().into()), session, &[]);
         rig.settle();
         assert_eq!(leased(&rig, &job), 0);
     }
@@ -223,6 +223,34 @@ fn drained_and_rejected_work_goes_elsewhere_and_costs_nothing() {
         assert!(rig.scheduler.heartbeat(rig.now, &given.worker, session, &[], &[]));
         rig.advance(LEASE / 2);
     }
+    rig.work_off();
+    assert_eq!(rig.stored(&job).state, JobState::Succeeded);
+}
+
+#[test]
+fn a_worker_that_drains_keeps_what_it_says_it_finishes_and_gets_nothing_new() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 8, 1);
+    let session = rig.connect("leaves", 3);
+    let leaves = WorkerId("leaves".into());
+    let kept = rig.take().expect("it has work");
+    rig.scheduler.drain(rig.now, &leaves, session, &[kept.assignment]);
+    rig.settle();
+    assert_eq!(leased(&rig, &job), 1);
+
+    // It says so again, with what it gives up in the end.
+    let second = rig.connect("also leaves", 1);
+    let given_up = rig.given.pop().expect("it has work");
+    rig.scheduler.drain(rig.now, &given_up.worker, second, &[given_up.assignment]);
+    rig.scheduler.drain(rig.now, &given_up.worker, second, &[]);
+    rig.settle();
+    assert_eq!(leased(&rig, &job), 1);
+
+    let delivery = kept.delivery();
+    assert_eq!(rig.complete(kept.completed(delivery)), Verdict::Accepted);
+    assert_eq!(leased(&rig, &job), 0);
+    rig.given.clear();
+    rig.connect("stays", 1);
     rig.work_off();
     assert_eq!(rig.stored(&job).state, JobState::Succeeded);
 }

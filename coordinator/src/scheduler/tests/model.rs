@@ -227,7 +227,7 @@ impl World {
             Step::Heartbeat { worker, moves } => self.heartbeat(worker, moves),
             Step::Drain(worker) => {
                 if let Some(session) = self.sessions.get(&worker) {
-                    self.rig.scheduler.drain(now, &worker_id(worker), *session);
+                    self.rig.scheduler.drain(now, &worker_id(worker), *session, &[]);
                 }
             }
             Step::Reject(pick) => {

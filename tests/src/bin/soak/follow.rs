@@ -1,0 +1,146 @@
+//! A client that submits a job again and again, watches it over everything that happens, and holds it to what it said.
+
+use proto::v1::job_event::Event;
+use proto::v1::job_service_client::JobServiceClient;
+use proto::v1::{
+    Counts, GenerationSealed, GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState,
+    ScoredCandidate, SubmitJobRequest, WatchJobRequest,
+};
+use std::time::{Duration, Instant};
+use tonic::transport::Channel;
+use tonic::{Code, Status};
+
+/// What a job gives whatever happens on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expected {
+    digest: Vec<u8>,
+    winner: Option<ScoredCandidate>,
+    history: Vec<GenerationSealed>,
+    counts: Option<Counts>,
+    evaluations: u64,
+    failed: u64,
+    events: u64,
+}
+
+impl Expected {
+    pub fn of(result: GetResultResponse, job: Job) -> Self {
+        Self {
+            digest: result.result_digest,
+            winner: result.winner,
+            history: result.history,
+            counts: job.counts,
+            evaluations: job.evaluations,
+            failed: job.failed_evaluations,
+            events: job.last_event,
+        }
+    }
+}
+
+/// Runs a job as often as the time allows, at least once, and returns how often.
+pub async fn follow(url: &str, number: u32, toml: &str, expected: &Expected, end: Instant) -> Result<u32, String> {
+    let mut client = JobServiceClient::connect(url.to_owned()).await.map_err(|e| e.to_string())?;
+    let mut rounds = 0;
+    while rounds == 0 || Instant::now() < end {
+        let wrong = |what: String| format!("job {number}, run {rounds}: {what}");
+        let started = Instant::now();
+        let id = submit(&mut client, &format!("soak {number} {rounds}"), toml).await.map_err(wrong)?;
+        let events = watch(&mut client, &id).await.map_err(wrong)?;
+        let result = patiently(&mut client, |mut client| {
+            let request = GetResultRequest { id: id.clone() };
+            async move { client.get_result(request).await }
+        });
+        let result = result.await.map_err(wrong)?;
+        let job = result.job.clone().unwrap_or_default();
+        let found = Expected::of(result, job);
+        if found != *expected {
+            return Err(wrong(format!("it is not what it is undisturbed:\n{found:?}\n{expected:?}")));
+        }
+        let again = watch(&mut client, &id).await.map_err(wrong)?;
+        if again != events {
+            return Err(wrong("it tells other events afterwards than while it ran".to_owned()));
+        }
+        rounds += 1;
+        println!("        job {number} ended for the {rounds}. time, after {:.0} s", started.elapsed().as_secs_f64());
+    }
+    Ok(rounds)
+}
+
+type Client = JobServiceClient<Channel>;
+
+/// Asks until there is an answer: the coordinator may be away.
+async fn patiently<T, F>(client: &mut Client, ask: impl Fn(Client) -> F) -> Result<T, String>
+where
+    F: Future<Output = Result<tonic::Response<T>, Status>>,
+{
+    let start = Instant::now();
+    loop {
+        match ask(client.clone()).await {
+            Ok(answer) => return Ok(answer.into_inner()),
+            Err(status) if status.code() != Code::Unavailable && status.code() != Code::Unknown => {
+                return Err(status.to_string());
+            }
+            Err(status) if start.elapsed() > Duration::from_secs(60) => return Err(status.to_string()),
+            Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
+        }
+    }
+}
+
+/// Submits until there is an answer: by the request id all of them are one job.
+async fn submit(client: &mut Client, request_id: &str, toml: &str) -> Result<String, String> {
+    let request =
+        SubmitJobRequest { request_id: request_id.to_owned(), job_toml: toml.to_owned(), ..Default::default() };
+    let answer = patiently(client, |mut client| {
+        let request = request.clone();
+        async move { client.submit_job(request).await }
+    });
+    Ok(answer.await?.job.unwrap_or_default().id)
+}
+
+/// How far a job is; what was told once must never be more than what is told later.
+fn progress(job: &Job) -> (usize, u32, u32) {
+    let order = [JobState::Queued, JobState::Running, JobState::Finishing, JobState::Reporting, JobState::Succeeded];
+    let state = order.iter().position(|state| *state == job.state()).unwrap_or(order.len());
+    (state, job.generations_done, job.round_done)
+}
+
+/// Watches a job to its end, over everything that happens to the coordinator, and returns its stored events.
+async fn watch(client: &mut Client, id: &str) -> Result<Vec<JobEvent>, String> {
+    let mut events: Vec<JobEvent> = Vec::new();
+    let mut told = (0, 0, 0);
+    let mut asked = Instant::now();
+    while events.last().and_then(|e| e.job.as_ref()).is_none_or(|job| job.state() != JobState::Succeeded) {
+        let job = patiently(client, |mut client| {
+            let request = GetJobRequest { id: id.to_owned() };
+            async move { client.get_job(request).await }
+        });
+        let job = job.await?.job.unwrap_or_default();
+        if matches!(job.state(), JobState::Failed | JobState::Cancelled) {
+            return Err(format!("it ended otherwise: {}", job.reason));
+        }
+        if progress(&job) < told {
+            return Err(format!("it told {told:?} before and then {:?}: results were lost", progress(&job)));
+        }
+        told = progress(&job);
+        let after = events.last().map_or(0, |e| e.sequence);
+        let stream = client.watch_job(WatchJobRequest { id: id.to_owned(), after }).await;
+        let Ok(mut stream) = stream.map(tonic::Response::into_inner) else { continue };
+        // Looks at the job itself now and then.
+        while asked.elapsed() < Duration::from_millis(500) || events.is_empty() {
+            match tokio::time::timeout(Duration::from_millis(500), stream.message()).await {
+                Ok(Ok(Some(event))) if matches!(event.event, Some(Event::Progress(_))) => {}
+                Ok(Ok(Some(event))) => {
+                    let next = events.last().map_or(0, |e| e.sequence) + 1;
+                    if event.sequence != next {
+                        return Err(format!("event {} came where {next} was due", event.sequence));
+                    }
+                    events.push(event);
+                }
+                // It ended or broke.
+                Ok(Ok(None) | Err(_)) => break,
+                Err(_) => {}
+            }
+        }
+        asked = Instant::now();
+    }
+    Ok(events)
+}

@@ -1,0 +1,195 @@
+//! Bad networks between processes: delays, partitions in one direction, cuts. Progress resumes, and no bit changes.
+
+use cluster_tests::proxy::{Direction, Proxy};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job};
+use proto::v1::job_event::Event;
+use proto::v1::job_service_client::JobServiceClient;
+use proto::v1::{CancelJobRequest, Job, JobEvent, JobState, ListWorkersRequest, WatchJobRequest};
+use std::time::{Duration, Instant};
+
+/// A job on the lockstep engine: cheap.
+fn cheap_job(seed: u32, generations: u32) -> String {
+    tiny_job(seed, generations).replace("engine = \"rapier\"", "engine = \"lockstep\"")
+}
+
+async fn undisturbed(job: &str) -> Vec<u8> {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(2);
+    let job = sandbox.submit("r", job).await;
+    sandbox.result(&job.id).await.result_digest
+}
+
+/// A worker behind a proxy, whose evaluations take a while without a core.
+fn behind(sandbox: &Sandbox, proxy: &Proxy, slots: u32) -> Process {
+    Process::start(sandbox.worker_command(&proxy.url(), slots).env("EVOGAIT_FAULT", "slow@ms=20"))
+}
+
+fn further(before: &Job) -> impl Fn(&Job) -> bool {
+    let (generations, tasks) = (before.generations_done, before.round_done);
+    move |job| (job.generations_done, job.round_done) > (generations, tasks) || job.state() == JobState::Succeeded
+}
+
+/// After everything: no slot is held for anybody, and work finds them again.
+async fn assert_slots_are_free(sandbox: &Sandbox) {
+    let start = Instant::now();
+    loop {
+        let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers;
+        if !workers.is_empty() && workers.iter().all(|w| w.busy == 0) {
+            break;
+        }
+        assert!(start.elapsed() < PATIENCE, "slots are held: {workers:?}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let next = sandbox.submit("afterwards", &cheap_job(39, 1)).await;
+    sandbox.result(&next.id).await;
+}
+
+#[tokio::test]
+async fn progress_resumes_after_every_kind_of_bad_network_and_no_bit_changes() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let proxy = Proxy::to(&sandbox.url());
+    let _worker = behind(&sandbox, &proxy, 2);
+    let job = sandbox.submit("r", &cheap_job(30, 40)).await;
+    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+
+    // Longer than a lease of 2 s each time: the work is given up, done again elsewhere if there is an elsewhere, and what
+    // comes late or twice is welcome or harmless.
+    for direction in [Direction::Up, Direction::Down] {
+        proxy.block(direction, true);
+        tokio::time::sleep(Duration::from_millis(2500)).await;
+        let before = sandbox.job(&job.id).await;
+        assert_ne!(before.state(), JobState::Succeeded, "it has something left to do");
+        proxy.block(direction, false);
+        sandbox.until(&job.id, further(&before)).await;
+    }
+    for _ in 0..3 {
+        let before = sandbox.job(&job.id).await;
+        proxy.cut();
+        sandbox.until(&job.id, further(&before)).await;
+    }
+    proxy.slow(Duration::from_millis(50), 100_000);
+    let before = sandbox.job(&job.id).await;
+    sandbox.until(&job.id, further(&before)).await;
+    proxy.heal();
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(30, 40)).await);
+    assert_slots_are_free(&sandbox).await;
+}
+
+#[tokio::test]
+async fn a_worker_computes_on_while_it_is_cut_off_and_delivers_late() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let proxy = Proxy::to(&sandbox.url());
+    let mut command = sandbox.worker_command(&proxy.url(), 1);
+    let _worker = Process::start(command.env("EVOGAIT_FAULT", "slow@ms=2000,candidate=0"));
+    let job = sandbox.submit("r", &cheap_job(31, 1)).await;
+    let before = sandbox.until(&job.id, |job| job.state() == JobState::Running).await;
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    // Nothing comes through, and then the lease is over. All that is told afterwards was computed meanwhile: to compute it
+    // again takes longer.
+    proxy.block(Direction::Up, true);
+    proxy.block(Direction::Down, true);
+    tokio::time::sleep(Duration::from_millis(2600)).await;
+    assert_eq!(sandbox.job(&job.id).await.round_done, before.round_done);
+    let start = Instant::now();
+    proxy.heal();
+    sandbox.until(&job.id, further(&before)).await;
+    assert!(start.elapsed() < Duration::from_millis(1900), "it was computed again: {:?}", start.elapsed());
+}
+
+#[tokio::test]
+async fn a_cancelled_job_stays_cancelled_though_results_come_late() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let proxy = Proxy::to(&sandbox.url());
+    let _worker = behind(&sandbox, &proxy, 2);
+    let job = sandbox.submit("r", &cheap_job(32, 1000)).await;
+    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    proxy.block(Direction::Up, true);
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    let cancel = CancelJobRequest { id: job.id.clone() };
+    let cancelled = sandbox.client().cancel_job(cancel).await.expect("it ends").into_inner().job.expect("the job");
+    assert_eq!(cancelled.state(), JobState::Cancelled);
+    proxy.heal();
+    assert_slots_are_free(&sandbox).await;
+    assert_eq!(sandbox.job(&job.id).await, cancelled);
+}
+
+#[tokio::test]
+async fn watching_resumes_without_a_gap_over_a_network_that_breaks() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let direct = Proxy::to(&sandbox.url());
+    let _worker = behind(&sandbox, &direct, 2);
+    let proxy = Proxy::to(&sandbox.url());
+    let job = sandbox.submit("r", &cheap_job(33, 12)).await;
+
+    let mut events: Vec<JobEvent> = Vec::new();
+    while events.last().is_none_or(|e| e.job.as_ref().is_some_and(|job| job.state() != JobState::Succeeded)) {
+        let after = events.last().map_or(0, |e| e.sequence);
+        let mut client = JobServiceClient::connect(proxy.url()).await.expect("the network is up again");
+        let request = WatchJobRequest { id: job.id.clone(), after };
+        let mut stream = client.watch_job(request).await.expect("watching").into_inner();
+        let until = events.len() + 3;
+        // What is on its way is lost with the connection.
+        while let Ok(Some(event)) = stream.message().await {
+            if !matches!(event.event, Some(Event::Progress(_))) {
+                events.push(event);
+            }
+            if events.len() == until {
+                proxy.cut();
+            }
+        }
+    }
+    let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
+    assert_eq!(sequence, (1..=events.len() as u64).collect::<Vec<_>>());
+    assert!(events.len() >= 12, "{}", events.len());
+}
+
+#[tokio::test]
+async fn the_same_bits_with_one_two_and_seven_workers_under_kills_stops_and_delays() {
+    // Without a finish: an examination is long, and three kills with the same one would rightly fail the job.
+    let job = cheap_job(34, 20).replace("particles = 5", "particles = 14");
+    let job = format!("{}[finish]\nkind = \"none\"\n", job.split("[finish]").next().expect("a job has text"));
+    let fast = |sandbox: &Sandbox, proxy: &Proxy| {
+        Process::start(sandbox.worker_command(&proxy.url(), 1).env("EVOGAIT_FAULT", "slow@ms=10"))
+    };
+    let expected = undisturbed(&job).await;
+    for workers in [1, 2, 7] {
+        let mut sandbox = Sandbox::new();
+        let mut coordinator = sandbox.coordinator();
+        let proxy = Proxy::to(&sandbox.url());
+        let mut running: Vec<Process> = (0..workers).map(|_| fast(&sandbox, &proxy)).collect();
+        let job = sandbox.submit("r", &job).await;
+        let mut turn = 0;
+        loop {
+            let now = sandbox.job(&job.id).await;
+            if now.state() == JobState::Succeeded {
+                break;
+            }
+            assert!(turn < 300 && now.state() != JobState::Failed, "after {turn} turns: {now:?}");
+            let victim = turn % workers;
+            match turn % 5 {
+                0 => proxy.slow(Duration::from_millis(20), 0),
+                1 => running[victim].signal("STOP"),
+                // A fresh one in its place. What is stopped can be killed, too.
+                2 => running[victim] = fast(&sandbox, &proxy),
+                3 => proxy.cut(),
+                _ => {
+                    proxy.heal();
+                    coordinator.kill_9();
+                    coordinator = sandbox.coordinator();
+                    running.iter().for_each(|worker| worker.signal("CONT"));
+                }
+            }
+            turn += 1;
+            tokio::time::sleep(Duration::from_millis(200)).await;
+        }
+        running.iter().for_each(|worker| worker.signal("CONT"));
+        assert!(turn >= 4, "{workers} workers were hardly disturbed: {turn} times");
+        assert_eq!(sandbox.result(&job.id).await.result_digest, expected, "{workers} workers");
+        drop(coordinator);
+    }
+}

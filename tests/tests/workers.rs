@@ -1,0 +1,196 @@
+//! Workers that leave, die, panic and get stuck, as processes of their own. `EVOGAIT_FAULT` makes them (worker/src/fault.rs).
+
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job};
+use proto::v1::{Job, JobState, ListWorkersRequest};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A job without a finish on the lockstep engine: what it costs is what a fault makes it cost.
+fn cheap_job(seed: u32, generations: u32) -> String {
+    let job = tiny_job(seed, generations).replace("\"rapier\"", "\"lockstep\"");
+    format!("{}[finish]\nkind = \"none\"\n", job.split("[finish]").next().expect("a job has text"))
+}
+
+/// The result digest of such a job, on one worker that nothing happens to.
+async fn undisturbed(job: &str) -> Vec<u8> {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(2);
+    let job = sandbox.submit("r", job).await;
+    sandbox.result(&job.id).await.result_digest
+}
+
+fn faulty(sandbox: &Sandbox, slots: u32, fault: &str) -> Command {
+    let mut command = sandbox.worker_command(&sandbox.url(), slots);
+    command.env("EVOGAIT_FAULT", fault);
+    command
+}
+
+/// Waits until work was handed out, and a moment longer: so that it runs.
+async fn busy(sandbox: &Sandbox, slots: u32) {
+    let start = Instant::now();
+    loop {
+        let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers;
+        if workers.iter().any(|w| w.busy >= slots) {
+            return tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+        assert!(start.elapsed() < PATIENCE, "nothing was handed out: {workers:?}");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+}
+
+/// Waits for a job's end, which need be no success.
+async fn ended(sandbox: &Sandbox, id: &str) -> Job {
+    let start = Instant::now();
+    loop {
+        let job = sandbox.job(id).await;
+        if matches!(job.state(), JobState::Failed | JobState::Succeeded | JobState::Cancelled) {
+            return job;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited too long: {job:?}");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+}
+
+#[tokio::test]
+async fn a_worker_that_drains_finishes_what_runs_and_takes_nothing_new() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let job = sandbox.submit("r", &cheap_job(20, 4)).await;
+    let leaves = Process::start(faulty(&sandbox, 1, "slow@ms=300").args(["--grace", "60"]));
+    busy(&sandbox, 1).await;
+    let done = |job: &Job| (job.generations_done, job.round_done);
+    let before = done(&sandbox.job(&job.id).await);
+    let start = Instant::now();
+    assert_eq!(leaves.terminate(), Some(0));
+    let took = start.elapsed();
+    let after = done(&sandbox.job(&job.id).await);
+    assert!(after > before, "what ran was finished: {before:?} {after:?}");
+    assert!(after <= (1, 0) && took < Duration::from_secs(10), "it took nothing new: {took:?} {after:?}");
+
+    let _stays = sandbox.worker(1);
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(20, 4)).await);
+}
+
+#[tokio::test]
+async fn preemption_costs_no_attempt_however_often_it_happens() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let job = sandbox.submit("r", &cheap_job(21, 2)).await;
+    // More often than a candidate may fail. A second signal does not wait for the grace time.
+    for round in 0..5 {
+        let grace = if round % 2 == 0 { "0.1" } else { "60" };
+        let leaves = Process::start(faulty(&sandbox, 1, "slow@ms=60000").args(["--grace", grace]));
+        busy(&sandbox, 1).await;
+        let start = Instant::now();
+        if round % 2 == 1 {
+            leaves.signal("TERM");
+            // Two of the same signal in one moment are one.
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+        assert_eq!(leaves.terminate(), Some(0));
+        assert!(start.elapsed() < Duration::from_secs(3), "{:?}", start.elapsed());
+    }
+    let _stays = sandbox.worker(1);
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(21, 2)).await);
+}
+
+#[tokio::test]
+async fn a_worker_whose_time_is_limited_is_gone_before_its_end() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let job = sandbox.submit("r", &cheap_job(22, 2)).await;
+    let start = Instant::now();
+    let mut limited = faulty(&sandbox, 1, "slow@ms=60000");
+    let mut limited = Process::start(limited.args(["--grace", "0.5", "--time-left", "0:07"]));
+    busy(&sandbox, 1).await;
+    assert_eq!(limited.wait(), Some(0));
+    assert!(start.elapsed() < Duration::from_secs(7), "{:?}", start.elapsed());
+    let _stays = sandbox.worker(1);
+    sandbox.result(&job.id).await;
+}
+
+#[tokio::test]
+async fn a_panic_costs_the_candidate_an_attempt_and_not_the_worker() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let mut worker = Process::start(&mut faulty(&sandbox, 2, "panic@generation=0,candidate=4"));
+    let poisoned = sandbox.submit("r", &cheap_job(23, 2)).await;
+    let job = ended(&sandbox, &poisoned.id).await;
+    assert_eq!(job.state(), JobState::Failed);
+    assert!(job.reason.contains("candidate 4 of generation 0") && job.reason.contains("panicked"), "{}", job.reason);
+    // Its slots are free for others: one without a fifth candidate.
+    let other = sandbox.submit("other", &cheap_job(23, 2).replace("particles = 5", "particles = 4")).await;
+    assert_eq!(ended(&sandbox, &other.id).await.state(), JobState::Succeeded);
+    assert!(!worker.has_ended());
+}
+
+#[tokio::test]
+async fn a_candidate_that_kills_workers_takes_down_few_and_is_named() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let start = || Process::start(faulty(&sandbox, 1, "abort@generation=0,candidate=3").stderr(Stdio::null()));
+    let job = sandbox.submit("r", &cheap_job(24, 2)).await;
+    let (mut worker, mut deaths) = (start(), 0);
+    let ended = loop {
+        let job = sandbox.job(&job.id).await;
+        if job.state() == JobState::Failed {
+            break job;
+        }
+        if worker.has_ended() {
+            deaths += 1;
+            assert!(deaths <= 4, "once as part of a range, three times alone: {job:?}");
+            worker = start();
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    };
+    assert!(ended.reason.contains("candidate 3 of generation 0") && ended.reason.contains("died"), "{}", ended.reason);
+}
+
+#[tokio::test]
+async fn a_stuck_slot_is_found_and_replaced() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let mut worker = faulty(&sandbox, 1, "stall@generation=0,candidate=4");
+    let mut worker = Process::start(worker.args(["--stuck-after", "1"]));
+    let poisoned = sandbox.submit("r", &cheap_job(25, 2)).await;
+    let job = ended(&sandbox, &poisoned.id).await;
+    assert_eq!(job.state(), JobState::Failed);
+    assert!(job.reason.contains("candidate 4 of generation 0") && job.reason.contains("stuck"), "{}", job.reason);
+    let other = sandbox.submit("other", &cheap_job(25, 2).replace("particles = 5", "particles = 4")).await;
+    assert_eq!(ended(&sandbox, &other.id).await.state(), JobState::Succeeded);
+    assert!(!worker.has_ended());
+}
+
+#[tokio::test]
+async fn a_worker_whose_slots_get_stuck_again_and_again_ends_and_says_so() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let mut command = faulty(&sandbox, 4, "stall");
+    command.args(["--stuck-after", "1", "--grace", "0.1"]).stderr(Stdio::piped());
+    let worker = command.spawn().expect("worker starts");
+    for seed in [26, 27] {
+        sandbox.submit(&seed.to_string(), &cheap_job(seed, 2)).await;
+    }
+    let output =
+        tokio::task::spawn_blocking(move || worker.wait_with_output()).await.expect("a thread").expect("it ends");
+    let text = String::from_utf8(output.stderr).expect("messages are text");
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("slots made no progress for 1 s"), "{text}");
+}
+
+#[tokio::test]
+async fn a_worker_that_was_stopped_for_a_while_is_neither_stuck_nor_to_blame() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let job = sandbox.submit("r", &cheap_job(28, 2)).await;
+    let mut sleeper = faulty(&sandbox, 1, "slow@ms=100");
+    let mut sleeper = Process::start(sleeper.args(["--stuck-after", "1"]));
+    busy(&sandbox, 1).await;
+    // Longer than a lease, and than a slot may be stuck.
+    sleeper.signal("STOP");
+    tokio::time::sleep(Duration::from_millis(2500)).await;
+    sleeper.signal("CONT");
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(28, 2)).await);
+    assert!(!sleeper.has_ended());
+}

@@ -1,0 +1,137 @@
+//! How a worker runs.
+
+use crate::{Error, MARGIN};
+use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
+use std::time::Duration;
+use tonic::transport::Endpoint;
+
+/// Time to finish what runs, unless another is given.
+pub const DEFAULT_GRACE: Duration = Duration::from_secs(10);
+/// A slot without progress for this long is stuck, unless another time is given.
+pub const DEFAULT_STUCK_AFTER: Duration = Duration::from_secs(600);
+/// Shortest time after which a slot can be called stuck: a batch of rollouts takes a while.
+pub const MIN_STUCK_AFTER: Duration = Duration::from_secs(1);
+/// Longest time that can be given for anything.
+pub const MAX_TIME: Duration = Duration::from_secs(366 * 24 * 3600);
+/// How often an idle connection is checked, and how long the other side has to answer, unless another time is given.
+pub const DEFAULT_KEEPALIVE: Duration = Duration::from_secs(10);
+/// Shortest time between two checks of a connection.
+pub const MIN_KEEPALIVE: Duration = Duration::from_millis(100);
+
+/// How a worker runs.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// The coordinator's URL, such as `http://127.0.0.1:7077`.
+    pub coordinator: String,
+    /// Evaluations at once, 1 to 4096. One thread each.
+    pub slots: usize,
+    /// For people, up to 256 bytes; see [`default_name`].
+    pub name: String,
+    /// When told to stop, what runs has this long to be finished; then it is given back. 0 to 366 days.
+    pub grace: Duration,
+    /// Wall time that is left to the process, as a batch system gives it: the worker drains and ends before it. More than
+    /// the grace time and [`MARGIN`].
+    pub time_left: Option<Duration>,
+    /// A slot that ends no batch of rollouts for this long is stuck: 1 s to 366 days.
+    pub stuck_after: Duration,
+    /// Where metrics are served, if at all.
+    pub metrics: Option<telemetry::Bind>,
+    /// How often an idle connection is checked, and how long the other side has to answer: 0.1 s to 366 days.
+    pub keepalive: Duration,
+}
+
+/// A time that can't be kept to.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BadTime {
+    /// Outside of what is allowed.
+    #[error("{option} {} is out of range: {} s to {} s are allowed", .given.as_secs_f64(), .least.as_secs_f64(), .most.as_secs_f64())]
+    Range {
+        /// The option.
+        option: &'static str,
+        /// What was given.
+        given: Duration,
+        /// Least allowed.
+        least: Duration,
+        /// Most allowed.
+        most: Duration,
+    },
+    /// It would have to leave before it came.
+    #[error(
+        "--time-left {} is too short: {} s of grace and {} s to leave are kept free before the end; give more time, or a \
+         shorter --grace", .left.as_secs_f64(), .grace.as_secs_f64(), MARGIN.as_secs_f64()
+    )]
+    Left {
+        /// What was given.
+        left: Duration,
+        /// The grace time.
+        grace: Duration,
+    },
+}
+
+impl Config {
+    /// A worker with everything else as it is by default.
+    pub fn new(coordinator: String, slots: usize) -> Self {
+        Self {
+            coordinator,
+            slots,
+            name: default_name(),
+            grace: DEFAULT_GRACE,
+            time_left: None,
+            stuck_after: DEFAULT_STUCK_AFTER,
+            metrics: None,
+            keepalive: DEFAULT_KEEPALIVE,
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        if self.slots == 0 || self.slots > MAX_SLOTS as usize {
+            return Err(Error::Slots { slots: self.slots });
+        }
+        if self.name.len() > MAX_WORKER_NAME {
+            return Err(Error::Name { length: self.name.len() });
+        }
+        let in_range = |option, given: Duration, least| match (least..=MAX_TIME).contains(&given) {
+            true => Ok(()),
+            false => Err(BadTime::Range { option, given, least, most: MAX_TIME }),
+        };
+        in_range("--grace", self.grace, Duration::ZERO)?;
+        in_range("--stuck-after", self.stuck_after, MIN_STUCK_AFTER)?;
+        in_range("--keepalive", self.keepalive, MIN_KEEPALIVE)?;
+        if let Some(left) = self.time_left {
+            in_range("--time-left", left, Duration::ZERO)?;
+            if left <= self.grace + MARGIN {
+                return Err(BadTime::Left { left, grace: self.grace }.into());
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn endpoint(&self) -> Result<Endpoint, Error> {
+        let wrong = || Error::BadAddress { url: self.coordinator.clone() };
+        let endpoint = Endpoint::from_shared(self.coordinator.clone()).map_err(|_| wrong())?;
+        if endpoint.uri().scheme_str() != Some("http") || endpoint.uri().host().is_none() {
+            return Err(wrong());
+        }
+        Ok(endpoint
+            .connect_timeout(Duration::from_secs(5))
+            .tcp_nodelay(true)
+            .http2_keep_alive_interval(self.keepalive)
+            .keep_alive_timeout(self.keepalive)
+            .keep_alive_while_idle(true))
+    }
+}
+
+/// Host and process: `node7:4711`.
+pub fn default_name() -> String {
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let host = match host.trim() {
+        "" => "worker",
+        host => host,
+    };
+    format!("{host}:{}", std::process::id())
+}
+
+/// As many slots as the system has cores for this process.
+pub fn default_slots() -> usize {
+    std::thread::available_parallelism().map_or(1, |n| n.get())
+}

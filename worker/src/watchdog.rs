@@ -1,0 +1,54 @@
+//! Finds slots that are stuck: no batch of rollouts comes to its end for a named time.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// How often it looks in that time.
+pub(crate) const LOOKS: u32 = 10;
+
+/// Counts looks rather than seconds: a process that was stopped for an hour is not stuck when it goes on.
+#[derive(Debug, Default)]
+pub(crate) struct Watchdog {
+    /// By assignment: how far it was, and how many looks ago it got there.
+    seen: BTreeMap<u64, (u64, u32)>,
+}
+
+impl Watchdog {
+    /// How long to wait between two looks, so that a slot without progress for `stuck_after` is found.
+    pub fn period(stuck_after: Duration) -> Duration {
+        stuck_after / LOOKS
+    }
+
+    /// Looks at all that is being computed, as (assignment, progress), and says which of it got nowhere.
+    pub fn look(&mut self, computing: impl IntoIterator<Item = (u64, u64)>) -> Vec<u64> {
+        let mut now = BTreeMap::new();
+        for (id, progress) in computing {
+            let looks = match self.seen.get(&id) {
+                Some((before, looks)) if *before == progress => looks + 1,
+                _ => 0,
+            };
+            now.insert(id, (progress, looks));
+        }
+        self.seen = now;
+        self.seen.iter().filter(|(_, (_, looks))| *looks >= LOOKS).map(|(id, _)| *id).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_gets_nowhere_for_the_whole_time_is_stuck_and_nothing_else_is() {
+        const NONE: [u64; 0] = [];
+        let mut watchdog = Watchdog::default();
+        for look in 0..LOOKS {
+            let slow = u64::from(look / (LOOKS - 1));
+            assert_eq!(watchdog.look([(1, 5), (2, u64::from(look)), (3, slow)]), NONE);
+        }
+        assert_eq!(watchdog.look([(1, 5), (2, 100), (3, 1)]), [1]);
+        // An id that went and comes again starts over.
+        assert_eq!(watchdog.look([(2, 101)]), NONE);
+        assert_eq!(watchdog.look([(1, 5), (2, 102)]), NONE);
+    }
+}
