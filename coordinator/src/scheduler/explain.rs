@@ -23,8 +23,8 @@ impl Scheduler {
     fn about_pause(&self, id: &JobId, job: &ActiveJob) -> Option<String> {
         let running = self.leases.values().filter(|l| l.job == *id).count();
         job.record.paused.then(|| match running {
-            0 => format!("paused: `evogait resume {id}` goes on"),
-            n => format!("paused, {} may still finish: `evogait resume {id}` goes on", ranges(n)),
+            0 => format!("nothing new is handed out until `evogait resume {id}`"),
+            n => format!("nothing new is handed out until `evogait resume {id}`, {} may still finish", ranges(n)),
         })
     }
 

@@ -168,7 +168,7 @@ fn a_paused_job_rests_over_a_restart_takes_what_still_runs_and_goes_on() {
     rig.restart(|_| 8);
     rig.connect("w", 2);
     assert_eq!(leased(&rig, &job), 0, "an acknowledged pause survives");
-    assert!(rig.scheduler.waits_for(&job).is_some_and(|r| r.contains("paused")));
+    assert!(rig.scheduler.waits_for(&job).is_some_and(|r| r.contains("until `evogait resume")));
     assert!(!rig.scheduler.pause(rig.now, &job, false).unwrap().paused);
     rig.settle();
     rig.work_off();
