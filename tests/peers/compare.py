@@ -38,6 +38,7 @@ THEIR_SETTINGS = {scale: [(c, s) for c, steps in cones.items() for s in steps] f
 def arguments():
     parser = argparse.ArgumentParser(prog="tests/peers/run.sh", description=__doc__.splitlines()[0])
     parser.add_argument("robots", nargs="*", metavar="ROBOT", help="robots that ship [default: quadropod lizard]")
+    parser.add_argument("--brief", action="store_true", help="only each engine's default and its finest setting")
     parser.add_argument("--quick", action="store_true", help="only check that all engines have the same robots")
     parser.add_argument("--gaits", type=int, help="random gaits a robot [default: 100; quick: 16]")
     parser.add_argument("--seed", type=int, default=1, help="where they come from [default: 1]")
@@ -81,6 +82,7 @@ def compare(given, robot):
     rows, ends, tasks = [], {}, []
     for engine, (run, settings, default) in engines.items():
         settings = settings if default in settings else [*settings, default]
+        settings = [settings[0], default] if given.brief else settings
         for setting in settings:
             note(f"{robot}: {engine} {label(setting)}, {given.gaits} gaits of {given.duration:g} s")
             ends[engine, setting] = run(setting, given.gaits)
@@ -142,6 +144,31 @@ def markdown(given, rows, between):
     return "\n".join(lines) + "\n"
 
 
+def brief(given, rows, between):
+    """A line a robot: speed and fidelity of the defaults, and the rank agreement of the finest settings two by two."""
+    engines = list(dict.fromkeys(r["engine"] for r in rows))
+    lines = [
+        f"{given.gaits} random gaits of {given.duration:g} s (seed {given.seed}), scale `{'real' if given.real else 'paper'}`. "
+        "Default settings: simulated s / wall s, Spearman of the distance with the engine's own finest setting, median error "
+        "of place in mu. Agreement: Spearman between the engines' finest settings, and between their defaults.",
+        "",
+        "| robot | " + " | ".join(f"{e}: speed, Spearman, place" for e in engines) + " | "
+        + " | ".join(f"{a}, {b}" for a, b in itertools.combinations(engines, 2)) + " |",
+        "|" + "---|" * (1 + len(engines) + len(engines) * (len(engines) - 1) // 2),
+    ]
+    for robot in dict.fromkeys(r["robot"] for r in rows):
+        cells = [robot]
+        for row in (r for r in rows if r["robot"] == robot and r["default"]):
+            broken = f", {row['broken']} broken" if row["broken"] else ""
+            cells.append(f"{row['speed']['median']:.0f}, {row['spearman']:.3f}, {row['place']['median']:.3f}{broken}")
+        pairs = [b for b in between if b["robot"] == robot]
+        fine = (b["spearman"] for b in pairs if b["what"] == "references")
+        coarse = (b["spearman"] for b in pairs if b["what"] == "defaults")
+        cells += [f"{a:.3f}, {b:.3f}" for a, b in zip(fine, coarse)]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def main():
     given = arguments()
     given.out.mkdir(parents=True, exist_ok=True)
@@ -152,7 +179,7 @@ def main():
         more_rows, more_between = compare(given, robot)
         rows += more_rows
         between += more_between
-    text = markdown(given, rows, between)
+    text = (brief if given.brief else markdown)(given, rows, between)
     about = {"gaits": given.gaits, "duration": given.duration, "seed": given.seed, "repeats": given.repeats,
              "timed": given.timed, "scale": "real" if given.real else "paper", "mujoco": mujoco.mj_versionString(),
              "python": platform.python_version(), "machine": platform.machine(), "processor": processor()}

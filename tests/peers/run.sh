@@ -3,6 +3,7 @@
 #
 #   tests/peers/run.sh                      measure the quadropod and the lizard (some minutes; a quiet machine, please)
 #   tests/peers/run.sh ROBOT …              measure these robots that ship
+#   tests/peers/run.sh --brief ROBOT …      only defaults and finest settings: a line a robot
 #   tests/peers/run.sh --quick              only check that all engines have the same robots (CI)
 #   tests/peers/run.sh --help               all options
 #
