@@ -142,7 +142,7 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
                 }
                 let Some(assign::Task::Evaluate(task)) = assigned.task.clone() else {
                     let reason = "a light worker only pretends to evaluate".to_owned();
-                    say(worker_message::Message::Reject(Reject { assignment_id, reason, ..Reject::default() }));
+                    say(worker_message::Message::Reject(Reject { assignment_id, reason }));
                     continue;
                 };
                 let (client, behaviour, slots, id, tally) =
