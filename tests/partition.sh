@@ -19,7 +19,10 @@ dir=$(mktemp -d)
 one=evogait-c$$ other=evogait-w$$
 pids=()
 clean() {
-    for pid in "${pids[@]}"; do kill -9 "$pid" 2> /dev/null || true; done
+    for pid in "${pids[@]}"; do
+        kill -9 "$pid" 2> /dev/null || true
+        wait "$pid" 2> /dev/null || true
+    done
     ip netns del "$one" 2> /dev/null || true
     ip netns del "$other" 2> /dev/null || true
 }

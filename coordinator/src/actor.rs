@@ -93,6 +93,8 @@ pub(crate) enum Command {
 
 /// What is known of an active job beside its record.
 pub(crate) struct Standing {
+    /// As it stands; `None` if it has ended.
+    pub record: Option<JobRecord>,
     /// Why nothing gets done, if so.
     pub waits_for: Option<String>,
     /// Tasks of the round at hand that are done, and how many it has.
@@ -192,8 +194,11 @@ impl Actor {
             }
             Command::Workers { reply } => later(replies, reply, self.scheduler.workers()),
             Command::Standing { ids, reply } => {
-                let standing =
-                    |id| Standing { waits_for: self.scheduler.waits_for(id), round: self.scheduler.round(id) };
+                let standing = |id| Standing {
+                    record: self.scheduler.job(id).cloned(),
+                    waits_for: self.scheduler.waits_for(id),
+                    round: self.scheduler.round(id),
+                };
                 later(replies, reply, ids.iter().map(standing).collect());
             }
             Command::Detail { id, reply } => later(replies, reply, self.scheduler.standing(now, &id)),

@@ -120,7 +120,7 @@ pub async fn run_until(
     let metrics = Arc::new(Metrics::new(config.slots));
     let pulse = Arc::new(Pulse { metrics: metrics.clone(), assignments: assignments.clone() });
     // Served until the worker ends.
-    let _served = match config.metrics.clone() {
+    let _served = match config.metrics {
         Some(bind) => Some(telemetry::Endpoint::start(bind, pulse).await?),
         None => None,
     };

@@ -35,19 +35,26 @@ impl Api {
             standings = self.ask(|reply| Command::Standing { ids: active, reply }).await?;
         }
         let mut standings = standings.into_iter();
-        Ok(records
-            .iter()
-            .map(|record| {
-                let mut job = record.to_wire();
-                if !ended(record.state)
-                    && let Some(standing) = standings.next()
-                {
-                    job.reason = standing.waits_for.unwrap_or_default();
-                    (job.round_done, job.round_total) = standing.round.unwrap_or_default();
-                }
-                job
-            })
-            .collect())
+        let mut jobs = Vec::with_capacity(records.len());
+        for record in records {
+            let standing = if ended(record.state) { None } else { standings.next() };
+            let Some(standing) = standing else {
+                jobs.push(record.to_wire());
+                continue;
+            };
+            // All of one moment: the record that was read before may be a round behind what is known of the round.
+            let now = match standing.record {
+                Some(record) => Some(record),
+                None => self.store.job(&record.id).await.map_err(store_failed)?.map(|(record, _)| record),
+            };
+            let mut job = now.unwrap_or(record).to_wire();
+            if let Some(round) = standing.round {
+                job.reason = standing.waits_for.unwrap_or_default();
+                (job.round_done, job.round_total) = round;
+            }
+            jobs.push(job);
+        }
+        Ok(jobs)
     }
 
     /// Median time from the seal of a generation to that of the next over the newest of them, ms; 0 while there are fewer

@@ -76,7 +76,7 @@ where
     loop {
         match ask(client.clone()).await {
             Ok(answer) => return Ok(answer.into_inner()),
-            Err(status) if status.code() != Code::Unavailable && status.code() != Code::Unknown => {
+            Err(status) if !matches!(status.code(), Code::Unavailable | Code::Unknown | Code::Cancelled) => {
                 return Err(status.to_string());
             }
             Err(status) if start.elapsed() > Duration::from_secs(60) => return Err(status.to_string()),
