@@ -57,7 +57,7 @@ fn a_copy_takes_over_when_the_first_worker_goes() {
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
     let copy = rig.take_of("fast").expect("a copy");
-    rig.scheduler.drain(rig.now, &slow.worker, sessions["slow"]);
+    rig.scheduler.drain(rig.now, &slow.worker, sessions["slow"], &[]);
     rig.settle();
     assert_eq!(leased(&rig, &job), 1, "it is not handed out a third time");
     assert_eq!(rig.scheduler.jobs[&job].round.pending(), 0);
@@ -66,10 +66,10 @@ fn a_copy_takes_over_when_the_first_worker_goes() {
     let (mut rig, job, _, sessions) = straggling();
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
-    rig.scheduler.drain(rig.now, &WorkerId("fast".into()), sessions["fast"]);
+    rig.scheduler.drain(rig.now, &WorkerId("fast".into()), sessions["fast"], &[]);
     rig.settle();
     assert_eq!((leased(&rig, &job), rig.scheduler.copies.len()), (1, 0), "the first goes on alone");
-    rig.scheduler.drain(rig.now, &WorkerId("slow".into()), sessions["slow"]);
+    rig.scheduler.drain(rig.now, &WorkerId("slow".into()), sessions["slow"], &[]);
     rig.settle();
     assert_eq!(rig.scheduler.jobs[&job].round.pending(), 1);
 }
