@@ -1,53 +1,50 @@
 //! The coordinator as the commands see it: one call each, errors in words.
 
 use crate::error::Error;
+use proto::credentials::Credentials;
+use proto::dial::{Addresses, Dial, Way, reason};
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{self, JobState};
 use std::fmt;
-use std::time::Duration;
-use tonic::transport::{Channel, Endpoint};
-use tonic::{Code, Status};
+use std::time::{Duration, Instant};
+use tonic::{Code, Response, Status};
 
 /// Largest answer taken: a report has the samples of every gait and the whole tree.
 const MAX_ANSWER: usize = 1 << 30;
-/// How long to wait for a connection.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+/// Where several coordinators stand in for each other: how long to look for one that serves, which one of them does within
+/// seconds of another's death; and how long to wait between two looks.
+const FIND_WITHIN: Duration = Duration::from_secs(20);
+const LOOK_AGAIN: Duration = Duration::from_millis(300);
 /// Jobs asked for at once when listing.
 const PAGE: u32 = 200;
 
-/// The address of a coordinator: `http://HOST:PORT`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Url(String);
+/// Where a coordinator is, and those that stand in for it, with what is shown to them.
+#[derive(Clone, Debug)]
+pub struct Url(Dial);
 
 impl Url {
-    /// Checks an address; `from` says in the message where it was given.
-    pub fn parse(text: &str, from: &str) -> Result<Self, Error> {
-        let wrong = |why: &str| {
-            Err(Error::Usage { message: format!("{from} = \"{text}\" is not the address of a coordinator: {why}") })
-        };
-        if text.starts_with("https://") {
-            return wrong("https is not supported yet, use http://HOST:PORT");
-        }
-        let Some(authority) = text.strip_prefix("http://") else {
-            return wrong("it must look like http://HOST:PORT");
-        };
-        let authority = authority.trim_end_matches('/');
-        let port = authority.rsplit_once(':').map(|(_, port)| port.parse::<u16>());
-        if !matches!(port, Some(Ok(_))) || Endpoint::from_shared(text.to_owned()).is_err() {
-            return wrong("it must look like http://HOST:PORT");
-        }
-        Ok(Self(format!("http://{authority}")))
+    /// Checks addresses and credentials; `from` says in the message where the addresses were given.
+    pub fn parse(text: &str, from: &str, credentials: &Credentials) -> Result<Self, Error> {
+        let wrong = |why: String| Error::Usage { message: format!("{from}: {why}") };
+        let addresses: Addresses = text.parse().map_err(|e: proto::dial::BadAddress| wrong(e.to_string()))?;
+        Dial::new(addresses, credentials).map(Self).map_err(|e| wrong(e.to_string()))
+    }
+
+    /// A channel of its own connections.
+    pub fn way(&self) -> Way {
+        self.0.way()
     }
 
     /// The address of a socket of this machine.
     pub fn of_socket(address: std::net::SocketAddr) -> Self {
-        Self(format!("http://{address}"))
+        let dial = Dial::new(address.into(), &Credentials::default());
+        Self(dial.expect("without TLS and token there is nothing to refuse"))
     }
 }
 
 impl fmt::Display for Url {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
+        self.0.addresses().fmt(f)
     }
 }
 
@@ -55,24 +52,37 @@ impl fmt::Display for Url {
 #[derive(Clone)]
 pub struct Client {
     url: Url,
-    service: JobServiceClient<Channel>,
+    service: JobServiceClient<Way>,
 }
 
 impl Client {
     /// Connects, or says that nobody is there.
     pub async fn connect(url: &Url) -> Result<Self, Error> {
-        let unreachable =
-            |error: tonic::transport::Error| Error::Unreachable { url: url.to_string(), reason: innermost(&error) };
-        let endpoint = Endpoint::from_shared(url.to_string()).map_err(unreachable)?;
-        let channel = endpoint
-            .connect_timeout(CONNECT_TIMEOUT)
-            .http2_keep_alive_interval(Duration::from_secs(20))
-            .keep_alive_while_idle(true)
-            .connect()
-            .await
-            .map_err(unreachable)?;
-        let service = JobServiceClient::new(channel).max_decoding_message_size(MAX_ANSWER);
+        url.0.reach().await.map_err(|error| Error::Unreachable { url: url.to_string(), reason: reason(&error) })?;
+        let service = JobServiceClient::new(url.0.way()).max_decoding_message_size(MAX_ANSWER);
         Ok(Self { url: url.clone(), service })
+    }
+
+    /// Makes a call; where there are several coordinators, until one of them serves. All calls are safe to repeat.
+    async fn call<M: Clone, T, F: Future<Output = Result<Response<T>, Status>>>(
+        &self,
+        id: Option<&str>,
+        message: M,
+        method: impl Fn(JobServiceClient<Way>, M) -> F,
+    ) -> Result<T, Error> {
+        let start = Instant::now();
+        loop {
+            match method(self.service.clone(), message.clone()).await {
+                Ok(answer) => return Ok(answer.into_inner()),
+                Err(status) => {
+                    let elsewhere = self.url.0.count() > 1 && is_connection(&status);
+                    if !elsewhere || start.elapsed() > FIND_WITHIN {
+                        return Err(self.error(&status, id));
+                    }
+                }
+            }
+            tokio::time::sleep(LOOK_AGAIN).await;
+        }
     }
 
     /// Where it is.
@@ -82,7 +92,7 @@ impl Client {
 
     /// Hands a job in; tells also whether it is new to the coordinator.
     pub async fn submit(&mut self, request: v1::SubmitJobRequest) -> Result<(v1::Job, bool), Error> {
-        let answer = self.service.submit_job(request).await.map_err(|s| self.error(&s, None))?.into_inner();
+        let answer = self.call(None, request, |mut s, r| async move { s.submit_job(r).await }).await?;
         Ok((self.present(answer.job)?, answer.created))
     }
 
@@ -94,7 +104,7 @@ impl Client {
     /// A job, its resolved file and, unless it has ended, where it stands at this moment.
     pub async fn standing(&mut self, id: &str) -> Result<(v1::Job, String, Option<v1::Standing>), Error> {
         let request = v1::GetJobRequest { id: id.to_owned() };
-        let answer = self.service.get_job(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner();
+        let answer = self.call(Some(id), request, |mut s, r| async move { s.get_job(r).await }).await?;
         Ok((self.present(answer.job)?, answer.job_toml, answer.standing))
     }
 
@@ -108,7 +118,7 @@ impl Client {
                 page_token,
                 states: states.iter().map(|&s| s.into()).collect(),
             };
-            let answer = self.service.list_jobs(request).await.map_err(|s| self.error(&s, None))?.into_inner();
+            let answer = self.call(None, request, |mut s, r| async move { s.list_jobs(r).await }).await?;
             jobs.extend(answer.jobs);
             if answer.next_page_token.is_empty() || jobs.len() >= limit {
                 jobs.truncate(limit);
@@ -127,41 +137,41 @@ impl Client {
     /// Ends a job for good.
     pub async fn cancel(&mut self, id: &str) -> Result<v1::Job, Error> {
         let request = v1::CancelJobRequest { id: id.to_owned() };
-        let answer = self.service.cancel_job(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner();
+        let answer = self.call(Some(id), request, |mut s, r| async move { s.cancel_job(r).await }).await?;
         self.present(answer.job)
     }
 
     /// Hands out nothing more of a job.
     pub async fn pause(&mut self, id: &str) -> Result<v1::Job, Error> {
         let request = v1::PauseJobRequest { id: id.to_owned() };
-        let answer = self.service.pause_job(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner();
+        let answer = self.call(Some(id), request, |mut s, r| async move { s.pause_job(r).await }).await?;
         self.present(answer.job)
     }
 
     /// Goes on with a paused job.
     pub async fn resume(&mut self, id: &str) -> Result<v1::Job, Error> {
         let request = v1::ResumeJobRequest { id: id.to_owned() };
-        let answer = self.service.resume_job(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner();
+        let answer = self.call(Some(id), request, |mut s, r| async move { s.resume_job(r).await }).await?;
         self.present(answer.job)
     }
 
     /// Does an ended job again; tells also whether that is new to the coordinator.
     pub async fn restart(&mut self, request: v1::RestartJobRequest) -> Result<(v1::Job, bool), Error> {
         let id = request.id.clone();
-        let answer = self.service.restart_job(request).await.map_err(|s| self.error(&s, Some(&id)))?.into_inner();
+        let answer = self.call(Some(&id), request, |mut s, r| async move { s.restart_job(r).await }).await?;
         Ok((self.present(answer.job)?, answer.created))
     }
 
     /// What a succeeded job found.
     pub async fn result(&mut self, id: &str) -> Result<v1::GetResultResponse, Error> {
         let request = v1::GetResultRequest { id: id.to_owned() };
-        Ok(self.service.get_result(request).await.map_err(|s| self.error(&s, Some(id)))?.into_inner())
+        self.call(Some(id), request, |mut s, r| async move { s.get_result(r).await }).await
     }
 
     /// The workers that are connected now.
     pub async fn workers(&mut self) -> Result<Vec<v1::WorkerInfo>, Error> {
-        let answer = self.service.list_workers(v1::ListWorkersRequest {}).await.map_err(|s| self.error(&s, None))?;
-        Ok(answer.into_inner().workers)
+        let request = v1::ListWorkersRequest {};
+        Ok(self.call(None, request, |mut s, r| async move { s.list_workers(r).await }).await?.workers)
     }
 
     /// An error of the coordinator in words; `id` is the job it is about.
@@ -169,8 +179,8 @@ impl Client {
         let url = self.url.to_string();
         match (status.code(), id) {
             (Code::NotFound, Some(id)) => Error::NoSuchJob { url, id: id.to_owned() },
-            _ if is_connection(status) => Error::Unreachable { url, reason: reason(status) },
-            _ => Error::Refused { url, reason: reason(status) },
+            _ if is_connection(status) => Error::Unreachable { url, reason: words(status) },
+            _ => Error::Refused { url, reason: words(status) },
         }
     }
 
@@ -186,23 +196,13 @@ pub fn is_connection(status: &Status) -> bool {
         || (matches!(status.code(), Code::Unknown | Code::Internal | Code::Cancelled) && status.source().is_some())
 }
 
-fn reason(status: &Status) -> String {
+fn words(status: &Status) -> String {
     use std::error::Error as _;
     match status.source() {
-        Some(source) => innermost(source),
+        Some(source) => reason(source),
         None if status.message().is_empty() => status.code().description().to_owned(),
         None => status.message().to_owned(),
     }
-}
-
-/// The cause at the bottom of an error's chain, which is the one that helps.
-fn innermost(error: &dyn std::error::Error) -> String {
-    let mut cause = error;
-    while let Some(source) = cause.source() {
-        cause = source;
-    }
-    let text = cause.to_string();
-    text.find(" (os error").map_or(text.clone(), |end| text[..end].to_owned())
 }
 
 #[cfg(test)]
@@ -210,11 +210,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_have_a_scheme_and_a_port() {
-        assert_eq!(Url::parse("http://127.0.0.1:7077/", "x").unwrap().to_string(), "http://127.0.0.1:7077");
-        assert!(Url::parse("http://[::1]:7077", "x").is_ok());
-        for wrong in ["", "127.0.0.1:7077", "http://host", "http://host:port", "https://host:1", "http://a b:1"] {
-            assert!(matches!(Url::parse(wrong, "x"), Err(Error::Usage { .. })), "{wrong}");
+    fn what_is_no_address_is_wrong_usage_and_says_where_it_was_given() {
+        let none = Credentials::default();
+        assert_eq!(Url::parse("http://127.0.0.1:7077/", "x", &none).unwrap().to_string(), "http://127.0.0.1:7077");
+        for wrong in ["", "127.0.0.1:7077", "http://host", "https://host:1"] {
+            let Err(Error::Usage { message }) = Url::parse(wrong, "--coordinator", &none) else { panic!("{wrong}") };
+            assert!(message.starts_with("--coordinator: "), "{message}");
         }
     }
 }

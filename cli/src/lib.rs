@@ -4,6 +4,7 @@
 //! The way through: [`main`] → `arguments` (what was typed → what is meant) → `commands` (one file each) → `output`.
 
 mod arguments;
+mod certs;
 mod client;
 mod clock;
 mod commands;

@@ -123,6 +123,23 @@ mod tests {
     }
 
     #[test]
+    fn no_text_at_all_is_more_than_refused() {
+        let letters: Vec<char> = "0123456789xX-. multibodylockstep\u{0}é".chars().collect();
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize
+        };
+        for _ in 0..100_000 {
+            let length = random() % 12;
+            let text: String = (0..length).map(|_| letters[random() % letters.len()]).collect();
+            if let Ok(setting) = text.parse::<Setting>() {
+                assert_eq!(setting.to_string().parse(), Ok(setting), "{text}");
+            }
+        }
+    }
+
+    #[test]
     fn what_is_no_setting_is_refused() {
         for text in [
             "",

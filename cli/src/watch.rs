@@ -45,13 +45,12 @@ async fn to_the_end(
     loop {
         let seen_before = after;
         let broken = match stream(client, id, &mut after, &mut observe).await {
-            Ok(()) => {
-                let (job, _) = client.get(id).await?;
-                if has_ended(job.state()) {
-                    return Ok(job);
-                }
-                Status::unavailable("the stream of events ended early")
-            }
+            Ok(()) => match client.get(id).await {
+                Ok((job, _)) if has_ended(job.state()) => return Ok(job),
+                Ok(_) => Status::unavailable("the stream of events ended early"),
+                Err(Error::Unreachable { reason, .. }) => Status::unavailable(reason),
+                Err(error) => return Err(error),
+            },
             Err(Broken::Observer(error)) => return Err(error),
             Err(Broken::Stream(status)) => status,
         };

@@ -26,6 +26,7 @@ fn help_teaches() {
         "validate",
         "bench",
         "robot",
+        "certs",
         "scenarios",
     ];
     for command in commands {

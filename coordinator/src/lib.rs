@@ -1,19 +1,25 @@
 //! The coordinator: takes jobs in, runs their population loops, hands evaluations to workers, keeps everything.
 //!
-//! `scheduler` decides and knows neither network nor clock; `store` keeps; `api` talks; `actor` holds them together; `journal` and `metrics` tell
-//! whoever runs it.
+//! `scheduler` decides and knows neither network nor clock; `store` keeps; `api` talks; `actor` holds them together; `door` and
+//! `access` say who may come in and who may call what; `journal` and `metrics` tell whoever runs it.
 
+mod access;
 mod actor;
 mod api;
+mod door;
 mod journal;
 pub mod limits;
 mod metrics;
 #[cfg(unix)]
 pub mod open_files;
+#[doc(hidden)]
+pub mod parsers;
 pub mod record;
 pub mod scheduler;
+mod seldom;
 mod server;
 pub mod store;
 
-pub use server::{Config, Error, Running, serve};
+pub use access::{Access, Role, TokensError};
+pub use server::{Config, Error, Running, Tls, serve};
 pub use store::{StoreError, StoreUrl};

@@ -26,3 +26,33 @@ pub const CENSUS_WITHIN: Duration = Duration::from_secs(3);
 pub const MAX_HELD_TOLD: usize = 100;
 /// Generations from which a job's pace is taken.
 pub const PACE_OVER: u32 = 20;
+/// Most connections at once.
+pub const MAX_CONNECTIONS: usize = 16_384;
+/// Most connections from one address: a cluster behind NAT has one.
+pub const MAX_CONNECTIONS_OF_ADDRESS: usize = 8192;
+/// Most connections on which no call was admitted yet, where calls need tokens.
+pub const MAX_STRANGERS: usize = 1024;
+/// Most of these from one address.
+pub const MAX_STRANGERS_OF_ADDRESS: usize = 256;
+/// A connection on which no call is admitted for this long is closed.
+pub const STRANGER_WITHIN: Duration = Duration::from_secs(30);
+/// A TLS handshake takes at most this long.
+pub const HANDSHAKE_WITHIN: Duration = Duration::from_secs(10);
+/// Most calls at once on one connection; more wait.
+pub const MAX_CALLS_OF_CONNECTION: u32 = 256;
+/// Largest headers of a request, in bytes.
+pub const MAX_HEADERS: u32 = 16 * 1024;
+/// Largest request of a client, in bytes: a job and what is around it.
+pub const MAX_CLIENT_REQUEST: usize = proto::limits::MAX_JOB_TOML + 64 * 1024;
+/// Most streams of events at once.
+pub const MAX_WATCHERS: usize = 4096;
+/// Most sessions at once that have not said Hello.
+pub const MAX_HELLOS: usize = 1024;
+/// Most sessions of workers at once.
+pub const MAX_SESSIONS: usize = 10_000;
+/// Most jobs that are being read at once; more wait.
+pub const MAX_READINGS: usize = 4;
+/// Most states that a list is asked for.
+pub const MAX_STATES: usize = 64;
+/// Most assignments that a worker may say it works on. It has at most two a slot.
+pub const MAX_RUNNING: usize = 4 * proto::limits::MAX_SLOTS as usize;

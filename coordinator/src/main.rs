@@ -1,10 +1,13 @@
 //! The coordinator's binary.
 
 use clap::Parser;
-use coordinator::{Config, Error, StoreUrl};
+use coordinator::{Access, Config, Error, StoreUrl, Tls};
+use proto::credentials::{authority, identity};
 use std::io::Write as _;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -21,8 +24,12 @@ use tokio::signal::unix::{SignalKind, signal};
   worker --coordinator http://127.0.0.1:7077
   evogait submit JOB.toml --coordinator http://127.0.0.1:7077
 
+For other machines, with what `evogait certs init certs --host HOST` makes:
+  coordinator --listen 0.0.0.0:7077 --store sqlite:evogait.db --tls-cert certs/coordinator.pem \\
+    --tls-key certs/coordinator.key --client-ca certs/ca.pem --tokens certs/tokens
+
 The first line on standard output says where it listens, a second one where metrics are served; messages go to standard error (RUST_LOG=debug for more).
-SIGINT and SIGTERM stop it cleanly."
+SIGINT and SIGTERM stop it cleanly; SIGHUP makes it read its tokens again."
 )]
 struct Arguments {
     /// Where to listen. Port 0 takes any free port
@@ -37,7 +44,24 @@ struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
     lease_seconds: f64,
 
-    /// Listen beyond loopback, without encryption or passwords: everybody who can reach the port can run jobs
+    /// Certificate to encrypt connections with, PEM [default: $EVOGAIT_TLS_CERT]
+    #[arg(long, value_name = "FILE")]
+    tls_cert: Option<PathBuf>,
+
+    /// Its private key, PEM [default: $EVOGAIT_TLS_KEY]
+    #[arg(long, value_name = "FILE")]
+    tls_key: Option<PathBuf>,
+
+    /// Whoever connects has to show a certificate signed by this CA, PEM [default: $EVOGAIT_CLIENT_CA]
+    #[arg(long, value_name = "FILE")]
+    client_ca: Option<PathBuf>,
+
+    /// Callers have to send one of these tokens: a role (client, worker, admin) and a token a line [default:
+    /// $EVOGAIT_TOKENS]
+    #[arg(long, value_name = "FILE")]
+    tokens: Option<PathBuf>,
+
+    /// Listen beyond loopback without encryption or without tokens: everybody who can reach the port can run jobs
     #[arg(long)]
     insecure_bind: bool,
 
@@ -65,24 +89,56 @@ async fn main() -> ExitCode {
     }
 }
 
-async fn run(arguments: Arguments) -> Result<(), Error> {
-    let Arguments { listen, store, lease_seconds, insecure_bind, telemetry } = arguments;
+/// A file that an argument or else the environment names.
+fn file(given: Option<PathBuf>, variable: &str) -> Option<PathBuf> {
+    given.or_else(|| std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from))
+}
+
+fn tls(cert: Option<PathBuf>, key: Option<PathBuf>, clients: Option<PathBuf>) -> Result<Option<Tls>, Failure> {
+    let (cert, key) = (file(cert, "EVOGAIT_TLS_CERT"), file(key, "EVOGAIT_TLS_KEY"));
+    let clients = file(clients, "EVOGAIT_CLIENT_CA").as_deref().map(authority).transpose()?;
+    let identity = match (cert, key) {
+        (Some(cert), Some(key)) => identity(&cert, &key)?,
+        (None, None) if clients.is_none() => return Ok(None),
+        _ => return Err("--tls-cert FILE and --tls-key FILE go together, and --client-ca FILE with both".into()),
+    };
+    tracing::info!(until = identity.valid_until, "connections are encrypted; this is the certificate's last day");
+    Ok(Some(Tls { identity, clients }))
+}
+
+/// Why it does not start or go on, in a sentence.
+type Failure = Box<dyn std::error::Error>;
+
+async fn run(arguments: Arguments) -> Result<(), Failure> {
+    let Arguments { listen, store, lease_seconds, tls_cert, tls_key, client_ca, tokens, insecure_bind, telemetry } =
+        arguments;
     // What is no duration is out of range, too.
     let lease = Duration::try_from_secs_f64(lease_seconds).unwrap_or_default();
     let signals = |kind| signal(kind).map_err(|e| Error::Server(format!("signals can't be received: {e}")));
     let (mut interrupt, mut terminate) = (signals(SignalKind::interrupt())?, signals(SignalKind::terminate())?);
-    let mut running =
-        coordinator::serve(Config { listen, store, lease, insecure_bind, metrics: telemetry.bind() }).await?;
+    let mut hang_up = signals(SignalKind::hangup())?;
+    let tls = tls(tls_cert, tls_key, client_ca)?;
+    let access = file(tokens, "EVOGAIT_TOKENS").as_deref().map(Access::read).transpose()?.map(Arc::new);
+    let metrics = telemetry.bind();
+    let config = Config { listen, store, lease, tls, access: access.clone(), insecure_bind, metrics };
+    let mut running = coordinator::serve(config).await?;
     // Whoever started it may not be reading.
     let _ = writeln!(std::io::stdout(), "listening on {}", running.local_addr());
     if let Some(addr) = running.metrics_addr() {
         let _ = writeln!(std::io::stdout(), "metrics at http://{addr}/metrics");
     }
-    tokio::select! {
-        error = running.failed() => return Err(error),
-        _ = interrupt.recv() => {}
-        _ = terminate.recv() => {}
+    loop {
+        tokio::select! {
+            error = running.failed() => return Err(error.into()),
+            _ = interrupt.recv() => break,
+            _ = terminate.recv() => break,
+            _ = hang_up.recv() => match access.as_deref().map(Access::reload) {
+                Some(Ok(count)) => tracing::info!(count, "the tokens were read again"),
+                Some(Err(error)) => tracing::error!(%error, "the tokens stay as they were"),
+                None => tracing::warn!("SIGHUP: there are no tokens to read again"),
+            },
+        }
     }
     tracing::info!("stopping");
-    running.shutdown().await
+    Ok(running.shutdown().await?)
 }

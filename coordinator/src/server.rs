@@ -1,13 +1,19 @@
 //! Starting and stopping a coordinator.
 
+use crate::access::{self, Access};
 use crate::actor::{Actor, Clock, Command};
-use crate::api::Api;
+use crate::api::{Api, Gates};
+use crate::door::{self, Door};
 use crate::journal::Journal;
-use crate::limits::{DEFAULT_LEASE, LIVE_EVENTS, MAX_LEASE, MIN_LEASE, STOP_WITHIN};
+use crate::limits::{
+    DEFAULT_LEASE, HANDSHAKE_WITHIN, LIVE_EVENTS, MAX_CALLS_OF_CONNECTION, MAX_CLIENT_REQUEST, MAX_HEADERS, MAX_LEASE,
+    MIN_LEASE, STOP_WITHIN,
+};
 use crate::metrics::{Metrics, Pulse};
 use crate::record::JobRecord;
 use crate::scheduler::{Resumed, Scheduler, Settings};
 use crate::store::{self, Store, StoreError, StoreUrl, StoredJob};
+use proto::credentials::{Authority, Identity};
 use proto::limits::MAX_MESSAGE;
 use proto::v1::job_service_server::JobServiceServer;
 use proto::v1::worker_service_server::WorkerServiceServer;
@@ -21,11 +27,23 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::task::JoinHandle;
-use tonic::transport::Server;
-use tonic::transport::server::TcpIncoming;
+use tonic::transport::{Server, ServerTlsConfig};
+use tower::util::MapRequestLayer;
 
 /// How often an idle connection is checked, and how long the other side has to answer.
 const KEEPALIVE: Duration = Duration::from_secs(10);
+
+/// What reflection tells, and what `access::rules` has to name.
+pub(crate) const DESCRIPTORS: [&[u8]; 2] = [proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
+
+/// How connections are encrypted.
+#[derive(Clone, Debug)]
+pub struct Tls {
+    /// The coordinator's certificate and key.
+    pub identity: Identity,
+    /// Whoever connects has to show a certificate that one of these signed, if any are given.
+    pub clients: Option<Authority>,
+}
 
 /// How a coordinator runs.
 #[derive(Clone, Debug)]
@@ -36,7 +54,11 @@ pub struct Config {
     pub store: StoreUrl,
     /// Without a sign of life for this long a worker's work goes to others: 0.1 s to 1 h.
     pub lease: Duration,
-    /// Allows to listen beyond loopback, without encryption or passwords.
+    /// Encrypts connections.
+    pub tls: Option<Tls>,
+    /// Asks for tokens. Without them everybody who can connect may do everything.
+    pub access: Option<Arc<Access>>,
+    /// Allows to listen beyond loopback without encryption or without tokens.
     pub insecure_bind: bool,
     /// Where metrics are served, if at all.
     pub metrics: Option<telemetry::Bind>,
@@ -49,6 +71,8 @@ impl Config {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
             store,
             lease: DEFAULT_LEASE,
+            tls: None,
+            access: None,
             insecure_bind: false,
             metrics: None,
         }
@@ -66,12 +90,20 @@ pub enum Error {
     },
     /// The address is reachable from other machines.
     #[error(
-        "{addr} can be reached from other machines, and connections are neither encrypted nor authenticated: listen on \
+        "{addr} can be reached from other machines, and {missing}: `evogait certs init` makes what is needed; or listen on \
          127.0.0.1, or add --insecure-bind if everybody on that network may run jobs here"
     )]
     NotLoopback {
         /// Where.
         addr: SocketAddr,
+        /// What is not there.
+        missing: &'static str,
+    },
+    /// Certificates that the transport can't use.
+    #[error("connections can't be encrypted with these certificates: {reason}")]
+    Tls {
+        /// What it says.
+        reason: String,
     },
     /// The system refuses to listen there.
     #[error("can't listen on {addr}: {source}")]
@@ -106,6 +138,7 @@ pub enum Error {
 pub struct Running {
     local_addr: SocketAddr,
     metrics: Option<telemetry::Endpoint>,
+    secure: bool,
     stop: watch::Sender<bool>,
     task: JoinHandle<Result<(), Error>>,
     /// Whether `task` was seen to end.
@@ -125,7 +158,7 @@ impl Running {
 
     /// Where clients and workers connect to.
     pub fn url(&self) -> String {
-        format!("http://{}", self.local_addr)
+        format!("{}://{}", if self.secure { "https" } else { "http" }, self.local_addr)
     }
 
     /// Waits until it ends by itself, which only a failure makes it do. May be dropped and called again.
@@ -156,7 +189,17 @@ impl Running {
 pub async fn serve(config: Config) -> Result<Running, Error> {
     let addr = config.listen;
     if !addr.ip().is_loopback() && !config.insecure_bind {
-        return Err(Error::NotLoopback { addr });
+        let missing = match (&config.tls, &config.access) {
+            (None, None) => {
+                Some("connections are neither encrypted (--tls-cert, --tls-key) nor authenticated (--tokens)")
+            }
+            (None, Some(_)) => Some("connections are not encrypted (--tls-cert, --tls-key)"),
+            (Some(_), None) => Some("callers are not authenticated (--tokens)"),
+            (Some(_), Some(_)) => None,
+        };
+        if let Some(missing) = missing {
+            return Err(Error::NotLoopback { addr, missing });
+        }
     }
     if !(MIN_LEASE..=MAX_LEASE).contains(&config.lease) {
         return Err(Error::Lease { lease: config.lease });
@@ -182,10 +225,13 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
     let (commands, inbox) = mpsc::channel(1024);
     pulse.activate(commands.clone());
     let (stop, stopping) = watch::channel(false);
-    let api = Api { store, commands: commands.clone(), events, stopping: stopping.clone(), engines };
+    let gates = Gates::default();
+    let api = Api { store, commands: commands.clone(), events, stopping: stopping.clone(), engines, gates };
+    let secure = config.tls.is_some();
+    let doors = Doors { listener, tls: config.tls, access: config.access };
     let actor = tokio::spawn(actor.run(inbox));
-    let task = tokio::spawn(run(listener, api, actor, commands, stop.clone(), stopping));
-    Ok(Running { local_addr, metrics: endpoint, stop, task, ended: false })
+    let task = tokio::spawn(run(doors, api, actor, commands, stop.clone(), stopping));
+    Ok(Running { local_addr, metrics: endpoint, secure, stop, task, ended: false })
 }
 
 /// Reads the store and builds the scheduler from what is there.
@@ -227,9 +273,16 @@ async fn take_up(store: Arc<dyn Store>, lease: Duration, metrics: Arc<Metrics>) 
     })
 }
 
+/// Where strangers come in, and what is asked of them.
+struct Doors {
+    listener: TcpListener,
+    tls: Option<Tls>,
+    access: Option<Arc<Access>>,
+}
+
 /// Serves until told to stop, or until the actor fails.
 async fn run(
-    listener: TcpListener,
+    doors: Doors,
     api: Api,
     mut actor: JoinHandle<Result<(), StoreError>>,
     commands: mpsc::Sender<Command>,
@@ -239,26 +292,36 @@ async fn run(
     let (health, health_service) = tonic_health::server::health_reporter();
     health.set_serving::<JobServiceServer<Api>>().await;
     health.set_serving::<WorkerServiceServer<Api>>().await;
-    let reflection = tonic_reflection::server::Builder::configure()
-        .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
-        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-        .build_v1()
-        .map_err(|e| Error::Server(e.to_string()))?;
+    let mut reflection = tonic_reflection::server::Builder::configure();
+    for descriptors in DESCRIPTORS {
+        reflection = reflection.register_encoded_file_descriptor_set(descriptors);
+    }
+    let reflection = reflection.build_v1().map_err(|e| Error::Server(e.to_string()))?;
     let jobs = JobServiceServer::new(api.clone())
-        .max_decoding_message_size(MAX_MESSAGE)
+        .max_decoding_message_size(MAX_CLIENT_REQUEST)
         .max_encoding_message_size(MAX_MESSAGE);
     let workers =
         WorkerServiceServer::new(api).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
     let mut told = stopping.clone();
-    let server = Server::builder()
+    let Doors { listener, tls, access } = doors;
+    let door = Door::new(listener, access.is_some());
+    let mut server = Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE))
         .http2_keepalive_timeout(Some(KEEPALIVE))
+        .max_concurrent_streams(Some(MAX_CALLS_OF_CONNECTION))
+        .http2_max_header_list_size(Some(MAX_HEADERS));
+    if let Some(tls) = tls {
+        server = server.tls_config(tls_config(tls)).map_err(unusable)?;
+    }
+    let server = server
+        .layer(MapRequestLayer::new(door::introduce))
         .layer(telemetry::calls::layer())
+        .layer(access::layer(access))
         .add_service(health_service)
         .add_service(reflection)
         .add_service(jobs)
         .add_service(workers)
-        .serve_with_incoming_shutdown(TcpIncoming::from(listener).with_nodelay(Some(true)), async move {
+        .serve_with_incoming_shutdown(door, async move {
             // An error means that nobody can tell any more.
             let _ = told.wait_for(|stop| *stop).await;
         });
@@ -295,6 +358,18 @@ async fn run(
         Ok(result) => Ok(result?),
         Err(panic) => Err(Error::Server(panic.to_string())),
     }
+}
+
+fn tls_config(tls: Tls) -> ServerTlsConfig {
+    let config = ServerTlsConfig::new().identity(tls.identity.identity).timeout(HANDSHAKE_WITHIN);
+    match tls.clients {
+        Some(clients) => config.client_ca_root(clients.certificate),
+        None => config,
+    }
+}
+
+fn unusable(error: tonic::transport::Error) -> Error {
+    Error::Tls { reason: proto::dial::reason(&error) }
 }
 
 /// Reads a stored job again, or says why it can't go on.

@@ -1,7 +1,9 @@
-//! The wire: what clients, coordinator and workers say to each other, and the only place where wire types become
-//! sim-core types and back.
+//! The wire: what clients, coordinator and workers say to each other, the only place where wire types become sim-core
+//! types and back, and how a coordinator is reached: addresses, certificates and tokens.
 
 mod convert;
+pub mod credentials;
+pub mod dial;
 pub mod limits;
 
 pub use convert::{ConvertError, digest, evaluations, examination, range_length, scores};

@@ -1,5 +1,6 @@
 //! Tests across processes: real coordinators and workers, talking over loopback, killed at will.
 
 pub mod openmetrics;
+pub mod parsers;
 pub mod proxy;
 pub mod sandbox;

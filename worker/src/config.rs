@@ -1,9 +1,10 @@
 //! How a worker runs.
 
 use crate::{Error, MARGIN};
+use proto::credentials::Credentials;
+use proto::dial::Dial;
 use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
 use std::time::Duration;
-use tonic::transport::Endpoint;
 
 /// Time to finish what runs, unless another is given.
 pub const DEFAULT_GRACE: Duration = Duration::from_secs(10);
@@ -21,8 +22,11 @@ pub const MIN_KEEPALIVE: Duration = Duration::from_millis(100);
 /// How a worker runs.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// The coordinator's URL, such as `http://127.0.0.1:7077`.
+    /// The coordinator's URL, such as `http://127.0.0.1:7077`; those of several that stand in for each other are separated
+    /// by commas.
     pub coordinator: String,
+    /// What is shown to it.
+    pub credentials: Credentials,
     /// Evaluations at once, 1 to 4096. One thread each.
     pub slots: usize,
     /// For people, up to 256 bytes; see [`default_name`].
@@ -73,6 +77,7 @@ impl Config {
     pub fn new(coordinator: String, slots: usize) -> Self {
         Self {
             coordinator,
+            credentials: Credentials::default(),
             slots,
             name: default_name(),
             grace: DEFAULT_GRACE,
@@ -106,18 +111,8 @@ impl Config {
         Ok(())
     }
 
-    pub(crate) fn endpoint(&self) -> Result<Endpoint, Error> {
-        let wrong = || Error::BadAddress { url: self.coordinator.clone() };
-        let endpoint = Endpoint::from_shared(self.coordinator.clone()).map_err(|_| wrong())?;
-        if endpoint.uri().scheme_str() != Some("http") || endpoint.uri().host().is_none() {
-            return Err(wrong());
-        }
-        Ok(endpoint
-            .connect_timeout(Duration::from_secs(5))
-            .tcp_nodelay(true)
-            .http2_keep_alive_interval(self.keepalive)
-            .keep_alive_timeout(self.keepalive)
-            .keep_alive_while_idle(true))
+    pub(crate) fn dial(&self) -> Result<Dial, Error> {
+        Ok(Dial::new(self.coordinator.parse()?, &self.credentials)?.keepalive(self.keepalive))
     }
 }
 

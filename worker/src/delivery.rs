@@ -3,6 +3,7 @@
 use crate::assignments::Assignments;
 use crate::backoff::Backoff;
 use crate::metrics::Metrics;
+use proto::dial::Way;
 use proto::limits::MAX_MESSAGE;
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::complete_response::Verdict;
@@ -13,7 +14,6 @@ use std::time::Duration;
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::JoinSet;
 use tonic::Code;
-use tonic::transport::Channel;
 
 /// An answer takes a commit; longer than this and it is lost.
 const ANSWER_WITHIN: Duration = Duration::from_secs(30);
@@ -21,17 +21,16 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(30);
 /// Delivers results.
 #[derive(Clone)]
 pub(crate) struct Courier {
-    client: WorkerServiceClient<Channel>,
+    client: WorkerServiceClient<Way>,
     worker_id: String,
     assignments: Arc<Assignments>,
     metrics: Arc<Metrics>,
 }
 
 impl Courier {
-    pub fn new(channel: Channel, worker_id: String, assignments: Arc<Assignments>, metrics: Arc<Metrics>) -> Self {
-        let client = WorkerServiceClient::new(channel)
-            .max_decoding_message_size(MAX_MESSAGE)
-            .max_encoding_message_size(MAX_MESSAGE);
+    pub fn new(way: Way, worker_id: String, assignments: Arc<Assignments>, metrics: Arc<Metrics>) -> Self {
+        let client =
+            WorkerServiceClient::new(way).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
         Self { client, worker_id, assignments, metrics }
     }
 

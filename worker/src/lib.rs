@@ -27,6 +27,8 @@ use engines::Engines;
 use intake::Intake;
 use jobs::Jobs;
 use metrics::{Metrics, Pulse};
+use proto::credentials::CredentialError;
+use proto::dial::{BadAddress, DialError};
 use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
 use session::{Session, Stage};
 use slots::Slots;
@@ -50,12 +52,15 @@ pub const MAX_STUCK: usize = 5;
 /// Why a worker does not start, or stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Not a URL that can be connected to.
-    #[error("'{url}' is no address of a coordinator: write http://HOST:PORT, such as http://127.0.0.1:7077")]
-    BadAddress {
-        /// What was given.
-        url: String,
-    },
+    /// Not an address that can be connected to.
+    #[error(transparent)]
+    Address(#[from] BadAddress),
+    /// Credentials that can't be read.
+    #[error(transparent)]
+    Credentials(#[from] CredentialError),
+    /// Address and credentials do not go together.
+    #[error(transparent)]
+    Dial(#[from] DialError),
     /// Slots out of range.
     #[error("{slots} slots are out of range: 1 to {MAX_SLOTS} are allowed")]
     Slots {
@@ -115,7 +120,7 @@ pub async fn run_until(
     #[cfg(any(debug_assertions, feature = "faults"))]
     fault::check().map_err(Error::System)?;
     let end = config.time_left.map(|left| Instant::now() + left);
-    let endpoint = config.endpoint()?;
+    let dial = config.dial()?;
     let assignments = Arc::new(Assignments::default());
     let metrics = Arc::new(Metrics::new(config.slots));
     let pulse = Arc::new(Pulse { metrics: metrics.clone(), assignments: assignments.clone() });
@@ -128,12 +133,11 @@ pub async fn run_until(
     let id = unique_id();
     let (done, finished) = mpsc::unbounded_channel();
     let queue = Slots::start(config.slots, done).map_err(|e| Error::System(e.to_string()))?;
-    let courier = Courier::new(endpoint.connect_lazy(), id.clone(), assignments.clone(), metrics.clone());
+    let courier = Courier::new(dial.way(), id.clone(), assignments.clone(), metrics.clone());
     let delivering = tokio::spawn(courier.clone().run(finished));
     let (stage, stages) = watch::channel(Stage::Working);
     let mut session = Session {
-        url: config.coordinator.clone(),
-        endpoint,
+        way: dial.way(),
         id,
         name: config.name.clone(),
         slots: config.slots as u32,
@@ -249,9 +253,11 @@ mod tests {
     async fn what_can_not_work_is_said_before_anything_starts() {
         let config = |coordinator: &str, slots| Config::new(coordinator.to_owned(), slots);
         let run = |config| run(config, std::future::pending());
-        for url in ["", "127.0.0.1:7077", "https://127.0.0.1:7077", "http://", "sqlite:x"] {
-            assert!(matches!(run(config(url, 1)).await, Err(Error::BadAddress { .. })), "{url}");
+        for url in ["", "127.0.0.1:7077", "http://", "sqlite:x"] {
+            assert!(matches!(run(config(url, 1)).await, Err(Error::Address(_))), "{url}");
         }
+        let unbelieved = run(config("https://127.0.0.1:7077", 1)).await;
+        assert!(matches!(unbelieved, Err(Error::Dial(DialError::NoAuthority { .. }))));
         let url = "http://127.0.0.1:1";
         for slots in [0, MAX_SLOTS as usize + 1] {
             assert!(matches!(run(config(url, slots)).await, Err(Error::Slots { .. })));

@@ -3,6 +3,8 @@
 mod time_left;
 
 use clap::Parser;
+use proto::credentials::{Credentials, Sources};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
@@ -17,8 +19,9 @@ use worker::{Config, Error};
 #[command(
     name = "worker",
     version,
-    after_help = "Example:
+    after_help = "Examples:
   worker --coordinator http://127.0.0.1:7077 --slots 4
+  worker --coordinator https://a.example:7077,https://b.example:7077 --ca ca.pem --token-file worker.token
 
 SIGINT and SIGTERM drain it: it takes nothing new, finishes what it can within the grace time, gives back the rest, which
 costs nothing, and ends with exit code 0. A second one cuts the grace time short. In a Slurm job it drains before its
@@ -28,9 +31,26 @@ A candidate that panics or gets stuck has failed an attempt; the worker goes on.
 (RUST_LOG=debug for more)."
 )]
 struct Arguments {
-    /// The coordinator to work for
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7077")]
-    coordinator: String,
+    /// The coordinator to work for; several that stand in for each other are separated by commas [default:
+    /// $EVOGAIT_COORDINATOR, else http://127.0.0.1:7077]
+    #[arg(long, value_name = "URL")]
+    coordinator: Option<String>,
+
+    /// Certificate of the CA that signed the coordinator's, PEM; for https:// [default: $EVOGAIT_CA]
+    #[arg(long, value_name = "FILE")]
+    ca: Option<PathBuf>,
+
+    /// Certificate to show to the coordinator, PEM [default: $EVOGAIT_CERT]
+    #[arg(long, value_name = "FILE")]
+    cert: Option<PathBuf>,
+
+    /// Its private key, PEM [default: $EVOGAIT_KEY]
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+
+    /// File with a worker's token [default: $EVOGAIT_TOKEN_FILE; else the token itself is $EVOGAIT_TOKEN]
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
 
     /// Evaluations at once [default: one a core]
     #[arg(long, value_name = "N")]
@@ -101,14 +121,18 @@ async fn run(arguments: Arguments) -> Result<(), Error> {
             let _ = times.wait_for(|times| *times >= least).await;
         }
     };
+    let Arguments { coordinator, ca, cert, key, token_file, .. } = arguments;
+    let named = || std::env::var("EVOGAIT_COORDINATOR").ok().filter(|url| !url.is_empty());
+    let coordinator = coordinator.or_else(named).unwrap_or_else(|| "http://127.0.0.1:7077".to_owned());
     let config = Config {
+        credentials: Credentials::of_process(Sources { ca, cert, key, token_file })?,
         name: arguments.name.unwrap_or_else(worker::default_name),
         metrics: arguments.telemetry.bind(),
         grace: arguments.grace,
         time_left: arguments.time_left,
         stuck_after: arguments.stuck_after,
         keepalive: arguments.keepalive,
-        ..Config::new(arguments.coordinator, arguments.slots.unwrap_or_else(worker::default_slots))
+        ..Config::new(coordinator, arguments.slots.unwrap_or_else(worker::default_slots))
     };
     worker::run_until(config, after(1), after(2)).await
 }

@@ -5,15 +5,16 @@ use crate::backoff::Backoff;
 use crate::intake::{Forgotten, Intake};
 use crate::metrics::Metrics;
 use proto::PROTOCOL;
+use proto::dial::Way;
 use proto::limits::MAX_MESSAGE;
 use proto::v1::worker_service_client::WorkerServiceClient;
 use proto::v1::{CoordinatorMessage, Drain, Hello, Welcome, WorkerMessage, coordinator_message, worker_message};
+use std::error::Error as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
 use tokio::sync::watch;
 use tokio_stream::wrappers::UnboundedReceiverStream;
-use tonic::transport::Endpoint;
 use tonic::{Code, Status, Streaming};
 
 /// Shortest time between two heartbeats, whatever the coordinator asks for.
@@ -31,8 +32,7 @@ pub(crate) enum Stage {
 }
 
 pub(crate) struct Session {
-    pub url: String,
-    pub endpoint: Endpoint,
+    pub way: Way,
     pub id: String,
     pub name: String,
     pub slots: u32,
@@ -57,8 +57,10 @@ impl Session {
         let mut told = false;
         let mut stage = self.stage.clone();
         loop {
+            // The one that this try is about: a failure makes the next try go elsewhere.
+            let url = self.way.dial().current().to_owned();
             let connected = tokio::select! {
-                connected = self.connect() => connected,
+                connected = self.connect(&url) => connected,
                 () = leaving(&mut stage) => return Ok(()),
             };
             let ended = match connected {
@@ -75,16 +77,17 @@ impl Session {
             }
             match ended {
                 Ok(()) => {
-                    tracing::info!(url = self.url, "the connection ended: connecting again");
+                    tracing::info!(url, "the connection ended: connecting again");
                     told = false;
                 }
                 Err(status) if refusal(status.code()) => {
-                    return Err(Error::Refused { url: self.url.clone(), reason: status.message().to_owned() });
+                    return Err(Error::Refused { url, reason: status.message().to_owned() });
                 }
                 Err(status) => {
                     // Once is enough while nothing changes.
                     if !told {
-                        tracing::info!(url = self.url, reason = status.message(), "waiting for the coordinator");
+                        let reason = status.source().map_or(status.message().to_owned(), proto::dial::reason);
+                        tracing::info!(url, reason, "waiting for the coordinator");
                     }
                     told = true;
                 }
@@ -97,9 +100,8 @@ impl Session {
     }
 
     /// From dialing to Welcome.
-    async fn connect(&mut self) -> Result<Connection, Status> {
-        let channel = self.endpoint.connect().await.map_err(|e| Status::unavailable(cause(&e)))?;
-        let mut client = WorkerServiceClient::new(channel)
+    async fn connect(&mut self, url: &str) -> Result<Connection, Status> {
+        let mut client = WorkerServiceClient::new(self.way.clone())
             .max_decoding_message_size(MAX_MESSAGE)
             .max_encoding_message_size(MAX_MESSAGE);
         let (said, outgoing) = unbounded_channel();
@@ -127,7 +129,7 @@ impl Session {
         };
         self.metrics.connected.set(1);
         self.metrics.sessions.inc();
-        tracing::info!(worker = self.id, url = self.url, slots = self.slots, epoch, "connected");
+        tracing::info!(worker = self.id, url, slots = self.slots, epoch, "connected");
         self.intake.stop(&drop);
         let heartbeat = Duration::from_millis(heartbeat_ms.into()).max(LEAST_HEARTBEAT);
         Ok(Connection { said, incoming, heartbeat })
@@ -224,13 +226,4 @@ fn refusal(code: Code) -> bool {
 fn say(said: &UnboundedSender<WorkerMessage>, content: worker_message::Message) {
     // A connection that broke shows where it is read.
     let _ = said.send(WorkerMessage { message: Some(content) });
-}
-
-/// The innermost reason: "connection refused" rather than "transport error".
-fn cause(error: &dyn std::error::Error) -> String {
-    let mut inner = error;
-    while let Some(source) = inner.source() {
-        inner = source;
-    }
-    inner.to_string()
 }

@@ -9,9 +9,11 @@ pub use raw::{
     Subject,
 };
 
+use crate::certs::Host;
 use crate::client::Url;
 use crate::error::Error;
 use clap::Parser as _;
+use proto::credentials::{Credentials, Sources};
 use sim_core::finish::Question;
 use sim_core::job::Scale;
 use sim_core::limits::MAX_GENOME;
@@ -46,6 +48,7 @@ pub enum Command {
     Validate(Validate),
     Bench(Bench),
     Robot(Robot),
+    Certs(Certs),
     Scenarios { show: Option<String>, json: bool },
 }
 
@@ -172,6 +175,22 @@ pub struct Validate {
 }
 
 #[derive(Debug)]
+pub struct Certs {
+    pub action: CertsAction,
+    pub folder: PathBuf,
+    /// Under which the coordinator is dialed.
+    pub hosts: Vec<Host>,
+    /// That certificates are valid.
+    pub days: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CertsAction {
+    Init,
+    Renew,
+}
+
+#[derive(Debug)]
 pub struct Robot {
     /// A path, or the name of a robot that ships.
     pub robot: String,
@@ -253,7 +272,7 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             file: run.file.into(),
             out: run.out,
             place: match run.coordinator {
-                Some(url) => Place::There(Url::parse(&url, "--coordinator")?),
+                Some(url) => Place::There(Url::parse(&url, "--coordinator", &credentials(run.shown)?)?),
                 None => Place::Here { slots: run.workers.unwrap_or_else(cores) },
             },
             json: run.json,
@@ -309,6 +328,13 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             variant: robot.variant,
             json: robot.json,
         }),
+        raw::Command::Certs(certs) => {
+            let (action, raw::CertsFolder { folder, hosts, days }) = match certs.action {
+                raw::CertsAction::Init(folder) => (CertsAction::Init, folder),
+                raw::CertsAction::Renew(folder) => (CertsAction::Renew, folder),
+            };
+            Command::Certs(Certs { action, folder, hosts, days })
+        }
         raw::Command::Scenarios(scenarios) => Command::Scenarios {
             show: scenarios.action.map(|raw::ScenariosAction::Show { name }| name),
             json: scenarios.json,
@@ -380,13 +406,19 @@ fn genome(text: &str, from: &str) -> Result<Vec<f64>, Error> {
 }
 
 fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
+    let credentials = credentials(raw.shown)?;
     if let Some(url) = raw.coordinator {
-        return Url::parse(&url, "--coordinator");
+        return Url::parse(&url, "--coordinator", &credentials);
     }
     match std::env::var(raw::COORDINATOR_VARIABLE) {
-        Ok(url) if !url.is_empty() => Url::parse(&url, raw::COORDINATOR_VARIABLE),
-        _ => Url::parse(raw::DEFAULT_COORDINATOR, "the default"),
+        Ok(url) if !url.is_empty() => Url::parse(&url, raw::COORDINATOR_VARIABLE, &credentials),
+        _ => Url::parse(raw::DEFAULT_COORDINATOR, "the default", &credentials),
     }
+}
+
+fn credentials(raw: raw::Shown) -> Result<Credentials, Error> {
+    let raw::Shown { ca, cert, key, token_file } = raw;
+    Credentials::of_process(Sources { ca, cert, key, token_file }).map_err(|e| Error::Usage { message: e.to_string() })
 }
 
 /// The number of cores this process may use; 1 where the machine doesn't tell.

@@ -7,6 +7,7 @@ pub use bench::{
     BenchSoundness, Load, Subject,
 };
 
+use crate::certs::Host;
 use clap::{Args, Parser, Subcommand};
 use sim_core::job::Scale;
 use sim_core::robot::exchange::Format;
@@ -210,6 +211,14 @@ unit of length of either is 1 mu. What is read of them are trees of hinges from
 -90° to 90° with boxes and capsules; a job names such a file as its robot.")]
     Robot(Robot),
 
+    /// Make certificates and tokens for a cluster
+    #[command(after_help = "\
+Examples:
+  evogait certs init certs --host node1.example --host 10.0.0.1
+  evogait certs renew certs --host node1.example --host 10.0.0.1
+`init` prints the commands that use what it made.")]
+    Certs(Certs),
+
     /// List the robots, environments and jobs that ship, or print one
     #[command(after_help = "\
 Examples:
@@ -229,11 +238,35 @@ pub struct JobFile {
     pub seed: Option<u64>,
 }
 
+/// What is shown to a coordinator, and whom it may be.
+#[derive(Debug, Args)]
+pub struct Shown {
+    /// Certificate of the CA that signed the coordinator's, PEM; for https:// [default: $EVOGAIT_CA]
+    #[arg(long, value_name = "FILE", display_order = 90)]
+    pub ca: Option<PathBuf>,
+
+    /// Certificate to show to the coordinator, PEM [default: $EVOGAIT_CERT]
+    #[arg(long, value_name = "FILE", display_order = 91)]
+    pub cert: Option<PathBuf>,
+
+    /// Its private key, PEM [default: $EVOGAIT_KEY]
+    #[arg(long, value_name = "FILE", display_order = 92)]
+    pub key: Option<PathBuf>,
+
+    /// File with the token to send [default: $EVOGAIT_TOKEN_FILE; else the token itself is $EVOGAIT_TOKEN]
+    #[arg(long, value_name = "FILE", display_order = 93)]
+    pub token_file: Option<PathBuf>,
+}
+
 #[derive(Debug, Args)]
 pub struct OnCoordinator {
-    /// Address of the coordinator [default: $EVOGAIT_COORDINATOR, else http://127.0.0.1:7077]
+    /// Address of the coordinator; several that stand in for each other are separated by commas [default:
+    /// $EVOGAIT_COORDINATOR, else http://127.0.0.1:7077]
     #[arg(long, value_name = "URL")]
     pub coordinator: Option<String>,
+
+    #[command(flatten)]
+    pub shown: Shown,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
@@ -265,6 +298,9 @@ pub struct Run {
     /// Run on this coordinator's workers instead of this machine
     #[arg(long, value_name = "URL")]
     pub coordinator: Option<String>,
+
+    #[command(flatten)]
+    pub shown: Shown,
 
     /// Print the result as JSON at the end
     #[arg(long, display_order = 99)]
@@ -522,6 +558,42 @@ impl From<RobotScale> for Scale {
             RobotScale::Real => Self::Real,
         }
     }
+}
+
+#[derive(Debug, Args)]
+pub struct Certs {
+    #[command(subcommand)]
+    pub action: CertsAction,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum CertsAction {
+    /// Make a CA, certificates for coordinator, workers and clients, and tokens
+    #[command(after_help = "\
+Example:
+  evogait certs init certs --host node1.example --host 10.0.0.1
+Nothing that is there is replaced. Keys and tokens can be read by you alone.")]
+    Init(CertsFolder),
+    /// Replace the certificates by new ones of the same CA; CA and tokens stay
+    #[command(after_help = "\
+Example:
+  evogait certs renew certs --host node1.example --host 10.0.0.1")]
+    Renew(CertsFolder),
+}
+
+#[derive(Debug, Args)]
+pub struct CertsFolder {
+    /// Folder of the certificates
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+
+    /// Name or IP address under which a coordinator is dialed, beside this machine's own; may be given several times
+    #[arg(long = "host", value_name = "NAME|IP")]
+    pub hosts: Vec<Host>,
+
+    /// Days that the certificates are valid
+    #[arg(long, value_name = "DAYS", default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=3650))]
+    pub days: u32,
 }
 
 #[derive(Debug, Args)]

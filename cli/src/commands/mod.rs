@@ -2,6 +2,7 @@
 
 mod bench;
 mod cancel;
+mod certs;
 mod evaluate;
 mod fetch;
 mod list;
@@ -47,6 +48,7 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
         Command::Validate(args) => validate::run(args),
         Command::Bench(what) => bench::run(what, quiet),
         Command::Robot(args) => robot::run(args, quiet),
+        Command::Certs(args) => certs::run(args, quiet),
         Command::Scenarios { show, json } => scenarios::run(show, json),
     }
 }

@@ -1,6 +1,7 @@
 //! Hello: who may work here.
 
-use super::{at_most, id};
+use super::{at_most, id, printable};
+use crate::limits::MAX_RUNNING;
 use crate::record::JobId;
 use crate::scheduler::{AssignmentId, Greeting, Range, WorkerId};
 use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_WORKER_NAME};
@@ -12,8 +13,9 @@ use tonic::Status;
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Checks a worker's introduction. `engines` are those of this build: results of others could not be compared.
-pub(super) fn check(hello: v1::Hello, address: String, engines: &[(&'static str, Digest)]) -> Result<Greeting, Status> {
+pub(crate) fn check(hello: v1::Hello, address: String, engines: &[(&'static str, Digest)]) -> Result<Greeting, Status> {
     at_most("version", &hello.version, MAX_WORKER_NAME)?;
+    printable("version", &hello.version)?;
     if hello.protocol != PROTOCOL {
         return Err(Status::failed_precondition(format!(
             "the worker (evogait {}) speaks protocol {} and this coordinator (evogait {VERSION}) protocol {PROTOCOL}: \
@@ -22,7 +24,9 @@ pub(super) fn check(hello: v1::Hello, address: String, engines: &[(&'static str,
         )));
     }
     id("worker_id", &hello.worker_id)?;
+    printable("worker_id", &hello.worker_id)?;
     at_most("name", &hello.name, MAX_WORKER_NAME)?;
+    printable("name", &hello.name)?;
     if !(1..=MAX_SLOTS).contains(&hello.slots) {
         return Err(Status::failed_precondition(format!(
             "slots = {} is out of range: 1 to {MAX_SLOTS} are allowed",
@@ -48,6 +52,12 @@ pub(super) fn check(hello: v1::Hello, address: String, engines: &[(&'static str,
             "the worker's engines ({theirs}; evogait {}) compute other bits than the coordinator's ({ours}; evogait \
              {VERSION}): run the same build on both",
             hello.version
+        )));
+    }
+    if hello.running.len() > MAX_RUNNING {
+        return Err(Status::failed_precondition(format!(
+            "the worker says that it works on {} assignments: at most {MAX_RUNNING} are allowed",
+            hello.running.len()
         )));
     }
     let running = hello
@@ -102,6 +112,12 @@ mod tests {
 
         assert!(refused(v1::Hello { engine_digests: vec![vec![8; 3]], ..hello() }).contains("3 bytes"));
         assert!(refused(v1::Hello { slots: 0, ..hello() }).contains("slots = 0"));
+        let running = vec![v1::RunningAssignment::default(); MAX_RUNNING + 1];
+        assert!(refused(v1::Hello { running, ..hello() }).contains(&format!("at most {MAX_RUNNING}")));
+        let red = "\u{1b}[31mred".to_owned();
+        assert!(refused(v1::Hello { name: red.clone(), ..hello() }).contains("name has a control character, \\u{1b}"));
+        assert!(refused(v1::Hello { version: red.clone(), ..hello() }).contains("version has a control"));
+        assert!(refused(v1::Hello { worker_id: red, ..hello() }).contains("worker_id has a control"));
         assert!(refused(v1::Hello { worker_id: String::new(), ..hello() }).contains("worker_id is missing"));
         assert!(refused(v1::Hello { worker_id: "w".repeat(65), ..hello() }).contains("at most 64"));
     }

@@ -2,7 +2,7 @@
 
 use super::{Api, at_most, id, store_failed};
 use crate::actor::{Command, SubmitError};
-use crate::limits::{MAX_ACTIVE_JOBS, PACE_OVER};
+use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
 use crate::record::{JobId, JobRecord, JobState, ended};
 use crate::scheduler::NewJob;
 use proto::limits::{DEFAULT_PAGE, DEFAULT_PRIORITY, MAX_JOB_TOML, MAX_PAGE, MAX_PRIORITY, MAX_REQUEST_ID};
@@ -167,9 +167,11 @@ impl JobService for Api {
         if let Some(record) = self.requested_before(&request.request_id, &request_digest).await? {
             return Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created: false }));
         }
+        let place = self.gates.readings.wait().await;
         let new = tokio::task::spawn_blocking(move || read(request, priority, request_digest))
             .await
             .map_err(|_| Status::internal("reading the job failed: this is a bug, please report it with the job"))??;
+        drop(place);
         let (record, created) = self.take_in(new).await?;
         Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created }))
     }
@@ -204,6 +206,12 @@ impl JobService for Api {
                 Status::invalid_argument("page_token is not one that an earlier answer gave: leave it empty to start")
             })?,
         };
+        if request.states.len() > MAX_STATES {
+            return Err(Status::invalid_argument(format!(
+                "{} states are asked for: at most {MAX_STATES} are allowed",
+                request.states.len()
+            )));
+        }
         let states: Vec<JobState> = request.states().collect();
         let mut records = self.store.jobs(below, size + 1, &states).await.map_err(store_failed)?;
         let more = records.len() > size as usize;
@@ -221,7 +229,7 @@ impl JobService for Api {
                 record.last_event
             )));
         }
-        Ok(Response::new(self.watch(record.id, after)))
+        Ok(Response::new(self.watch(record.id, after, self.gates.watchers.pass()?)))
     }
 
     async fn cancel_job(&self, request: Request<CancelJobRequest>) -> Result<Response<CancelJobResponse>, Status> {

@@ -1,10 +1,15 @@
 //! The gRPC services: check what comes in, ask the actor or the store, answer.
 
+mod gates;
 mod hello;
 mod jobs;
 mod restart;
 mod watch;
 mod workers;
+
+pub(crate) use gates::Gates;
+pub(crate) use hello::check as check_hello;
+pub(crate) use workers::completed as check_completed;
 
 use crate::actor::{Command, LiveEvent};
 use crate::store::{Store, StoreError};
@@ -24,6 +29,8 @@ pub(crate) struct Api {
     pub stopping: watching::Receiver<bool>,
     /// The engines of this build.
     pub engines: Arc<[(&'static str, Digest)]>,
+    /// How much of a kind may be under way.
+    pub gates: Gates,
 }
 
 impl Api {
@@ -60,4 +67,12 @@ fn id(field: &str, value: &str) -> Result<(), Status> {
         return Err(Status::invalid_argument(format!("{field} is missing: 1 to {MAX_ID} bytes are needed")));
     }
     at_most(field, value, MAX_ID)
+}
+
+/// Refuses text that could steer a terminal it is printed on.
+fn printable(field: &str, value: &str) -> Result<(), Status> {
+    match value.chars().find(|c| c.is_control()) {
+        None => Ok(()),
+        Some(c) => Err(Status::invalid_argument(format!("{field} has a control character, {}", c.escape_default()))),
+    }
 }

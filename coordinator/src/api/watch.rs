@@ -5,18 +5,24 @@ use crate::limits::EVENTS_AT_ONCE;
 use crate::record::{JobId, ended};
 use proto::v1::{JobEvent, job_event::Event};
 use tokio::sync::broadcast::error::RecvError;
-use tokio::sync::mpsc;
+use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
 
 type Outbox = mpsc::Sender<Result<JobEvent, Status>>;
 
 impl Api {
-    /// The events after a sequence number, until the job ends.
-    pub(super) fn watch(&self, id: JobId, after: u64) -> ReceiverStream<Result<JobEvent, Status>> {
+    /// The events after a sequence number, until the job ends. Keeps its place until then.
+    pub(super) fn watch(
+        &self,
+        id: JobId,
+        after: u64,
+        place: OwnedSemaphorePermit,
+    ) -> ReceiverStream<Result<JobEvent, Status>> {
         let (outbox, stream) = mpsc::channel(64);
         let api = self.clone();
         tokio::spawn(async move {
+            let _place = place;
             if let Err(status) = api.feed(&id, after, &outbox).await {
                 // If the watcher has gone there is nobody to tell.
                 let _ = outbox.send(Err(status)).await;

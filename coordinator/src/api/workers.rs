@@ -2,7 +2,7 @@
 
 use super::{Api, hello, id};
 use crate::actor::Command;
-use crate::limits::HELLO_WITHIN;
+use crate::limits::{HELLO_WITHIN, MAX_RUNNING};
 use crate::record::JobId;
 use crate::scheduler::{AssignmentId, Completed, Delivery, Outcome, SessionId, Verdict, WorkerId};
 use proto::limits::MAX_REASON;
@@ -27,6 +27,7 @@ impl WorkerService for Api {
         &self,
         request: Request<Streaming<WorkerMessage>>,
     ) -> Result<Response<Self::SessionStream>, Status> {
+        let waiting = self.gates.hellos.pass()?;
         let address = request.remote_addr().map(|a| a.to_string()).unwrap_or_default();
         let mut inbound = request.into_inner();
         let first = tokio::time::timeout(HELLO_WITHIN, inbound.message()).await.map_err(|_| {
@@ -37,10 +38,15 @@ impl WorkerService for Api {
         };
         let greeting = hello::check(hello, address, &self.engines)?;
         let worker = greeting.worker.clone();
+        let place = self.gates.sessions.pass()?;
+        drop(waiting);
         let (outbox, messages) = mpsc::unbounded_channel();
         let session = self.ask(|reply| Command::Connect { greeting, outbox, reply }).await?;
         let api = self.clone();
-        tokio::spawn(async move { api.listen(inbound, worker, session).await });
+        tokio::spawn(async move {
+            api.listen(inbound, worker, session).await;
+            drop(place);
+        });
         Ok(Response::new(Box::pin(UnboundedReceiverStream::new(messages).map(Ok))))
     }
 
@@ -71,6 +77,10 @@ impl Api {
             let worker = worker.clone();
             let command = match received {
                 Ok(Some(WorkerMessage { message: Some(message) })) => match message {
+                    worker_message::Message::Heartbeat(heartbeat) if heartbeat.running.len() > MAX_RUNNING => {
+                        tracing::warn!(%worker, running = heartbeat.running.len(), limit = MAX_RUNNING, "not a worker of ours");
+                        Command::Disconnect { worker, session }
+                    }
                     worker_message::Message::Heartbeat(heartbeat) => {
                         let running = heartbeat.running.into_iter().map(AssignmentId).collect();
                         Command::Heartbeat { worker, session, running, progress: heartbeat.progress }
@@ -102,7 +112,7 @@ impl Api {
     }
 }
 
-fn completed(request: CompleteRequest) -> Result<Completed, Status> {
+pub(crate) fn completed(request: CompleteRequest) -> Result<Completed, Status> {
     id("worker_id", &request.worker_id)?;
     id("job_id", &request.job_id)?;
     let invalid = |e: proto::ConvertError| Status::invalid_argument(e.to_string());
@@ -144,8 +154,12 @@ fn completed(request: CompleteRequest) -> Result<Completed, Status> {
     })
 }
 
+/// A worker's words for people: not too many of them, and nothing that steers a terminal.
 fn shortened(mut reason: String) -> String {
     let end = (0..=MAX_REASON).rev().find(|i| reason.is_char_boundary(*i)).unwrap_or(0);
     reason.truncate(end);
+    if reason.contains(|c: char| c.is_control() && c != '\n') {
+        reason = reason.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}");
+    }
     reason
 }

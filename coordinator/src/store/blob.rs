@@ -85,3 +85,10 @@ pub(super) fn decode_scores(bytes: &[u8]) -> Result<Vec<Option<f64>>, StoreError
     let stored: Scores = decode("scores", bytes)?;
     Ok(stored.scores.into_iter().map(|s| s.score).collect())
 }
+
+/// Reads bytes as each kind of blob.
+pub(crate) fn decode_anything(bytes: &[u8]) {
+    let _ = decode_record(bytes);
+    let _ = decode_outcomes(bytes);
+    let _ = decode_scores(bytes);
+}

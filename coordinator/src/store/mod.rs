@@ -9,6 +9,7 @@ mod migrations;
 mod sqlite;
 mod url;
 
+pub(crate) use blob::decode_anything;
 pub use memory::MemoryStore;
 pub use sqlite::SqliteStore;
 pub use url::{BadStoreUrl, StoreUrl};

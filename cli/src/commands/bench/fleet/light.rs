@@ -5,6 +5,7 @@
 
 use crate::client::Url;
 use proto::PROTOCOL;
+use proto::dial::Way;
 use proto::limits::MAX_MESSAGE;
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::worker_service_client::WorkerServiceClient;
@@ -22,7 +23,6 @@ use tokio::sync::mpsc::unbounded_channel;
 use tokio::task::JoinSet;
 use tokio::time::{interval, sleep};
 use tokio_stream::wrappers::UnboundedReceiverStream;
-use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status};
 
 /// Before a broken session is opened again, and before an unanswered result is sent again.
@@ -93,9 +93,7 @@ impl Drop for Connected<'_> {
 }
 
 async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Tally>) -> Result<End, Status> {
-    let broken = |e: tonic::transport::Error| Status::unavailable(e.to_string());
-    let endpoint = Endpoint::from_shared(url.to_string()).map_err(broken)?.tcp_nodelay(true);
-    let mut client = WorkerServiceClient::new(endpoint.connect().await.map_err(broken)?)
+    let mut client = WorkerServiceClient::new(url.way())
         .max_decoding_message_size(MAX_MESSAGE)
         .max_encoding_message_size(MAX_MESSAGE);
     let (said, outgoing) = unbounded_channel();
@@ -195,7 +193,7 @@ async fn evaluate(id: &str, behaviour: &Behaviour, assigned: &Assign, task: &Eva
 }
 
 /// Sends it until it is answered.
-async fn deliver(mut client: WorkerServiceClient<Channel>, result: CompleteRequest) {
+async fn deliver(mut client: WorkerServiceClient<Way>, result: CompleteRequest) {
     while let Err(status) = client.complete(result.clone()).await {
         // Whatever it is, asking again would not change it.
         if !matches!(status.code(), Code::Unavailable | Code::Cancelled | Code::Unknown | Code::DeadlineExceeded) {

@@ -1,0 +1,67 @@
+//! `evogait certs`: certificates and tokens for a small cluster.
+
+use crate::arguments::{Certs, CertsAction};
+use crate::certs::{self, CA_DAYS, Host};
+use crate::console;
+use crate::error::Error;
+use proto::credentials::authority;
+
+/// Makes or renews, and says what to do next.
+pub fn run(args: Certs, quiet: bool) -> Result<(), Error> {
+    let Certs { action, folder, hosts: given, days } = args;
+    let hosts = with_loopback(given);
+    match action {
+        CertsAction::Init => certs::init(&folder, &hosts, days)?,
+        CertsAction::Renew => certs::renew(&folder, &hosts, days)?,
+    }
+    if quiet {
+        return Ok(());
+    }
+    let names = hosts.iter().map(Host::to_string).collect::<Vec<_>>().join(", ");
+    let until = authority(&folder.join("ca.pem")).map(|ca| ca.valid_until).unwrap_or_default();
+    let dir = folder.display();
+    let host = hosts.iter().find(|host| !is_loopback(host)).unwrap_or(&hosts[0]);
+    let host = if let Host::Ip(std::net::IpAddr::V6(ip)) = host { format!("[{ip}]") } else { host.to_string() };
+    let valid = format!(
+        "Certificates in {dir}, valid for {days} days; the CA until {until}. The coordinator's is for {names}."
+    );
+    console::say(&match action {
+        CertsAction::Renew => format!("{valid}\nCopy them to where they are used and start the programs there again."),
+        CertsAction::Init => format!(
+            "{valid}
+Whoever has ca.key can make more: keep it away from the network. (A CA lasts {CA_DAYS} days.)
+
+The coordinator needs coordinator.pem, coordinator.key, ca.pem and tokens:
+  coordinator --listen 0.0.0.0:7077 --store sqlite:evogait.db --tls-cert {dir}/coordinator.pem \\
+    --tls-key {dir}/coordinator.key --client-ca {dir}/ca.pem --tokens {dir}/tokens
+A worker needs ca.pem, worker.pem, worker.key and worker.token:
+  worker --coordinator https://{host}:7077 --ca {dir}/ca.pem --cert {dir}/worker.pem \\
+    --key {dir}/worker.key --token-file {dir}/worker.token
+A client needs ca.pem, client.pem, client.key and client.token:
+  evogait workers --coordinator https://{host}:7077 --ca {dir}/ca.pem --cert {dir}/client.pem \\
+    --key {dir}/client.key --token-file {dir}/client.token
+Or set EVOGAIT_COORDINATOR, EVOGAIT_CA, EVOGAIT_CERT, EVOGAIT_KEY and EVOGAIT_TOKEN_FILE."
+        ),
+    })
+}
+
+fn is_loopback(host: &Host) -> bool {
+    match host {
+        Host::Name(name) => name == "localhost",
+        Host::Ip(ip) => ip.is_loopback(),
+    }
+}
+
+/// The machine itself is always among the hosts, so that whoever works on it can connect.
+fn with_loopback(mut hosts: Vec<Host>) -> Vec<Host> {
+    for own in [
+        Host::Name("localhost".to_owned()),
+        Host::Ip(std::net::Ipv4Addr::LOCALHOST.into()),
+        Host::Ip(std::net::Ipv6Addr::LOCALHOST.into()),
+    ] {
+        if !hosts.contains(&own) {
+            hosts.push(own);
+        }
+    }
+    hosts
+}

@@ -1,0 +1,60 @@
+//! The layer before all services that asks for tokens.
+
+use super::{Access, admit};
+use crate::door::Visit;
+use crate::seldom::Seldom;
+use std::future::ready;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use tonic::body::Body;
+use tower_layer::Layer;
+use tower_service::Service;
+
+/// Refuses what its caller may not do, before any of it is read.
+pub(crate) fn layer<S>(access: Option<Arc<Access>>) -> impl Layer<S, Service = Guard<S>> + Clone {
+    let told = Arc::new(Seldom::default());
+    tower_layer::layer_fn(move |inner| Guard { inner, access: access.clone(), told: told.clone() })
+}
+
+#[derive(Clone)]
+pub(crate) struct Guard<S> {
+    inner: S,
+    access: Option<Arc<Access>>,
+    told: Arc<Seldom>,
+}
+
+impl<S> Service<http::Request<Body>> for Guard<S>
+where
+    S: Service<http::Request<Body>, Response = http::Response<Body>>,
+    S::Future: Send + 'static,
+    S::Error: Send + 'static,
+{
+    type Response = S::Response;
+    type Error = S::Error;
+    type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Self::Error>> + Send>>;
+
+    fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
+        self.inner.poll_ready(cx)
+    }
+
+    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
+        let visit = Visit::of(request.extensions());
+        match admit(self.access.as_deref(), request.uri().path(), request.headers()) {
+            Ok(known) => {
+                if known && let Some(visit) = visit {
+                    visit.is_known();
+                }
+                Box::pin(self.inner.call(request))
+            }
+            Err(status) => {
+                // A stranger must not be able to fill the log.
+                if let Some(others) = self.told.now() {
+                    let peer = visit.map(|v| v.peer().to_string()).unwrap_or_default();
+                    tracing::warn!(peer, reason = status.message(), others, "a call was refused");
+                }
+                Box::pin(ready(Ok(status.into_http())))
+            }
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! The file of tokens: a role and a token a line.
+//!
+//! ```text
+//! # role   token, or sha256: and the digest of one in hexadecimal
+//! client   3f1c…
+//! worker   sha256:9f86…
+//! ```
+//!
+//! A role may have several tokens, so that a new one is in use before the old one goes.
+
+use super::Role;
+use proto::credentials::{MAX_FILE, Token, TokenError, read_file};
+use sha2::{Digest as _, Sha256};
+use std::collections::HashMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError, RwLock};
+
+/// Most tokens of a file.
+pub const MAX_TOKENS: usize = 10_000;
+
+/// Digests of tokens, with what each is good for. Looked up by the digest of what a caller sends: how long that takes
+/// tells about digests, from which no token can be found.
+type Table = HashMap<[u8; 32], Role>;
+
+/// The tokens that a coordinator knows. They can be read again while it runs.
+pub struct Access {
+    file: PathBuf,
+    table: RwLock<Arc<Table>>,
+}
+
+impl fmt::Debug for Access {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Access({} tokens of {})", self.count(), self.file.display())
+    }
+}
+
+/// Why a file of tokens can't be used. No token is ever told.
+#[derive(Debug, thiserror::Error)]
+pub enum TokensError {
+    /// The file can't be read.
+    #[error("can't read the tokens in {file}: {reason}", file = .file.display())]
+    Read {
+        /// Which.
+        file: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// A line that is none.
+    #[error(
+        "{file}, line {line}: {reason}; write a role (client, worker or admin) and a token, or sha256: and a token's digest",
+        file = .file.display()
+    )]
+    Line {
+        /// Which file.
+        file: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Nobody could do anything.
+    #[error("{file} has no token: write a role (client, worker or admin) and a token a line", file = .file.display())]
+    Empty {
+        /// Which.
+        file: PathBuf,
+    },
+    /// Too many.
+    #[error("{file} has more than {MAX_TOKENS} tokens", file = .file.display())]
+    TooMany {
+        /// Which.
+        file: PathBuf,
+    },
+}
+
+impl Access {
+    /// Reads a file.
+    pub fn read(file: &Path) -> Result<Self, TokensError> {
+        Ok(Self { file: file.to_owned(), table: RwLock::new(Arc::new(table(file)?)) })
+    }
+
+    /// Takes the text of a file.
+    pub fn parse(text: &str) -> Result<Self, TokensError> {
+        let file = PathBuf::from("the tokens");
+        let table = parse(&file, text)?;
+        Ok(Self { file, table: RwLock::new(Arc::new(table)) })
+    }
+
+    /// Reads the file again; on an error all stays as it was. Tells how many tokens there are.
+    pub fn reload(&self) -> Result<usize, TokensError> {
+        let table = Arc::new(table(&self.file)?);
+        let count = table.len();
+        *self.table.write().unwrap_or_else(PoisonError::into_inner) = table;
+        Ok(count)
+    }
+
+    /// How many tokens there are.
+    pub fn count(&self) -> usize {
+        self.table().len()
+    }
+
+    /// What a token is good for.
+    pub fn role(&self, token: &[u8]) -> Option<Role> {
+        let digest: [u8; 32] = Sha256::digest(token).into();
+        self.table().get(&digest).copied()
+    }
+
+    fn table(&self) -> Arc<Table> {
+        self.table.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+fn table(file: &Path) -> Result<Table, TokensError> {
+    let unreadable = |reason: String| TokensError::Read { file: file.to_owned(), reason };
+    let bytes = read_file(file).map_err(|e| {
+        let text = e.to_string();
+        unreadable(text.find(" (os error").map_or(text.clone(), |end| text[..end].to_owned()))
+    })?;
+    let text = String::from_utf8(bytes).map_err(|_| unreadable("it is not text".to_owned()))?;
+    parse(file, &text)
+}
+
+fn parse(file: &Path, text: &str) -> Result<Table, TokensError> {
+    if text.len() > MAX_FILE {
+        return Err(TokensError::TooMany { file: file.to_owned() });
+    }
+    let mut table = Table::new();
+    for (index, content) in text.lines().enumerate() {
+        let line = |reason: String| TokensError::Line { file: file.to_owned(), line: index + 1, reason };
+        let mut words = content.split_whitespace();
+        let role: Role = match words.next() {
+            None => continue,
+            Some(word) if word.starts_with('#') => continue,
+            // Not told: somebody may have written the token first.
+            Some(word) => word.parse().map_err(|()| line("its first word is no role".to_owned()))?,
+        };
+        let (Some(secret), None) = (words.next(), words.next()) else {
+            return Err(line("it does not have two words".to_owned()));
+        };
+        let digest = match secret.strip_prefix("sha256:") {
+            Some(hex) => {
+                from_hex(hex).ok_or_else(|| line("its digest does not have 64 hexadecimal digits".to_owned()))?
+            }
+            None => {
+                let token = Token::parse(secret, "it").map_err(|error| match error {
+                    TokenError::Length { length, .. } => {
+                        line(format!("its token has {length} characters, 16 to 256 are needed"))
+                    }
+                    _ => line("its token has a character that is not visible ASCII".to_owned()),
+                })?;
+                Sha256::digest(token.reveal()).into()
+            }
+        };
+        if table.insert(digest, role).is_some_and(|other| other != role) {
+            return Err(line("its token has another role further up".to_owned()));
+        }
+        if table.len() > MAX_TOKENS {
+            return Err(TokensError::TooMany { file: file.to_owned() });
+        }
+    }
+    if table.is_empty() { Err(TokensError::Empty { file: file.to_owned() }) } else { Ok(table) }
+}
+
+fn from_hex(text: &str) -> Option<[u8; 32]> {
+    let digits = text.as_bytes();
+    if digits.len() != 64 {
+        return None;
+    }
+    let digit = |c: u8| (c as char).to_digit(16).map(|d| d as u8);
+    let mut bytes = [0; 32];
+    for (byte, pair) in bytes.iter_mut().zip(digits.chunks_exact(2)) {
+        *byte = digit(pair[0])? << 4 | digit(pair[1])?;
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_role_has_as_many_tokens_as_are_needed_to_rotate_them() {
+        let text = "# who\n\nclient  old-token-0123456789\nclient\tnew-token-0123456789\r\n  # sha256 of \"worker-token-0123456\"\n";
+        let digest: [u8; 32] = Sha256::digest("worker-token-0123456").into();
+        let hex: String = digest.iter().map(|b| format!("{b:02x}")).collect();
+        let access = Access::parse(&format!("{text}worker sha256:{hex}\nadmin admin-token-0123456")).unwrap();
+        assert_eq!(access.count(), 4);
+        assert_eq!(access.role(b"old-token-0123456789"), Some(Role::Client));
+        assert_eq!(access.role(b"new-token-0123456789"), Some(Role::Client));
+        assert_eq!(access.role(b"worker-token-0123456"), Some(Role::Worker));
+        assert_eq!(access.role(b"admin-token-0123456"), Some(Role::Admin));
+        for unknown in [b"".as_slice(), b"old-token-012345678", b"old-token-01234567890", hex.as_bytes()] {
+            assert_eq!(access.role(unknown), None);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_by_its_line_and_no_secret_with_it() {
+        for (text, told) in [
+            ("", "has no token"),
+            ("# nothing\n", "has no token"),
+            ("client", "line 1: it does not have two words"),
+            ("\nclient secret-token-0123456 more", "line 2: it does not have two words"),
+            ("secret-token-0123456 client", "its first word is no role"),
+            ("Client secret-token-0123456", "its first word is no role"),
+            ("client secret", "its token has 6 characters"),
+            ("client secret-tokén-0123456789", "not visible ASCII"),
+            ("client sha256:secret", "64 hexadecimal digits"),
+            ("client secret-token-0123456\nworker secret-token-0123456", "line 2: its token has another role"),
+        ] {
+            let error = Access::parse(text).unwrap_err();
+            assert!(error.to_string().contains(told), "{text:?}: {error}");
+            assert!(!format!("{error} {error:?}").contains("secret"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_file_is_read_again_while_it_is_in_use_and_a_broken_one_changes_nothing() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "client old-token-0123456789").unwrap();
+        let access = Access::read(file.path()).unwrap();
+        std::fs::write(file.path(), "client new-token-0123456789\n").unwrap();
+        assert_eq!(access.reload().unwrap(), 1);
+        assert_eq!(access.role(b"old-token-0123456789"), None);
+        assert_eq!(access.role(b"new-token-0123456789"), Some(Role::Client));
+        std::fs::write(file.path(), "client").unwrap();
+        assert!(access.reload().is_err());
+        assert_eq!(access.role(b"new-token-0123456789"), Some(Role::Client));
+        assert!(!format!("{access:?}").contains("new-token"));
+    }
+}

@@ -1,0 +1,43 @@
+//! What strangers can cause is logged seldom.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Least time between two entries.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// Says when it is time to log again.
+#[derive(Debug, Default)]
+pub(crate) struct Seldom(Mutex<(Option<Instant>, u64)>);
+
+impl Seldom {
+    /// How many entries were left out since the last one, if another may be written now.
+    pub fn now(&self) -> Option<u64> {
+        self.at(Instant::now())
+    }
+
+    fn at(&self, now: Instant) -> Option<u64> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if state.0.is_some_and(|last| now < last + PAUSE) {
+            state.1 += 1;
+            return None;
+        }
+        state.0 = Some(now);
+        Some(std::mem::take(&mut state.1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_have_a_pause_between_them_and_none_is_forgotten() {
+        let (seldom, start) = (Seldom::default(), Instant::now());
+        assert_eq!(seldom.at(start), Some(0));
+        assert_eq!(seldom.at(start), None);
+        assert_eq!(seldom.at(start + PAUSE / 2), None);
+        assert_eq!(seldom.at(start + PAUSE), Some(2));
+        assert_eq!(seldom.at(start + 3 * PAUSE), Some(0));
+    }
+}

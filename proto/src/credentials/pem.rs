@@ -1,0 +1,178 @@
+//! Certificates and private keys in PEM files.
+
+use super::{plain, read_file};
+use rustls::crypto::ring;
+use rustls::pki_types::pem::{self, PemObject as _};
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::sign::CertifiedKey;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+use x509_parser::prelude::{FromDer as _, X509Certificate};
+
+/// Certificates whose signature is believed.
+#[derive(Clone, Debug)]
+pub struct Authority {
+    /// As the transport wants it.
+    pub certificate: tonic::transport::Certificate,
+    /// When the first of them ends: YYYY-MM-DD.
+    pub valid_until: String,
+}
+
+/// A certificate with its private key.
+#[derive(Clone)]
+pub struct Identity {
+    /// As the transport wants it.
+    pub identity: tonic::transport::Identity,
+    /// Last day of the certificate: YYYY-MM-DD.
+    pub valid_until: String,
+}
+
+impl fmt::Debug for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Identity(until {})", self.valid_until)
+    }
+}
+
+/// Why a file of certificates or keys can't be used. Not retryable: the user must change a file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PemError {
+    /// The file can't be read.
+    #[error("can't read {file}: {reason}", file = .file.display())]
+    Read {
+        /// Which.
+        file: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// No PEM of the kind that is needed.
+    #[error("{file} holds no {what} in PEM, a text with a line \"-----BEGIN {label}-----\"", file = .file.display())]
+    NotPem {
+        /// Which.
+        file: PathBuf,
+        /// "certificate", "private key".
+        what: &'static str,
+        /// What the line says.
+        label: &'static str,
+    },
+    /// PEM whose content is damaged, or of a kind that can't be used.
+    #[error("{file} can't be used: {reason}", file = .file.display())]
+    Unusable {
+        /// Which.
+        file: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// Another key's certificate.
+    #[error("{key} is not the key of the certificate in {cert}", key = .key.display(), cert = .cert.display())]
+    Mismatch {
+        /// The certificate's file.
+        cert: PathBuf,
+        /// The key's file.
+        key: PathBuf,
+    },
+    /// A certificate that was valid.
+    #[error("the certificate in {file} expired on {day}: renew it, such as with `evogait certs renew`", file = .file.display())]
+    Expired {
+        /// Which.
+        file: PathBuf,
+        /// Its last day, YYYY-MM-DD.
+        day: String,
+    },
+    /// A certificate that will be valid.
+    #[error("the certificate in {file} is valid from {day} on only: is this machine's clock right?", file = .file.display())]
+    NotYet {
+        /// Which.
+        file: PathBuf,
+        /// Its first day, YYYY-MM-DD.
+        day: String,
+    },
+    /// A certificate that can't sign others, where one is needed that can.
+    #[error("the certificate in {file} is not that of a CA: give the file of the CA that signed the other side's", file = .file.display())]
+    NoAuthority {
+        /// Which.
+        file: PathBuf,
+    },
+}
+
+/// Says which cryptography TLS uses in this process, whichever else may be linked in.
+pub fn choose_provider() {
+    // Failing means that it has been said before.
+    let _ = ring::default_provider().install_default();
+}
+
+/// Reads the certificates of a CA, one or more, so that an old and a new one can be believed at once.
+pub fn authority(file: &Path) -> Result<Authority, PemError> {
+    let (text, certificates) = certificates(file)?;
+    let mut first_end = None;
+    for der in &certificates {
+        let certificate = parse(file, der)?;
+        if !certificate.is_ca() {
+            return Err(PemError::NoAuthority { file: file.to_owned() });
+        }
+        let day = valid_until(file, &certificate)?;
+        first_end = Some(first_end.map_or(day.clone(), |first: String| first.min(day)));
+    }
+    let valid_until = first_end.unwrap_or_default();
+    Ok(Authority { certificate: tonic::transport::Certificate::from_pem(text), valid_until })
+}
+
+/// Reads a certificate, with those that lead from it to its CA if there are any, and its private key.
+pub fn identity(cert: &Path, key: &Path) -> Result<Identity, PemError> {
+    let (text, chain) = certificates(cert)?;
+    let valid_until = valid_until(cert, &parse(cert, &chain[0])?)?;
+    let key_text = read(key)?;
+    let der = PrivateKeyDer::from_pem_slice(&key_text).map_err(|error| match error {
+        pem::Error::NoItemsFound => {
+            PemError::NotPem { file: key.to_owned(), what: "private key", label: "PRIVATE KEY" }
+        }
+        error => PemError::Unusable { file: key.to_owned(), reason: error.to_string() },
+    })?;
+    CertifiedKey::from_der(chain, der, &ring::default_provider()).map_err(|error| match error {
+        rustls::Error::InconsistentKeys(_) => PemError::Mismatch { cert: cert.to_owned(), key: key.to_owned() },
+        error => PemError::Unusable { file: key.to_owned(), reason: error.to_string() },
+    })?;
+    Ok(Identity { identity: tonic::transport::Identity::from_pem(text, key_text), valid_until })
+}
+
+fn read(file: &Path) -> Result<Vec<u8>, PemError> {
+    read_file(file).map_err(|e| PemError::Read { file: file.to_owned(), reason: plain(&e) })
+}
+
+/// The file's text and the certificates in it, at least one.
+fn certificates(file: &Path) -> Result<(Vec<u8>, Vec<CertificateDer<'static>>), PemError> {
+    let text = read(file)?;
+    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&text).collect();
+    match found {
+        Ok(found) if found.is_empty() => {
+            Err(PemError::NotPem { file: file.to_owned(), what: "certificate", label: "CERTIFICATE" })
+        }
+        Ok(found) => Ok((text, found)),
+        Err(error) => Err(PemError::Unusable { file: file.to_owned(), reason: error.to_string() }),
+    }
+}
+
+fn parse<'a>(file: &Path, der: &'a CertificateDer<'_>) -> Result<X509Certificate<'a>, PemError> {
+    match X509Certificate::from_der(der) {
+        Ok((_, certificate)) => Ok(certificate),
+        Err(error) => {
+            let reason = format!("its certificate is damaged ({error})");
+            Err(PemError::Unusable { file: file.to_owned(), reason })
+        }
+    }
+}
+
+/// The certificate's last day, if it is valid today.
+fn valid_until(file: &Path, certificate: &X509Certificate<'_>) -> Result<String, PemError> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs() as i64;
+    let validity = certificate.validity();
+    let (from, to) = (validity.not_before, validity.not_after);
+    if now < from.timestamp() {
+        return Err(PemError::NotYet { file: file.to_owned(), day: from.to_datetime().date().to_string() });
+    }
+    let day = to.to_datetime().date().to_string();
+    if now > to.timestamp() {
+        return Err(PemError::Expired { file: file.to_owned(), day });
+    }
+    Ok(day)
+}

@@ -1,0 +1,201 @@
+//! How a coordinator is reached, by clients and workers alike: its addresses and credentials become a [`Way`], a channel
+//! that goes on to the next address when one does not serve.
+//!
+//! A coordinator that stands by answers UNAVAILABLE, and so does one that stops; one that died does not answer at all.
+//! The call that finds this out fails. The next one goes to the next address: callers try again anyway.
+
+mod address;
+mod reason;
+mod way;
+
+pub use address::{Address, Addresses, BadAddress, MAX_ADDRESSES};
+pub use reason::reason;
+pub use way::Way;
+
+use crate::credentials::Credentials;
+use http::HeaderValue;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+use tonic::transport::{ClientTlsConfig, Endpoint};
+
+/// A connection is made within this time, or not at all.
+const CONNECT_WITHIN: Duration = Duration::from_secs(5);
+/// How often a connection is checked, and how long the other side has to answer: a half-open one is found within twice
+/// this.
+const KEEPALIVE: Duration = Duration::from_secs(10);
+
+/// What is needed to connect. Clones share which address is the right one at the moment.
+#[derive(Clone, Debug)]
+pub struct Dial {
+    addresses: Addresses,
+    endpoints: Arc<[Endpoint]>,
+    token: Option<HeaderValue>,
+    /// Index of the address that served last, or that is to be tried next.
+    current: Arc<AtomicUsize>,
+}
+
+/// Why a coordinator can't even be tried. Not retryable: the user must change something.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DialError {
+    /// A token would cross the network in the clear.
+    #[error(
+        "a token is not sent to {url}, which is on another machine and not encrypted: write https:// and give the CA with \
+         --ca FILE, or leave the token away"
+    )]
+    PlainToken {
+        /// Where.
+        url: String,
+    },
+    /// Nobody to believe.
+    #[error(
+        "{url} needs the certificate of the CA that signed the coordinator's: give it with --ca FILE (`evogait certs init` \
+         makes one)"
+    )]
+    NoAuthority {
+        /// Where.
+        url: String,
+    },
+    /// The transport refuses these credentials.
+    #[error("{url} can't be connected to with these certificates: {reason}")]
+    Tls {
+        /// Where.
+        url: String,
+        /// What it says.
+        reason: String,
+    },
+}
+
+impl Dial {
+    /// Puts addresses and credentials together. Connects to nobody yet.
+    pub fn new(addresses: Addresses, credentials: &Credentials) -> Result<Self, DialError> {
+        let endpoints = addresses.all().iter().map(|a| endpoint(a, credentials)).collect::<Result<_, _>>()?;
+        let token = credentials.token.as_ref().map(|token| {
+            let mut value: HeaderValue =
+                format!("Bearer {}", token.reveal()).parse().expect("a token is visible ASCII");
+            value.set_sensitive(true);
+            value
+        });
+        Ok(Self { addresses, endpoints, token, current: Arc::new(AtomicUsize::new(0)) })
+    }
+
+    /// Checks idle connections this often; the other side has as long again to answer. 10 s unless said here.
+    pub fn keepalive(mut self, period: Duration) -> Self {
+        let checked = |e: &Endpoint| e.clone().http2_keep_alive_interval(period).keep_alive_timeout(period);
+        self.endpoints = self.endpoints.iter().map(checked).collect();
+        self
+    }
+
+    /// Where it goes.
+    pub fn addresses(&self) -> &Addresses {
+        &self.addresses
+    }
+
+    /// How many addresses there are.
+    pub fn count(&self) -> usize {
+        self.endpoints.len()
+    }
+
+    /// The address that the next call goes to.
+    pub fn current(&self) -> &str {
+        &self.addresses.all()[self.current.load(Ordering::Relaxed)].url
+    }
+
+    /// A channel of its own connections, made when they are needed. All ways of one `Dial` go to the same address.
+    pub fn way(&self) -> Way {
+        Way::new(self)
+    }
+
+    /// Connects once, to the first address that takes a connection: tells early that nobody is there. The error is that
+    /// of the last address.
+    pub async fn reach(&self) -> Result<(), tonic::transport::Error> {
+        let mut last = Ok(());
+        for _ in 0..self.count() {
+            let at = self.current.load(Ordering::Relaxed);
+            last = self.endpoints[at].connect().await.map(drop);
+            if last.is_ok() {
+                break;
+            }
+            self.leave(at);
+        }
+        last
+    }
+
+    /// The address with this index does not serve: the next one's turn, unless somebody found out before.
+    fn leave(&self, at: usize) {
+        let next = (at + 1) % self.count();
+        // Failing means that another call has moved on already.
+        let _ = self.current.compare_exchange(at, next, Ordering::Relaxed, Ordering::Relaxed);
+    }
+}
+
+fn endpoint(address: &Address, credentials: &Credentials) -> Result<Endpoint, DialError> {
+    let url = || address.url.clone();
+    let failed = |e: tonic::transport::Error| DialError::Tls { url: url(), reason: reason(&e) };
+    let endpoint = Endpoint::from_shared(url())
+        .map_err(failed)?
+        .connect_timeout(CONNECT_WITHIN)
+        .tcp_nodelay(true)
+        .http2_keep_alive_interval(KEEPALIVE)
+        .keep_alive_timeout(KEEPALIVE)
+        .keep_alive_while_idle(true);
+    if !address.tls {
+        if credentials.token.is_some() && !address.loopback {
+            return Err(DialError::PlainToken { url: url() });
+        }
+        return Ok(endpoint);
+    }
+    let Some(ca) = &credentials.ca else {
+        return Err(DialError::NoAuthority { url: url() });
+    };
+    crate::credentials::choose_provider();
+    let mut tls = ClientTlsConfig::new().ca_certificate(ca.certificate.clone()).timeout(CONNECT_WITHIN);
+    if let Some(identity) = &credentials.identity {
+        tls = tls.identity(identity.identity.clone());
+    }
+    endpoint.tls_config(tls).map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::credentials::Token;
+
+    #[test]
+    fn a_token_crosses_no_network_in_the_clear() {
+        let token = Some(Token::parse("0123456789abcdef", "x").unwrap());
+        let credentials = Credentials { token, ..Credentials::default() };
+        let dial = |text: &str| Dial::new(text.parse().unwrap(), &credentials).map(|d| d.count());
+        assert_eq!(dial("http://127.0.0.1:7077,http://[::1]:7077"), Ok(2));
+        let url = "http://10.0.0.1:7077".to_owned();
+        assert_eq!(dial("http://127.0.0.1:7077,http://10.0.0.1:7077"), Err(DialError::PlainToken { url }));
+        let without = Dial::new("http://10.0.0.1:7077".parse().unwrap(), &Credentials::default());
+        assert!(without.is_ok(), "without a secret there is none to lose");
+    }
+
+    #[test]
+    fn https_needs_somebody_to_believe() {
+        let url = "https://127.0.0.1:7077".to_owned();
+        let refused = Dial::new(url.parse().unwrap(), &Credentials::default()).unwrap_err();
+        assert_eq!(refused, DialError::NoAuthority { url });
+    }
+
+    #[test]
+    fn an_address_is_left_once_however_many_find_out() {
+        let dial = Dial::new("http://a:1,http://b:1,http://c:1".parse().unwrap(), &Credentials::default()).unwrap();
+        let other = dial.clone();
+        dial.leave(0);
+        other.leave(0);
+        assert_eq!((dial.current(), other.current()), ("http://b:1", "http://b:1"));
+        dial.leave(1);
+        dial.leave(2);
+        assert_eq!(other.current(), "http://a:1");
+    }
+
+    #[test]
+    fn what_is_printed_of_a_dial_has_no_token() {
+        let token = Some(Token::parse("correct-horse-battery", "x").unwrap());
+        let dial = Dial::new("http://localhost:1".parse().unwrap(), &Credentials { token, ..Credentials::default() });
+        assert!(!format!("{dial:?}").contains("horse"));
+    }
+}

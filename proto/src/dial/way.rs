@@ -1,0 +1,67 @@
+//! A channel over several addresses.
+
+use super::Dial;
+use std::future::poll_fn;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::task::{Context, Poll};
+use tonic::body::Body;
+use tonic::transport::Channel;
+use tower_service::Service;
+
+/// A channel to whichever of the addresses serves. A call that finds that one does not fails with UNAVAILABLE, and the
+/// next call goes to the next. Carries the token. Clones share connections.
+#[derive(Clone, Debug)]
+pub struct Way {
+    dial: Dial,
+    channels: Arc<[Channel]>,
+}
+
+impl Way {
+    pub(super) fn new(dial: &Dial) -> Self {
+        let channels = dial.endpoints.iter().map(|endpoint| endpoint.connect_lazy()).collect();
+        Self { dial: dial.clone(), channels }
+    }
+
+    /// Where it goes.
+    pub fn dial(&self) -> &Dial {
+        &self.dial
+    }
+}
+
+impl Service<http::Request<Body>> for Way {
+    type Response = http::Response<Body>;
+    type Error = tonic::transport::Error;
+    type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Self::Error>> + Send>>;
+
+    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
+        // Which channel has to be ready is known when the call is made.
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
+        let dial = self.dial.clone();
+        let at = dial.current.load(Ordering::Relaxed);
+        let mut channel = self.channels[at].clone();
+        if let Some(token) = &dial.token {
+            request.headers_mut().insert(http::header::AUTHORIZATION, token.clone());
+        }
+        Box::pin(async move {
+            let answer = match poll_fn(|cx| channel.poll_ready(cx)).await {
+                Ok(()) => channel.call(request).await,
+                Err(error) => Err(error),
+            };
+            if answer.as_ref().map_or(true, stands_by) {
+                dial.leave(at);
+            }
+            answer
+        })
+    }
+}
+
+/// Whether an answer is UNAVAILABLE and nothing else.
+fn stands_by(answer: &http::Response<Body>) -> bool {
+    let unavailable = tonic::Code::Unavailable as i32;
+    answer.headers().get("grpc-status").is_some_and(|status| status.as_bytes() == unavailable.to_string().as_bytes())
+}
