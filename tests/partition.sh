@@ -13,7 +13,7 @@ for tool in ip nft tc; do
 done
 [ "$(id -u)" = 0 ] || { echo "tests/partition.sh needs root: it makes network namespaces" >&2; exit 1; }
 
-cargo build --locked --quiet --workspace --bins
+cargo build --locked --quiet --workspace --bins --tests # as cargo test builds them
 bin=$(realpath "${CARGO_TARGET_DIR:-target}/debug")
 dir=$(mktemp -d)
 one=evogait-c$$ other=evogait-w$$

@@ -8,5 +8,5 @@
 # It uses the debug build, which has faults on demand: workers are told to be slow, so that jobs last without a core.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-cargo build --locked --quiet --workspace --bins
+cargo build --locked --quiet --workspace --bins --tests # as cargo test builds them
 exec "${CARGO_TARGET_DIR:-target}/debug/soak" "$@"

@@ -27,8 +27,9 @@ fn binaries() -> &'static Path {
         }
         folder.pop();
         let mut build = Command::new(env!("CARGO"));
-        // The whole workspace: with fewer packages, dependencies would be built again with fewer features.
-        build.args(["build", "--quiet", "--workspace", "--bins"]).current_dir(env!("CARGO_MANIFEST_DIR"));
+        // The whole workspace with its tests, as `cargo test` built it: else dependencies, physics among them, would be built
+        // again with fewer features.
+        build.args(["build", "--quiet", "--workspace", "--bins", "--tests"]).current_dir(env!("CARGO_MANIFEST_DIR"));
         build.arg("--target-dir").arg(folder.parent().expect("the profile's folder is in the target folder"));
         if folder.ends_with("release") {
             build.arg("--release");
