@@ -21,5 +21,6 @@ mod server;
 pub mod store;
 
 pub use access::{Access, Role, TokensError};
+pub use api::scaler::ScalerError;
 pub use server::{Config, Error, Running, Tls, serve};
 pub use store::{StoreError, StoreUrl};

@@ -65,6 +65,14 @@ struct Arguments {
     #[arg(long)]
     insecure_bind: bool,
 
+    /// Tell KEDA at this address how many slots the jobs could use; port 0 takes any free port [default: not told]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    keda: Option<SocketAddr>,
+
+    /// Tell KEDA beyond loopback, too: everybody who can reach the port can read it
+    #[arg(long, requires = "keda")]
+    keda_insecure_bind: bool,
+
     #[command(flatten)]
     telemetry: telemetry::Options,
 }
@@ -110,8 +118,20 @@ fn tls(cert: Option<PathBuf>, key: Option<PathBuf>, clients: Option<PathBuf>) ->
 type Failure = Box<dyn std::error::Error>;
 
 async fn run(arguments: Arguments) -> Result<(), Failure> {
-    let Arguments { listen, store, lease_seconds, tls_cert, tls_key, client_ca, tokens, insecure_bind, telemetry } =
-        arguments;
+    let Arguments {
+        listen,
+        store,
+        lease_seconds,
+        tls_cert,
+        tls_key,
+        client_ca,
+        tokens,
+        insecure_bind,
+        keda,
+        keda_insecure_bind,
+        telemetry,
+    } = arguments;
+    let keda = keda.map(|addr| telemetry::Bind { addr, beyond_loopback: keda_insecure_bind });
     // What is no duration is out of range, too.
     let lease = Duration::try_from_secs_f64(lease_seconds).unwrap_or_default();
     let signals = |kind| signal(kind).map_err(|e| Error::Server(format!("signals can't be received: {e}")));
@@ -120,7 +140,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
     let tls = tls(tls_cert, tls_key, client_ca)?;
     let access = file(tokens, "EVOGAIT_TOKENS").as_deref().map(Access::read).transpose()?.map(Arc::new);
     let metrics = telemetry.bind();
-    let config = Config { listen, store, lease, tls, access: access.clone(), insecure_bind, metrics };
+    let config = Config { listen, store, lease, tls, access: access.clone(), insecure_bind, metrics, keda };
     let mut running = coordinator::serve(config).await?;
     // Whoever started it may not be reading.
     let _ = writeln!(std::io::stdout(), "listening on {}", running.local_addr());

@@ -2,6 +2,7 @@
 
 use crate::access::{self, Access};
 use crate::actor::{Actor, Clock, Command};
+use crate::api::scaler::{ScalerEndpoint, ScalerError};
 use crate::api::{Api, Gates};
 use crate::door::{self, Door};
 use crate::journal::Journal;
@@ -62,6 +63,8 @@ pub struct Config {
     pub insecure_bind: bool,
     /// Where metrics are served, if at all.
     pub metrics: Option<telemetry::Bind>,
+    /// Where KEDA is answered, if at all.
+    pub keda: Option<telemetry::Bind>,
 }
 
 impl Config {
@@ -75,6 +78,7 @@ impl Config {
             access: None,
             insecure_bind: false,
             metrics: None,
+            keda: None,
         }
     }
 }
@@ -125,6 +129,9 @@ pub enum Error {
     /// Metrics can't be served as asked.
     #[error(transparent)]
     Metrics(#[from] telemetry::BindError),
+    /// KEDA can't be answered as asked.
+    #[error(transparent)]
+    Scaler(#[from] ScalerError),
     /// The store. See there whether it is retryable.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -139,6 +146,7 @@ pub struct Running {
     local_addr: SocketAddr,
     metrics: Option<telemetry::Endpoint>,
     secure: bool,
+    scaler: Option<ScalerEndpoint>,
     stop: watch::Sender<bool>,
     task: JoinHandle<Result<(), Error>>,
     /// Whether `task` was seen to end.
@@ -154,6 +162,11 @@ impl Running {
     /// Where metrics are served, with the port that was chosen.
     pub fn metrics_addr(&self) -> Option<SocketAddr> {
         self.metrics.as_ref().map(telemetry::Endpoint::addr)
+    }
+
+    /// Where KEDA is answered, with the port that was chosen.
+    pub fn keda_addr(&self) -> Option<SocketAddr> {
+        self.scaler.as_ref().map(ScalerEndpoint::addr)
     }
 
     /// Where clients and workers connect to.
@@ -215,6 +228,10 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
         Some(bind) => Some(telemetry::Endpoint::start(bind, pulse.clone()).await?),
         None => None,
     };
+    let scaler = match config.keda {
+        Some(bind) => Some(ScalerEndpoint::start(bind, pulse.clone()).await?),
+        None => None,
+    };
     let store = store::open(&config.store).await?;
     let engines = tokio::task::spawn_blocking(sim_core::engine_digests).await;
     let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
@@ -231,7 +248,7 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
     let doors = Doors { listener, tls: config.tls, access: config.access };
     let actor = tokio::spawn(actor.run(inbox));
     let task = tokio::spawn(run(doors, api, actor, commands, stop.clone(), stopping));
-    Ok(Running { local_addr, metrics: endpoint, secure, stop, task, ended: false })
+    Ok(Running { local_addr, metrics: endpoint, scaler, secure, stop, task, ended: false })
 }
 
 /// Reads the store and builds the scheduler from what is there.
