@@ -3,3 +3,4 @@
 pub mod openmetrics;
 pub mod proxy;
 pub mod sandbox;
+pub mod scripted;
