@@ -2,6 +2,7 @@
 //!
 //! Commands that wait are handled together and committed in one transaction (group commit).
 
+use crate::fail_point;
 use crate::journal::Journal;
 use crate::limits::GROUP;
 use crate::metrics::Metrics;
@@ -276,10 +277,12 @@ impl Actor {
         if !writes.is_empty() {
             self.metrics.commit_writes.observe(writes.len() as f64);
             let begun = Instant::now();
+            fail_point::reached("before-commit");
             self.store.commit(self.epoch, writes).await.inspect_err(|error| {
                 self.metrics.store_errors.inc();
                 tracing::error!(epoch = self.epoch, %error, "nothing was committed");
             })?;
+            fail_point::reached("after-commit");
             self.metrics.commit_seconds.observe(begun.elapsed().as_secs_f64());
         }
         for action in actions {

@@ -7,6 +7,7 @@ mod access;
 mod actor;
 mod api;
 mod door;
+mod fail_point;
 mod journal;
 pub mod limits;
 mod metrics;
@@ -18,8 +19,9 @@ pub mod record;
 pub mod scheduler;
 mod seldom;
 mod server;
+mod standby;
 pub mod store;
 
 pub use access::{Access, Role, TokensError};
 pub use server::{Config, Error, Running, Tls, serve};
-pub use store::{StoreError, StoreUrl};
+pub use store::{BadStoreUrl, StoreError, StoreUrl};

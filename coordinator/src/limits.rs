@@ -10,6 +10,13 @@ pub const MIN_LEASE: Duration = Duration::from_millis(100);
 pub const MAX_LEASE: Duration = Duration::from_secs(3600);
 /// Lease unless another is asked for.
 pub const DEFAULT_LEASE: Duration = Duration::from_secs(15);
+/// A coordinator out of touch with a store that several can reach is taken for dead after this long, unless another time is
+/// asked for.
+pub const DEFAULT_TAKEOVER: Duration = Duration::from_secs(5);
+/// Shortest time to a takeover that can be asked for.
+pub const MIN_TAKEOVER: Duration = Duration::from_millis(500);
+/// Longest time to a takeover that can be asked for.
+pub const MAX_TAKEOVER: Duration = Duration::from_secs(600);
 /// A connection has this long to say Hello.
 pub const HELLO_WITHIN: Duration = Duration::from_secs(10);
 /// Commands handled in one go, and so results committed together.

@@ -1,8 +1,9 @@
 //! The coordinator's binary.
 
 use clap::Parser;
-use coordinator::{Access, Config, Error, StoreUrl, Tls};
+use coordinator::{Access, BadStoreUrl, Config, Error, StoreError, StoreUrl, Tls};
 use proto::credentials::{authority, identity};
+use std::convert::Infallible;
 use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -29,16 +30,27 @@ For other machines, with what `evogait certs init certs --host HOST` makes:
     --tls-key certs/coordinator.key --client-ca certs/ca.pem --tokens certs/tokens
 
 The first line on standard output says where it listens, a second one where metrics are served; messages go to standard error (RUST_LOG=debug for more).
-SIGINT and SIGTERM stop it cleanly; SIGHUP makes it read its tokens again."
+SIGINT and SIGTERM stop it cleanly; SIGHUP makes it read its tokens again. Exit codes: 0 stopped, 1 failed, 3 another
+coordinator has taken over."
 )]
 struct Arguments {
     /// Where to listen. Port 0 takes any free port
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7077")]
     listen: SocketAddr,
 
-    /// Where jobs are kept: sqlite:PATH. The file is made if it is not there
-    #[arg(long, value_name = "URL", default_value = "sqlite:evogait.db")]
-    store: StoreUrl,
+    /// Where jobs are kept: sqlite:PATH, a file that is made if it is not there, or postgres://USER@HOST:PORT/DATABASE, with
+    /// the password in PGPASSWORD or ~/.pgpass
+    // Parsed later: a refusal here would repeat the whole text, and with it a password.
+    #[arg(long, value_name = "URL", default_value = "sqlite:evogait.db", value_parser = store_url)]
+    store: Result<StoreUrl, BadStoreUrl>,
+
+    /// Wait while another coordinator is at work on the same PostgreSQL store, and take over when that one ends
+    #[arg(long)]
+    standby: bool,
+
+    /// Out of touch with a PostgreSQL store for this long, this coordinator stops and another one may take over
+    #[arg(long, value_name = "SECONDS", default_value_t = 5.0)]
+    takeover_seconds: f64,
 
     /// Without a sign of life for this long, a worker's work goes to others
     #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
@@ -69,6 +81,13 @@ struct Arguments {
     telemetry: telemetry::Options,
 }
 
+fn store_url(text: &str) -> Result<Result<StoreUrl, BadStoreUrl>, Infallible> {
+    Ok(text.parse())
+}
+
+/// The exit code when another coordinator has taken the store over.
+const TAKEN_OVER: u8 = 3;
+
 #[tokio::main]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
@@ -84,7 +103,7 @@ async fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("coordinator: {error}");
-            ExitCode::FAILURE
+            if is_taken_over(&error) { ExitCode::from(TAKEN_OVER) } else { ExitCode::FAILURE }
         }
     }
 }
@@ -109,19 +128,44 @@ fn tls(cert: Option<PathBuf>, key: Option<PathBuf>, clients: Option<PathBuf>) ->
 /// Why it does not start or go on, in a sentence.
 type Failure = Box<dyn std::error::Error>;
 
+fn is_taken_over(error: &Failure) -> bool {
+    matches!(error.downcast_ref(), Some(Error::Store(StoreError::Superseded { .. })))
+}
+
 async fn run(arguments: Arguments) -> Result<(), Failure> {
-    let Arguments { listen, store, lease_seconds, tls_cert, tls_key, client_ca, tokens, insecure_bind, telemetry } =
-        arguments;
+    let Arguments {
+        listen,
+        store,
+        standby,
+        takeover_seconds,
+        lease_seconds,
+        tls_cert,
+        tls_key,
+        client_ca,
+        tokens,
+        insecure_bind,
+        telemetry,
+    } = arguments;
     // What is no duration is out of range, too.
-    let lease = Duration::try_from_secs_f64(lease_seconds).unwrap_or_default();
+    let seconds = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or_default();
+    let (lease, takeover) = (seconds(lease_seconds), seconds(takeover_seconds));
     let signals = |kind| signal(kind).map_err(|e| Error::Server(format!("signals can't be received: {e}")));
     let (mut interrupt, mut terminate) = (signals(SignalKind::interrupt())?, signals(SignalKind::terminate())?);
     let mut hang_up = signals(SignalKind::hangup())?;
     let tls = tls(tls_cert, tls_key, client_ca)?;
     let access = file(tokens, "EVOGAIT_TOKENS").as_deref().map(Access::read).transpose()?.map(Arc::new);
-    let metrics = telemetry.bind();
-    let config = Config { listen, store, lease, tls, access: access.clone(), insecure_bind, metrics };
-    let mut running = coordinator::serve(config).await?;
+    let mut running = coordinator::serve(Config {
+        listen,
+        store: store?,
+        standby,
+        takeover,
+        lease,
+        tls,
+        access: access.clone(),
+        insecure_bind,
+        metrics: telemetry.bind(),
+    })
+    .await?;
     // Whoever started it may not be reading.
     let _ = writeln!(std::io::stdout(), "listening on {}", running.local_addr());
     if let Some(addr) = running.metrics_addr() {

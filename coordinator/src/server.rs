@@ -1,18 +1,19 @@
 //! Starting and stopping a coordinator.
 
 use crate::access::{self, Access};
-use crate::actor::{Actor, Clock, Command};
+use crate::actor::{Actor, Clock, Command, LiveEvent};
 use crate::api::{Api, Gates};
 use crate::door::{self, Door};
 use crate::journal::Journal;
 use crate::limits::{
-    DEFAULT_LEASE, HANDSHAKE_WITHIN, LIVE_EVENTS, MAX_CALLS_OF_CONNECTION, MAX_CLIENT_REQUEST, MAX_HEADERS, MAX_LEASE,
-    MIN_LEASE, STOP_WITHIN,
+    DEFAULT_LEASE, DEFAULT_TAKEOVER, HANDSHAKE_WITHIN, LIVE_EVENTS, MAX_CALLS_OF_CONNECTION, MAX_CLIENT_REQUEST,
+    MAX_HEADERS, MAX_LEASE, MAX_TAKEOVER, MIN_LEASE, MIN_TAKEOVER, STOP_WITHIN,
 };
 use crate::metrics::{Metrics, Pulse};
 use crate::record::JobRecord;
 use crate::scheduler::{Resumed, Scheduler, Settings};
-use crate::store::{self, Store, StoreError, StoreUrl, StoredJob};
+use crate::standby::{self, Gate};
+use crate::store::{self, BadStoreUrl, Loaded, Store, StoreError, StoreUrl, StoredJob};
 use proto::credentials::{Authority, Identity};
 use proto::limits::MAX_MESSAGE;
 use proto::v1::job_service_server::JobServiceServer;
@@ -26,8 +27,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, JoinSet};
+use tonic::server::NamedService;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Server, ServerTlsConfig};
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
 use tower::util::MapRequestLayer;
 
 /// How often an idle connection is checked, and how long the other side has to answer.
@@ -54,6 +59,11 @@ pub struct Config {
     pub store: StoreUrl,
     /// Without a sign of life for this long a worker's work goes to others: 0.1 s to 1 h.
     pub lease: Duration,
+    /// Waits while another coordinator is at work on the same store, and takes over when that one ends.
+    pub standby: bool,
+    /// Out of touch with a store that several coordinators can reach for this long, this one stops and another one may take
+    /// over: 0.5 s to 10 min.
+    pub takeover: Duration,
     /// Encrypts connections.
     pub tls: Option<Tls>,
     /// Asks for tokens. Without them everybody who can connect may do everything.
@@ -71,6 +81,8 @@ impl Config {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
             store,
             lease: DEFAULT_LEASE,
+            standby: false,
+            takeover: DEFAULT_TAKEOVER,
             tls: None,
             access: None,
             insecure_bind: false,
@@ -125,6 +137,26 @@ pub enum Error {
     /// Metrics can't be served as asked.
     #[error(transparent)]
     Metrics(#[from] telemetry::BindError),
+    /// A time to a takeover out of range.
+    #[error(
+        "a takeover after {} s is out of range: {} s to {} s are allowed",
+        .takeover.as_secs_f64(), MIN_TAKEOVER.as_secs_f64(), MAX_TAKEOVER.as_secs_f64()
+    )]
+    Takeover {
+        /// What was asked for.
+        takeover: Duration,
+    },
+    /// A standby on a store that only one coordinator can open.
+    #[error(
+        "--standby needs a store that several coordinators can reach: --store postgres://USER@HOST/DATABASE, not {store}"
+    )]
+    NothingToShare {
+        /// The store.
+        store: StoreUrl,
+    },
+    /// A text that names no store.
+    #[error(transparent)]
+    StoreUrl(#[from] BadStoreUrl),
     /// The store. See there whether it is retryable.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -185,7 +217,7 @@ impl Running {
     }
 }
 
-/// Starts a coordinator: binds, opens the store, takes up its jobs.
+/// Starts a coordinator: binds, opens the store, takes up its jobs. As a standby it takes them up when it is its turn.
 pub async fn serve(config: Config) -> Result<Running, Error> {
     let addr = config.listen;
     if !addr.ip().is_loopback() && !config.insecure_bind {
@@ -204,6 +236,12 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
     if !(MIN_LEASE..=MAX_LEASE).contains(&config.lease) {
         return Err(Error::Lease { lease: config.lease });
     }
+    if !(MIN_TAKEOVER..=MAX_TAKEOVER).contains(&config.takeover) {
+        return Err(Error::Takeover { takeover: config.takeover });
+    }
+    if config.standby && !matches!(config.store, StoreUrl::Postgres(_)) {
+        return Err(Error::NothingToShare { store: config.store });
+    }
     let listener = TcpListener::bind(addr).await.map_err(|source| match source.kind() {
         io::ErrorKind::AddrInUse => Error::PortTaken { addr },
         _ => Error::Bind { addr, source },
@@ -215,28 +253,92 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
         Some(bind) => Some(telemetry::Endpoint::start(bind, pulse.clone()).await?),
         None => None,
     };
-    let store = store::open(&config.store).await?;
+    let store = store::open(&config.store, config.takeover).await?;
     let engines = tokio::task::spawn_blocking(sim_core::engine_digests).await;
     let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
     metrics.engines(&engines);
-    let actor = take_up(store.clone(), config.lease, metrics).await?;
-    let events = actor.events.clone();
 
+    let events = broadcast::channel(LIVE_EVENTS).0;
     let (commands, inbox) = mpsc::channel(1024);
-    pulse.activate(commands.clone());
-    let (stop, stopping) = watch::channel(false);
-    let gates = Gates::default();
-    let api = Api { store, commands: commands.clone(), events, stopping: stopping.clone(), engines, gates };
+    let (stop, mut stopping) = watch::channel(false);
+    let stopped = stopping.clone();
+    let (key, gate) = Gate::new(!config.standby);
+    let api = Api {
+        store: store.clone(),
+        commands: commands.clone(),
+        events: events.clone(),
+        stopping: stopping.clone(),
+        engines,
+        gates: Gates::default(),
+    };
     let secure = config.tls.is_some();
-    let doors = Doors { listener, tls: config.tls, access: config.access };
-    let actor = tokio::spawn(actor.run(inbox));
-    let task = tokio::spawn(run(doors, api, actor, commands, stop.clone(), stopping));
+    let doors = Doors { listener, tls: config.tls, access: config.access, gate };
+    let lead = lead(store, config.standby, config.lease, events, metrics);
+    let to_actor = commands.clone();
+    let work = if config.standby {
+        tokio::spawn(async move {
+            let lead = tokio::select! {
+                lead = lead => lead?,
+                _ = stopping.wait_for(|stop| *stop) => return Ok(()),
+            };
+            pulse.activate(to_actor);
+            key.open();
+            lead.work(inbox).await
+        })
+    } else {
+        let lead = lead.await?;
+        pulse.activate(to_actor);
+        tokio::spawn(lead.work(inbox))
+    };
+    let task = tokio::spawn(run(doors, api, work, commands, stop.clone(), stopped));
     Ok(Running { local_addr, metrics: endpoint, secure, stop, task, ended: false })
 }
 
-/// Reads the store and builds the scheduler from what is there.
-async fn take_up(store: Arc<dyn Store>, lease: Duration, metrics: Arc<Metrics>) -> Result<Actor, Error> {
-    let loaded = store.start().await?;
+/// A coordinator whose turn it is.
+struct Lead {
+    actor: Actor,
+    /// Ends when the store is lost.
+    touch: JoinSet<StoreError>,
+}
+
+/// Waits for its turn and takes up what there is to do.
+async fn lead(
+    store: Arc<dyn Store>,
+    standby: bool,
+    lease: Duration,
+    events: broadcast::Sender<LiveEvent>,
+    metrics: Arc<Metrics>,
+) -> Result<Lead, Error> {
+    let loaded = standby::turn(&*store, standby).await?;
+    // Before the jobs are taken up, which takes a while.
+    let mut touch = JoinSet::new();
+    touch.spawn(standby::stay_in_touch(store.clone(), loaded.epoch));
+    Ok(Lead { actor: take_up(store, loaded, lease, events, metrics).await?, touch })
+}
+
+impl Lead {
+    /// Works until told to stop, or until the store fails or is another's.
+    async fn work(mut self, inbox: mpsc::Receiver<Command>) -> Result<(), Error> {
+        let (store, epoch) = (self.actor.store.clone(), self.actor.epoch);
+        tokio::select! {
+            ended = self.actor.run(inbox) => ended?,
+            Some(lost) = self.touch.join_next() => {
+                return Err(lost.map_or_else(|e| Error::Server(e.to_string()), Error::Store));
+            }
+        }
+        self.touch.shutdown().await;
+        Ok(store.release(epoch).await?)
+    }
+}
+
+/// Builds the scheduler from what is in the store.
+async fn take_up(
+    store: Arc<dyn Store>,
+    loaded: Loaded,
+    lease: Duration,
+    events: broadcast::Sender<LiveEvent>,
+    metrics: Arc<Metrics>,
+) -> Result<Actor, Error> {
     metrics.epoch.set(loaded.epoch as i64);
     tracing::info!(epoch = loaded.epoch, jobs = loaded.active.len(), "the store is taken up");
     let clock = Clock::start();
@@ -266,7 +368,7 @@ async fn take_up(store: Arc<dyn Store>, lease: Duration, metrics: Arc<Metrics>) 
         lease,
         heartbeat: settings.heartbeat(),
         clock,
-        events: broadcast::channel(LIVE_EVENTS).0,
+        events,
         sessions: HashMap::new(),
         journal: Journal::new(loaded.epoch, metrics.clone()),
         metrics,
@@ -278,20 +380,23 @@ struct Doors {
     listener: TcpListener,
     tls: Option<Tls>,
     access: Option<Arc<Access>>,
+    /// Whether it is this coordinator's turn.
+    gate: Gate,
 }
 
-/// Serves until told to stop, or until the actor fails.
+/// Serves until told to stop, or until the work fails.
 async fn run(
     doors: Doors,
     api: Api,
-    mut actor: JoinHandle<Result<(), StoreError>>,
+    mut work: JoinHandle<Result<(), Error>>,
     commands: mpsc::Sender<Command>,
     stop: watch::Sender<bool>,
     mut stopping: watch::Receiver<bool>,
 ) -> Result<(), Error> {
+    let store = api.store.clone();
     let (health, health_service) = tonic_health::server::health_reporter();
-    health.set_serving::<JobServiceServer<Api>>().await;
-    health.set_serving::<WorkerServiceServer<Api>>().await;
+    let Doors { listener, tls, access, gate } = doors;
+    let tell = tokio::spawn(tell_health(health, gate.clone(), stopping.clone()));
     let mut reflection = tonic_reflection::server::Builder::configure();
     for descriptors in DESCRIPTORS {
         reflection = reflection.register_encoded_file_descriptor_set(descriptors);
@@ -303,7 +408,6 @@ async fn run(
     let workers =
         WorkerServiceServer::new(api).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
     let mut told = stopping.clone();
-    let Doors { listener, tls, access } = doors;
     let door = Door::new(listener, access.is_some());
     let mut server = Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE))
@@ -319,16 +423,16 @@ async fn run(
         .layer(access::layer(access))
         .add_service(health_service)
         .add_service(reflection)
-        .add_service(jobs)
-        .add_service(workers)
+        .add_service(InterceptedService::new(jobs, gate.clone()))
+        .add_service(InterceptedService::new(workers, gate))
         .serve_with_incoming_shutdown(door, async move {
             // An error means that nobody can tell any more.
             let _ = told.wait_for(|stop| *stop).await;
         });
     let mut server = tokio::spawn(server);
 
-    let actor_ended = tokio::select! {
-        ended = &mut actor => Some(ended),
+    let work_ended = tokio::select! {
+        ended = &mut work => Some(ended),
         ended = &mut server => {
             let why = match ended {
                 Ok(Ok(())) => None,
@@ -343,19 +447,21 @@ async fn run(
         _ = stopping.wait_for(|stop| *stop) => None,
     };
     stop.send_replace(true);
-    let outcome = match actor_ended {
+    let outcome = match work_ended {
         Some(ended) => ended,
         None => {
-            // If the actor has gone it needs no telling.
+            // If the actor has gone, or was never there, it needs no telling.
             let _ = commands.send(Command::Stop).await;
-            actor.await
+            work.await
         }
     };
+    tell.abort();
     if !server.is_finished() && tokio::time::timeout(STOP_WITHIN, &mut server).await.is_err() {
         server.abort();
     }
+    let closed = store.close().await;
     match outcome {
-        Ok(result) => Ok(result?),
+        Ok(result) => result.and(closed.map_err(Error::Store)),
         Err(panic) => Err(Error::Server(panic.to_string())),
     }
 }
@@ -370,6 +476,24 @@ fn tls_config(tls: Tls) -> ServerTlsConfig {
 
 fn unusable(error: tonic::transport::Error) -> Error {
     Error::Tls { reason: proto::dial::reason(&error) }
+}
+
+/// Tells who asks for the health of the services: they are there while calls are let through.
+async fn tell_health(health: HealthReporter, mut gate: Gate, mut stopping: watch::Receiver<bool>) {
+    let set = async |status| {
+        // The empty name stands for all of them.
+        for name in ["", JobServiceServer::<Api>::NAME, WorkerServiceServer::<Api>::NAME] {
+            health.set_service_status(name, status).await;
+        }
+    };
+    set(ServingStatus::NotServing).await;
+    tokio::select! {
+        () = gate.opened() => {}
+        _ = stopping.wait_for(|stop| *stop) => return,
+    }
+    set(ServingStatus::Serving).await;
+    let _ = stopping.wait_for(|stop| *stop).await;
+    set(ServingStatus::NotServing).await;
 }
 
 /// Reads a stored job again, or says why it can't go on.

@@ -96,6 +96,8 @@ impl Drop for Process {
 /// A folder with a store, and the address its coordinator has or will have.
 pub struct Sandbox {
     folder: TempDir,
+    /// Where the store is, if not in the folder.
+    store: Option<String>,
     /// `127.0.0.1:PORT` once a coordinator was started.
     address: Option<String>,
     /// Where processes write what they have to say, if not to the terminal.
@@ -111,7 +113,12 @@ impl Default for Sandbox {
 impl Sandbox {
     /// An empty folder.
     pub fn new() -> Self {
-        Self { folder: tempfile::tempdir().expect("a temporary folder"), address: None, logs: None }
+        Self { folder: tempfile::tempdir().expect("a temporary folder"), store: None, address: None, logs: None }
+    }
+
+    /// The same with its store elsewhere.
+    pub fn on(store: &str) -> Self {
+        Self { store: Some(store.to_owned()), ..Self::new() }
     }
 
     /// Lets processes say more, into files in a folder.
@@ -166,7 +173,8 @@ impl Sandbox {
     /// What `coordinator` starts, for tests of its refusals.
     pub fn coordinator_command(&self) -> Command {
         let mut command = Command::new(binaries().join("coordinator"));
-        let store = format!("sqlite:{}", self.folder.path().join("store.db").display());
+        let file = || format!("sqlite:{}", self.folder.path().join("store.db").display());
+        let store = self.store.clone().unwrap_or_else(file);
         command.args(["--store", &store, "--lease-seconds", "2"]);
         command.args(["--listen", self.address.as_deref().unwrap_or("127.0.0.1:0")]);
         self.with_log(command, "coordinator.log")

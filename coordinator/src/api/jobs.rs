@@ -1,6 +1,6 @@
 //! JobService: what a client says to the coordinator.
 
-use super::{Api, at_most, id, store_failed};
+use super::{Api, at_most, id, no_nul, store_failed};
 use crate::actor::{Command, SubmitError};
 use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
 use crate::record::{JobId, JobRecord, JobState, ended};
@@ -116,6 +116,7 @@ pub(super) fn request_id(request_id: &str) -> Result<(), Status> {
             "request_id is missing: choose one of up to {MAX_REQUEST_ID} bytes, it makes a retry safe"
         )));
     }
+    no_nul("request_id", request_id)?;
     at_most("request_id", request_id, MAX_REQUEST_ID)
 }
 

@@ -48,8 +48,15 @@ fn stopping() -> Status {
 }
 
 fn store_failed(error: StoreError) -> Status {
-    tracing::error!(%error, "store");
-    Status::internal(error.to_string())
+    match error {
+        // It is back in a moment, or another coordinator is.
+        StoreError::Closed | StoreError::Superseded { .. } => stopping(),
+        StoreError::Unreachable { .. } => Status::unavailable("the store can't be reached: try again"),
+        error => {
+            tracing::error!(%error, "store");
+            Status::internal(error.to_string())
+        }
+    }
 }
 
 /// Refuses texts beyond a limit.
@@ -66,6 +73,7 @@ fn id(field: &str, value: &str) -> Result<(), Status> {
     if value.is_empty() {
         return Err(Status::invalid_argument(format!("{field} is missing: 1 to {MAX_ID} bytes are needed")));
     }
+    no_nul(field, value)?;
     at_most(field, value, MAX_ID)
 }
 
@@ -74,5 +82,14 @@ fn printable(field: &str, value: &str) -> Result<(), Status> {
     match value.chars().find(|c| c.is_control()) {
         None => Ok(()),
         Some(c) => Err(Status::invalid_argument(format!("{field} has a control character, {}", c.escape_default()))),
+    }
+}
+
+/// Refuses the one letter that not every store can keep.
+fn no_nul(field: &str, value: &str) -> Result<(), Status> {
+    if value.contains('\0') {
+        Err(Status::invalid_argument(format!("{field} has a NUL, which is not allowed")))
+    } else {
+        Ok(())
     }
 }

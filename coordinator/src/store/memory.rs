@@ -6,7 +6,7 @@ use super::{
 use crate::record::{JobId, JobRecord, JobState, ended};
 use crate::scheduler::Outcome;
 use proto::v1;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// See the module.
@@ -18,6 +18,7 @@ pub struct MemoryStore {
 #[derive(Default)]
 struct Inner {
     epoch: u64,
+    closed: bool,
     jobs: BTreeMap<u64, Entry>,
     numbers: BTreeMap<JobId, u64>,
     quarantined: BTreeMap<Arc<str>, Quarantined>,
@@ -43,6 +44,35 @@ impl Inner {
         let number = self.numbers.get(id);
         let entry = number.and_then(|n| self.jobs.get_mut(n));
         entry.ok_or_else(|| StoreError::Database(format!("there is no job {id}")))
+    }
+
+    fn load(&self) -> Loaded {
+        let next_job = self.jobs.keys().last().map_or(1, |n| n + 1);
+        let quarantined = self.quarantined.values().cloned().collect();
+        let mut loaded = Loaded { epoch: self.epoch, next_job, quarantined, ..Loaded::default() };
+        for entry in self.jobs.values() {
+            if ended(entry.record.state) {
+                loaded.ended.push(entry.record.id.clone());
+            } else {
+                loaded.active.push(StoredJob {
+                    record: entry.record.clone(),
+                    toml: entry.toml.clone(),
+                    search: entry.search.clone(),
+                    results: entry
+                        .results
+                        .iter()
+                        .map(|(&(round, first), (outcomes, worker))| StoredRange {
+                            round,
+                            first,
+                            outcomes: outcomes.clone(),
+                            worker: worker.clone(),
+                        })
+                        .collect(),
+                    last_scores: entry.generations.last().map(|g| g.scores.clone()),
+                });
+            }
+        }
+        loaded
     }
 
     fn apply(&mut self, write: Write) -> Result<(), StoreError> {
@@ -103,9 +133,21 @@ impl Entry {
 }
 
 impl MemoryStore {
-    fn lock(&self) -> MutexGuard<'_, Inner> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> Result<MutexGuard<'_, Inner>, StoreError> {
+        let inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        if inner.closed { Err(StoreError::Closed) } else { Ok(inner) }
     }
+
+    fn read<'a, T: Send + 'a>(&'a self, read: impl FnOnce(&Inner) -> T) -> Answer<'a, T> {
+        answer(self.lock().map(|inner| read(&inner)))
+    }
+}
+
+/// Whether no two jobs would have the same request id: checked first, since nothing is taken back afterwards.
+fn unique(inner: &Inner, writes: &[Write]) -> bool {
+    let request = |w: &Write| if let Write::Submit { record, .. } = w { Some(record.request_id.clone()) } else { None };
+    let mut seen: BTreeSet<_> = inner.jobs.values().map(|e| e.record.request_id.clone()).collect();
+    writes.iter().filter_map(request).all(|id| seen.insert(id))
 }
 
 fn answer<'a, T: Send + 'a>(value: Result<T, StoreError>) -> Answer<'a, T> {
@@ -114,79 +156,66 @@ fn answer<'a, T: Send + 'a>(value: Result<T, StoreError>) -> Answer<'a, T> {
 
 impl Store for MemoryStore {
     fn start(&self) -> Answer<'_, Loaded> {
-        let mut inner = self.lock();
-        inner.epoch += 1;
-        let mut loaded =
-            Loaded { epoch: inner.epoch, next_job: inner.jobs.keys().last().map_or(1, |n| n + 1), ..Loaded::default() };
-        loaded.quarantined = inner.quarantined.values().cloned().collect();
-        for entry in inner.jobs.values() {
-            if ended(entry.record.state) {
-                loaded.ended.push(entry.record.id.clone());
-            } else {
-                loaded.active.push(StoredJob {
-                    record: entry.record.clone(),
-                    toml: entry.toml.clone(),
-                    search: entry.search.clone(),
-                    results: entry
-                        .results
-                        .iter()
-                        .map(|(&(round, first), (outcomes, worker))| StoredRange {
-                            round,
-                            first,
-                            outcomes: outcomes.clone(),
-                            worker: worker.clone(),
-                        })
-                        .collect(),
-                    last_scores: entry.generations.last().map(|g| g.scores.clone()),
-                });
-            }
-        }
-        answer(Ok(loaded))
+        answer(self.lock().map(|mut inner| {
+            inner.epoch += 1;
+            inner.load()
+        }))
     }
 
     fn commit(&self, epoch: u64, writes: Vec<Write>) -> Answer<'_, ()> {
-        let mut inner = self.lock();
-        if inner.epoch != epoch {
-            return answer(Err(StoreError::Superseded { own: epoch, by: inner.epoch }));
-        }
-        answer(writes.into_iter().try_for_each(|write| inner.apply(write)))
+        answer(self.lock().and_then(|mut inner| {
+            if inner.epoch != epoch {
+                return Err(StoreError::Superseded { own: epoch, by: inner.epoch });
+            }
+            if !unique(&inner, &writes) {
+                return Err(StoreError::Database("a request id is there twice".to_owned()));
+            }
+            writes.into_iter().try_for_each(|write| inner.apply(write))
+        }))
     }
 
     fn job<'a>(&'a self, id: &'a JobId) -> Answer<'a, Option<(JobRecord, String)>> {
-        answer(Ok(self.lock().entry(id).map(|e| (e.record.clone(), e.toml.to_string()))))
+        self.read(|inner| inner.entry(id).map(|e| (e.record.clone(), e.toml.to_string())))
     }
 
     fn job_of_request<'a>(&'a self, request_id: &'a str) -> Answer<'a, Option<JobRecord>> {
-        let inner = self.lock();
-        let record = inner.jobs.values().map(|e| &e.record).find(|r| r.request_id == request_id).cloned();
-        answer(Ok(record))
+        self.read(|inner| inner.jobs.values().map(|e| &e.record).find(|r| r.request_id == request_id).cloned())
     }
 
     fn jobs<'a>(&'a self, below: u64, limit: u32, states: &'a [JobState]) -> Answer<'a, Vec<JobRecord>> {
-        let inner = self.lock();
-        let records = inner.jobs.range(..below).rev().map(|(_, e)| e.record.clone());
-        let wanted = records.filter(|r| states.is_empty() || states.contains(&r.state));
-        answer(Ok(wanted.take(limit as usize).collect()))
+        self.read(|inner| {
+            let records = inner.jobs.range(..below).rev().map(|(_, e)| e.record.clone());
+            let wanted = records.filter(|r| states.is_empty() || states.contains(&r.state));
+            wanted.take(limit as usize).collect()
+        })
     }
 
     fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>> {
-        let inner = self.lock();
-        let events = inner.entry(id).map(|e| e.events.as_slice()).unwrap_or_default();
-        answer(Ok(events.iter().filter(|e| e.sequence > after).take(limit as usize).cloned().collect()))
+        self.read(|inner| {
+            let events = inner.entry(id).map(|e| e.events.as_slice()).unwrap_or_default();
+            events.iter().filter(|e| e.sequence > after).take(limit as usize).cloned().collect()
+        })
     }
 
     fn scores<'a>(&'a self, id: &'a JobId, generation: u32) -> Answer<'a, Option<Vec<Option<f64>>>> {
-        let inner = self.lock();
-        let sealed = inner.entry(id).and_then(|e| e.generations.get(generation as usize));
-        answer(Ok(sealed.map(|g| g.scores.clone())))
+        self.read(|inner| {
+            let sealed = inner.entry(id).and_then(|e| e.generations.get(generation as usize));
+            sealed.map(|g| g.scores.clone())
+        })
     }
 
     fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult> {
-        let inner = self.lock();
-        let result = inner.entry(id).map(|e| StoredResult {
-            history: e.generations.iter().map(|g| g.statistics).collect(),
-            report: e.report.clone(),
-        });
-        answer(Ok(result.unwrap_or(StoredResult { history: Vec::new(), report: Vec::new() })))
+        self.read(|inner| {
+            let result = inner.entry(id).map(|e| StoredResult {
+                history: e.generations.iter().map(|g| g.statistics).collect(),
+                report: e.report.clone(),
+            });
+            result.unwrap_or(StoredResult { history: Vec::new(), report: Vec::new() })
+        })
+    }
+
+    fn close(&self) -> Answer<'_, ()> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner).closed = true;
+        answer(Ok(()))
     }
 }

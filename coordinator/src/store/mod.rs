@@ -1,25 +1,28 @@
-//! Where jobs live. One trait; SQLite in production, memory in tests; one test suite for all.
+//! Where jobs live. One trait; SQLite and PostgreSQL in production, memory in tests; one test suite for all.
 //!
 //! Few indexed columns, everything else in versioned blobs (a version byte, then protobuf), so that a second SQL dialect
 //! stays small. Numbers that must keep their bits are in blobs: SQLite turns NaN into NULL.
 
 mod blob;
 mod memory;
-mod migrations;
+mod postgres;
+mod sql;
 mod sqlite;
+mod tables;
 mod url;
 
 pub(crate) use blob::decode_anything;
 pub use memory::MemoryStore;
+pub use postgres::{BadPostgresUrl, PostgresStore, PostgresUrl};
 pub use sqlite::SqliteStore;
 pub use url::{BadStoreUrl, StoreUrl};
 
 use crate::record::{JobId, JobRecord, JobState};
 use crate::scheduler::Outcome;
 use proto::v1;
-use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// One change. Changes that belong together are committed together.
 #[derive(Clone, Debug, PartialEq)]
@@ -202,32 +205,55 @@ pub struct StoredResult {
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The file or its folder can't be opened or made. Not retryable before that is mended.
-    #[error("the store {path} can't be opened: {reason}", path = .path.display())]
+    #[error("the store {store} can't be opened: {reason}")]
     Open {
         /// Which.
-        path: PathBuf,
+        store: String,
         /// What the system says.
         reason: String,
     },
     /// Another process has it open. Retryable once that has ended.
-    #[error("the store {path} is in use by another coordinator: stop that one, or choose another --store", path = .path.display())]
+    #[error("the store {store} is in use by another coordinator: stop that one, or choose another --store")]
     InUse {
         /// Which.
-        path: PathBuf,
+        store: String,
     },
     /// The file is no store, or one of a newer version.
-    #[error("{path} is no store that this version can read: {reason}", path = .path.display())]
+    #[error("{store} is no store that this version can read: {reason}")]
     Foreign {
         /// Which.
-        path: PathBuf,
+        store: String,
         /// Why not.
         reason: String,
     },
     /// No space left, or a quota. Retryable once there is.
-    #[error("the disk that holds the store {path} is full: free some space and start the coordinator again; nothing that was acknowledged is lost", path = .path.display())]
+    #[error(
+        "the disk that holds the store {store} is full: free some space and start the coordinator again; nothing that was acknowledged is lost"
+    )]
     Full {
         /// Which.
-        path: PathBuf,
+        store: String,
+    },
+    /// Another coordinator is at work on a store that several can reach. Retryable once that has ended.
+    #[error(
+        "another coordinator (start {epoch}) is at work on this store: stop that one, choose another --store, or add --standby \
+         to wait here until it ends"
+    )]
+    Active {
+        /// The other's epoch.
+        epoch: u64,
+        /// Changes whenever that one gives a sign of life.
+        stamp: i64,
+    },
+    /// The database does not answer, or breaks the connection off. Retryable.
+    #[error(
+        "the store {store} can't be reached: {reason}: start the coordinator again once it can; nothing that was acknowledged is lost"
+    )]
+    Unreachable {
+        /// Which.
+        store: String,
+        /// What the system says.
+        reason: String,
     },
     /// Another coordinator has taken the store over; this one's writes change nothing any more.
     #[error("another coordinator (start {by}) has taken over the store of this one (start {own}): this one stops")]
@@ -237,6 +263,9 @@ pub enum StoreError {
         /// The other's.
         by: u64,
     },
+    /// It was closed in an orderly way: whoever asks is late. Retryable, elsewhere or later.
+    #[error("the store is closed: the coordinator stops")]
+    Closed,
     /// A stored value that can't be read back.
     #[error("the store holds a value that can't be read: {what}: restore the store from a copy")]
     Corrupt {
@@ -254,12 +283,29 @@ pub type Answer<'a, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Se
 /// Durable jobs. All functions see what was committed before they were called.
 pub trait Store: Send + Sync {
     /// Starts a new epoch and tells all that a coordinator needs to go on. From here on, writes of an earlier epoch are
-    /// refused.
+    /// refused. Refused itself with [`StoreError::Active`] while another coordinator is at work, on stores that several can
+    /// reach.
     fn start(&self) -> Answer<'_, Loaded>;
 
     /// Commits all of it or nothing; answered once it is on the disk. Refused with [`StoreError::Superseded`] if a
     /// later epoch has started.
     fn commit(&self, epoch: u64, writes: Vec<Write>) -> Answer<'_, ()>;
+
+    /// How often [`Store::renew`] has to be called, if at all: on stores that several coordinators can reach.
+    fn renew_every(&self) -> Option<Duration> {
+        None
+    }
+
+    /// Tells other coordinators that this one is at work. Refused with [`StoreError::Superseded`] if a later epoch has
+    /// started.
+    fn renew(&self, _epoch: u64) -> Answer<'_, ()> {
+        Box::pin(std::future::ready(Ok(())))
+    }
+
+    /// Tells other coordinators that this one has ended its work, so that none of them waits.
+    fn release(&self, _epoch: u64) -> Answer<'_, ()> {
+        Box::pin(std::future::ready(Ok(())))
+    }
 
     /// A job and its text.
     fn job<'a>(&'a self, id: &'a JobId) -> Answer<'a, Option<(JobRecord, String)>>;
@@ -278,12 +324,17 @@ pub trait Store: Send + Sync {
 
     /// History and report.
     fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult>;
+
+    /// Ends the use of it in an orderly way; whoever asks from here on gets [`StoreError::Closed`]. May be called again.
+    fn close(&self) -> Answer<'_, ()>;
 }
 
-/// Opens the store that a URL names.
-pub async fn open(url: &StoreUrl) -> Result<Arc<dyn Store>, StoreError> {
+/// Opens the store that a URL names. `takeover`: after this long without a sign of life from this coordinator another one
+/// may take over, where several can reach the store.
+pub async fn open(url: &StoreUrl, takeover: Duration) -> Result<Arc<dyn Store>, StoreError> {
     Ok(match url {
         StoreUrl::Sqlite(path) => Arc::new(SqliteStore::open(path).await?),
+        StoreUrl::Postgres(url) => Arc::new(PostgresStore::open(url, takeover).await?),
         StoreUrl::Memory => Arc::new(MemoryStore::default()),
     })
 }

@@ -1,7 +1,10 @@
 //! One suite, run on every store.
 
+pub(crate) mod places;
+
 use super::*;
 use crate::record::{Claim, Dispute, Origin, Ruling, Source, Subject};
+use places::{Database, File, Reopen, open_file};
 use proto::v1::job_event::Event;
 use sim_core::finish::{Examination, Question};
 use sim_core::identity::{Digest, ResultDigest};
@@ -11,7 +14,7 @@ use std::path::Path;
 /// Bits that do not survive careless storage: -0, NaN with a payload, infinity, the smallest number.
 const ODD: [u64; 5] = [0x8000_0000_0000_0000, 0x7ff8_0000_dead_beef, 0xfff0_0000_0000_0000, 1, 0];
 
-fn record(number: u64) -> JobRecord {
+pub(crate) fn record(number: u64) -> JobRecord {
     let digest = Digest::of("test", &number);
     JobRecord {
         id: JobId::new(number, &digest),
@@ -47,11 +50,11 @@ fn record(number: u64) -> JobRecord {
     }
 }
 
-fn event(sequence: u64, state: JobState) -> v1::JobEvent {
+pub(crate) fn event(sequence: u64, state: JobState) -> v1::JobEvent {
     v1::JobEvent { sequence, at_ms: 5, event: Some(Event::StateChanged(state.into())), job: None }
 }
 
-fn submit(record: &JobRecord) -> Write {
+pub(crate) fn submit(record: &JobRecord) -> Write {
     Write::Submit {
         record: record.clone(),
         toml: "name = \"x\"".into(),
@@ -93,55 +96,6 @@ fn end(record: &JobRecord, state: JobState) -> Write {
     Write::Change { event: event(record.last_event, state), record }
 }
 
-/// Opens again what was stored, as after a crash.
-trait Reopen {
-    async fn reopen(self) -> Self;
-}
-
-impl Reopen for MemoryStore {
-    async fn reopen(self) -> Self {
-        self
-    }
-}
-
-struct Temporary {
-    store: SqliteStore,
-    folder: tempfile::TempDir,
-}
-
-async fn open_file(path: &Path) -> SqliteStore {
-    // The lock of a store that was just dropped is gone within a moment.
-    for _ in 0..100 {
-        match SqliteStore::open(path).await {
-            Err(StoreError::InUse { .. }) => tokio::time::sleep(std::time::Duration::from_millis(20)).await,
-            opened => return opened.expect("the store opens"),
-        }
-    }
-    panic!("the store stays locked");
-}
-
-impl Temporary {
-    async fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        Self { store: open_file(&folder.path().join("s.db")).await, folder }
-    }
-}
-
-impl Reopen for Temporary {
-    async fn reopen(self) -> Self {
-        let Self { store, folder } = self;
-        drop(store);
-        Self { store: open_file(&folder.path().join("s.db")).await, folder }
-    }
-}
-
-impl std::ops::Deref for Temporary {
-    type Target = SqliteStore;
-    fn deref(&self) -> &SqliteStore {
-        &self.store
-    }
-}
-
 /// Writes the same tests for each store.
 macro_rules! on_every_store {
     ($($(#[$doc:meta])* async fn $name:ident($store:ident) $body:block)*) => {
@@ -151,7 +105,12 @@ macro_rules! on_every_store {
         }
         mod sqlite {
             use super::*;
-            $($(#[$doc])* #[tokio::test] async fn $name() { let $store = Temporary::new().await; $body })*
+            $($(#[$doc])* #[tokio::test] async fn $name() { let $store = File::new().await; $body })*
+        }
+        mod postgres {
+            use super::*;
+            $($(#[$doc])* #[tokio::test] #[ignore = "needs PostgreSQL: tests/postgres.sh"]
+            async fn $name() { let $store = Database::new().await; $body })*
         }
     };
 }
@@ -308,11 +267,98 @@ on_every_store! {
 
     async fn writes_of_an_earlier_epoch_change_nothing(store) {
         let old = store.start().await.unwrap().epoch;
-        let new = store.start().await.unwrap().epoch;
-        let refused = store.commit(old, vec![submit(&record(1))]).await;
-        assert!(matches!(refused, Err(StoreError::Superseded { own, by }) if (own, by) == (old, new)));
+        let job = record(1);
+        let results = |first| Write::Results { job: job.id.clone(), round: 0, ranges: vec![(first, vec![failed()])], worker: "w".into() };
+        store.commit(old, vec![submit(&job), results(0)]).await.unwrap();
+        let before = store.start().await.unwrap();
+        let done = JobRecord { state: JobState::Succeeded, generations_done: 1, last_event: 3, ..job.clone() };
+        let report = Write::Report { record: done.clone(), report: vec![1], event: event(3, JobState::Succeeded) };
+        let late = [submit(&record(2)), results(1), seal(&done, 2), end(&job, JobState::Cancelled), report];
+        for write in late.into_iter().map(|w| vec![w]).chain([vec![results(2), end(&job, JobState::Failed)], vec![]]) {
+            let refused = store.commit(old, write).await;
+            let superseded = matches!(refused, Err(StoreError::Superseded { own, by }) if (own, by) == (old, before.epoch));
+            assert!(superseded, "{refused:?}");
+        }
+        assert_eq!(store.events(&job.id, 0, 10).await.unwrap(), [event(1, JobState::Queued)]);
+        assert!(store.result(&job.id).await.unwrap().history.is_empty());
+        assert_eq!(store.jobs(u64::MAX, 10, &[]).await.unwrap(), std::slice::from_ref(&job));
+        store.commit(before.epoch, vec![results(1)]).await.unwrap();
+        let after = store.start().await.unwrap();
+        assert_eq!(after.active[0].results, [stored_range(0, 0, vec![failed()]), stored_range(0, 1, vec![failed()])]);
+        assert_eq!(after.active[0].record, before.active[0].record);
+    }
+
+    async fn a_commit_that_fails_leaves_nothing_behind(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        // The second breaks the uniqueness of request ids.
+        let twin = JobRecord { number: 2, id: JobId::new(2, &Digest([5; 32])), ..record(1) };
+        assert!(store.commit(epoch, vec![submit(&record(1)), submit(&twin)]).await.is_err());
         assert!(store.jobs(u64::MAX, 10, &[]).await.unwrap().is_empty());
-        store.commit(new, vec![submit(&record(1))]).await.unwrap();
+        store.commit(epoch, vec![submit(&record(1))]).await.unwrap();
+        assert!(store.commit(epoch, vec![submit(&twin)]).await.is_err(), "nor does it come later");
+        assert_eq!(store.jobs(u64::MAX, 10, &[]).await.unwrap(), [record(1)]);
+        store.commit(epoch, vec![submit(&record(2))]).await.unwrap();
+    }
+
+    async fn a_large_generation_comes_back_bit_by_bit(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let job = record(1);
+        // Any bits at all, among them signalling NaNs, in ranges with gaps between them.
+        let bits = |i: u32| u64::from(i).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let range = |first: u32| (first, (first..first + 9).map(|i| outcome(bits(i))).collect::<Vec<_>>());
+        let ranges: Vec<_> = (0..10_000).step_by(10).map(range).collect();
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.clone(), worker: "w".into() };
+        store.commit(epoch, vec![submit(&job), results]).await.unwrap();
+        let store = store.reopen().await;
+        let loaded = store.start().await.unwrap();
+        let expected: Vec<_> = ranges.into_iter().map(|(first, outcomes)| stored_range(0, first, outcomes)).collect();
+        assert!(loaded.active[0].results == expected);
+
+        let scores: Vec<_> = (0..10_000).map(|i| (i % 7 > 0).then_some(f64::from_bits(bits(i)))).collect();
+        let sealed = SealedGeneration { scores: scores.clone(), statistics: v1::GenerationSealed::default() };
+        let after = JobRecord { generations_done: 1, last_event: 2, ..job.clone() };
+        let (search, events) = (vec![9; 3_000_000], vec![event(2, JobState::Running)]);
+        let seal = Write::Seal { record: after, sealed: sealed.clone(), search: search.clone(), events };
+        store.commit(loaded.epoch, vec![seal]).await.unwrap();
+        let store = store.reopen().await;
+        let stored = store.start().await.unwrap().active.remove(0);
+        assert!(stored.search == search && stored.results.is_empty());
+        let statistics = sealed.statistics;
+        assert!(SealedGeneration { scores: stored.last_scores.unwrap(), statistics } == sealed);
+    }
+
+    async fn names_keep_every_letter(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        // The last two look the same, and are not.
+        let names = ["机器人 🦎", "'; DROP TABLE jobs; --", "a\\b\"c\nd\te %s $1 ?", "\u{202e}gnal", "\u{e9}", "e\u{301}"];
+        let named = |(i, name): (usize, &&str)| {
+            JobRecord { name: name.to_string(), request_id: name.to_string(), ..record(i as u64 + 1) }
+        };
+        let jobs: Vec<_> = names.iter().enumerate().map(named).collect();
+        let submit_named = |job: &JobRecord| match submit(job) {
+            Write::Submit { record, search, event, .. } => {
+                Write::Submit { toml: record.name.as_str().into(), record, search, event }
+            }
+            other => other,
+        };
+        store.commit(epoch, jobs.iter().map(submit_named).collect()).await.unwrap();
+        let store = store.reopen().await;
+        for job in &jobs {
+            assert_eq!(store.job_of_request(&job.request_id).await.unwrap().as_ref(), Some(job));
+            assert_eq!(store.job(&job.id).await.unwrap(), Some((job.clone(), job.name.clone())));
+        }
+        assert!(store.job_of_request("\u{c9}").await.unwrap().is_none(), "letters have a case");
+    }
+
+    async fn who_comes_after_the_end_is_told_so_and_the_end_may_come_twice(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        store.commit(epoch, vec![submit(&record(1))]).await.unwrap();
+        store.release(epoch).await.unwrap();
+        store.close().await.unwrap();
+        store.close().await.unwrap();
+        for late in [store.commit(epoch, vec![]).await.err(), store.job(&record(1).id).await.err()] {
+            assert!(matches!(late, Some(StoreError::Closed)), "{late:?}");
+        }
     }
 
     async fn jobs_are_found_by_id_by_request_and_in_pages(store) {
@@ -356,14 +402,22 @@ on_every_store! {
 }
 
 #[tokio::test]
-async fn a_commit_that_fails_leaves_nothing_behind() {
-    let store = Temporary::new().await;
-    let epoch = store.start().await.unwrap().epoch;
-    // The second breaks the uniqueness of request ids.
-    let twin = JobRecord { number: 2, id: JobId::new(2, &Digest([5; 32])), ..record(1) };
-    assert!(store.commit(epoch, vec![submit(&record(1)), submit(&twin)]).await.is_err());
-    assert!(store.jobs(u64::MAX, 10, &[]).await.unwrap().is_empty());
-    store.commit(epoch, vec![submit(&record(1))]).await.unwrap();
+async fn a_closed_sqlite_store_is_one_file_with_everything_in_it() {
+    let file = File::new().await;
+    let epoch = file.start().await.unwrap().epoch;
+    file.commit(epoch, vec![submit(&record(1))]).await.unwrap();
+    let names = || {
+        let entries = std::fs::read_dir(file.folder.path()).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(), ["s.db", "s.db-wal"]);
+    file.close().await.unwrap();
+    assert_eq!(names(), ["s.db"]);
+    let copy = file.folder.path().join("copy.db");
+    std::fs::copy(file.folder.path().join("s.db"), &copy).unwrap();
+    assert_eq!(open_file(&copy).await.jobs(u64::MAX, 10, &[]).await.unwrap(), [record(1)]);
 }
 
 #[tokio::test]

@@ -1,5 +1,6 @@
 //! `--store`: which store, as text.
 
+use super::{BadPostgresUrl, PostgresUrl};
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -9,14 +10,22 @@ use std::str::FromStr;
 pub enum StoreUrl {
     /// `sqlite:PATH`: a SQLite file, made if it is not there.
     Sqlite(PathBuf),
+    /// `postgres://USER@HOST:PORT/DATABASE`: a database that several coordinators can reach.
+    Postgres(PostgresUrl),
     /// `memory:`: forgotten when the coordinator ends. For tests.
     Memory,
 }
 
 /// A text that names no store.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{0}' names no store: write sqlite:PATH, such as sqlite:evogait.db")]
-pub struct BadStoreUrl(pub String);
+pub enum BadStoreUrl {
+    /// It starts like none.
+    #[error("'{0}' names no store: write sqlite:PATH, such as sqlite:evogait.db, or postgres://USER@HOST/DATABASE")]
+    Unknown(String),
+    /// It starts like a database, and goes on otherwise.
+    #[error(transparent)]
+    Postgres(#[from] BadPostgresUrl),
+}
 
 impl FromStr for StoreUrl {
     type Err = BadStoreUrl;
@@ -27,8 +36,11 @@ impl FromStr for StoreUrl {
                 // `sqlite:///absolute` and `sqlite:path` both are in use.
                 Ok(Self::Sqlite(path.strip_prefix("//").filter(|p| !p.is_empty()).unwrap_or(path).into()))
             }
+            Some(("postgres" | "postgresql", _)) => Ok(Self::Postgres(text.parse()?)),
             Some(("memory", "")) => Ok(Self::Memory),
-            _ => Err(BadStoreUrl(text.to_owned())),
+            // What follows a scheme of somebody else's may hold a password.
+            Some((scheme, rest)) if rest.starts_with("//") => Err(BadStoreUrl::Unknown(format!("{scheme}://…"))),
+            _ => Err(BadStoreUrl::Unknown(text.to_owned())),
         }
     }
 }
@@ -37,6 +49,7 @@ impl fmt::Display for StoreUrl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Sqlite(path) => write!(f, "sqlite:{}", path.display()),
+            Self::Postgres(url) => url.fmt(f),
             Self::Memory => f.write_str("memory:"),
         }
     }
@@ -52,8 +65,14 @@ mod tests {
         assert_eq!("sqlite:/a.db".parse(), Ok(StoreUrl::Sqlite("/a.db".into())));
         assert_eq!("sqlite:///a.db".parse(), Ok(StoreUrl::Sqlite("/a.db".into())));
         assert_eq!("memory:".parse(), Ok(StoreUrl::Memory));
-        for wrong in ["", "sqlite:", "evogait.db", "postgres://x", "memory:x"] {
-            assert_eq!(wrong.parse::<StoreUrl>(), Err(BadStoreUrl(wrong.to_owned())));
+        let postgres: StoreUrl = "postgres://ann:s3cret@db.example/gaits".parse().unwrap();
+        assert_eq!(postgres.to_string(), "postgres://ann@db.example:5432/gaits");
+        for wrong in ["", "sqlite:", "evogait.db", "memory:x"] {
+            assert_eq!(wrong.parse::<StoreUrl>(), Err(BadStoreUrl::Unknown(wrong.to_owned())));
+        }
+        for wrong in ["postgres:x", "mysql://ann:s3cret@db/gaits", "postgres://ann:s3cret@db:port/gaits"] {
+            let refused = wrong.parse::<StoreUrl>().unwrap_err().to_string();
+            assert!(!refused.contains("s3cret"), "{refused}");
         }
     }
 }

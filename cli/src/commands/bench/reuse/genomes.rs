@@ -47,7 +47,7 @@ pub fn stored(folder: &Path, count: usize) -> Result<Vec<Sample>, Error> {
     let generations = job.spec().optimiser.generations();
     let scores = with_runtime(async {
         let read = async {
-            let store = store::open(&StoreUrl::Sqlite(path.clone())).await?;
+            let store = store::open(&StoreUrl::Sqlite(path.clone()), coordinator::limits::DEFAULT_TAKEOVER).await?;
             let newest = store.jobs(i64::MAX as u64, 1, &[]).await?;
             let mut scores = Vec::new();
             if let Some(record) = newest.first() {

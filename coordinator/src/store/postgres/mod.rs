@@ -1,0 +1,346 @@
+//! The PostgreSQL store: one database that several coordinators can reach, of which one is at work.
+//!
+//! Who is at work stands in one row, with its epoch. A commit begins by writing to that row and touches no row at all if a
+//! later epoch has begun, so there can be two coordinators that think they are the one, but never two that change anything.
+//! Whoever is at work renews the row's stamp; a stamp that is too old, by the database's own clock, or that was released,
+//! lets the next one in.
+
+mod failure;
+mod migrations;
+mod url;
+
+pub use url::{BadPostgresUrl, PostgresUrl};
+
+use self::failure::failure;
+use self::migrations::MIGRATIONS;
+use super::sql::{Dialect, ResultRow, Row, Sql, Value};
+use super::{Loaded, StoreError, Write, tables};
+use crate::fail_point;
+use sqlx::pool::PoolConnection;
+use sqlx::postgres::{PgArguments, PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgRow};
+use sqlx::{ConnectOptions as _, Connection as _, Executor as _, Postgres, Row as _};
+use std::time::Duration;
+use tokio::sync::Mutex;
+use tokio::time::Instant;
+
+/// Connections for queries. Commits and renewals have two of their own, which no query can keep from them.
+const READERS: u32 = 4;
+/// Between two tries to reach the database again.
+const RETRY: Duration = Duration::from_millis(100);
+/// Least time that a try is given, whatever the time to a takeover.
+const LEAST_PATIENCE: Duration = Duration::from_secs(1);
+/// Held while the schema is made or changed: "evogait" as a number.
+const MIGRATION_LOCK: i64 = 0x65_766f_6761_6974;
+
+/// A store in a PostgreSQL database.
+pub struct PostgresStore {
+    /// Without the password.
+    name: String,
+    readers: PgPool,
+    writers: PgPool,
+    /// Without a renewal for this long this coordinator is taken for dead, and so it must not try for longer.
+    takeover: Duration,
+    /// Commits of this epoch.
+    commits: Mutex<u64>,
+}
+
+impl PostgresStore {
+    /// Connects, makes the tables if there are none, and brings older ones up to date. `takeover` is for how long this
+    /// coordinator can be out of touch before another one may take over.
+    pub async fn open(url: &PostgresUrl, takeover: Duration) -> Result<Self, StoreError> {
+        let name = url.to_string();
+        let options = url.options().map_err(|e| StoreError::Open { store: name.clone(), reason: e.to_string() })?;
+        if url.is_exposed() {
+            tracing::warn!(store = %name, "the connection to the database may be read or changed on its way: add ?sslmode=verify-full");
+        }
+        let patience = takeover.max(LEAST_PATIENCE);
+        let pool = |connections, options: PgConnectOptions| {
+            let settings = format!(
+                "SET search_path TO evogait;
+                 SET idle_in_transaction_session_timeout TO {};
+                 SELECT set_config('synchronous_commit', 'on', false)
+                 WHERE current_setting('synchronous_commit') IN ('off', 'local')",
+                // A transaction whose coordinator was cut off holds the row that others wait for.
+                patience.as_millis()
+            );
+            PgPoolOptions::new()
+                .max_connections(connections)
+                .acquire_timeout(patience)
+                .after_connect(move |connection, _| {
+                    let settings = settings.clone();
+                    Box::pin(async move { connection.execute(sqlx::AssertSqlSafe(settings)).await.map(drop) })
+                })
+                .connect_lazy_with(options)
+        };
+        let options = options.disable_statement_logging();
+        let store = Self {
+            readers: pool(READERS, options.clone()),
+            writers: pool(2, options.clone()),
+            name,
+            takeover,
+            commits: Mutex::default(),
+        };
+        // Not from a pool, which would try again until its time is over.
+        let mut connection = options.connect().await.map_err(|e| store.failure(e))?;
+        store.migrate(&mut connection).await?;
+        connection.close().await.map_err(|e| store.failure(e))?;
+        Ok(store)
+    }
+
+    async fn migrate(&self, connection: &mut PgConnection) -> Result<(), StoreError> {
+        let mut tx = connection.begin().await.map_err(|e| self.failure(e))?;
+        let foreign = |reason: &str| StoreError::Foreign { store: self.name.clone(), reason: reason.to_owned() };
+        let setting = async |tx: &mut PgConnection, query: &'static str| {
+            let value: Result<String, _> = sqlx::query_scalar(query).fetch_one(&mut *tx).await;
+            value.map_err(|e| self.failure(e))
+        };
+        let encoding = setting(&mut *tx, "SELECT current_setting('server_encoding')").await?;
+        if encoding != "UTF8" {
+            return Err(foreign(&format!(
+                "its encoding is {encoding}: make it with CREATE DATABASE … ENCODING 'UTF8'"
+            )));
+        }
+        if setting(&mut *tx, "SELECT current_setting('fsync')").await? == "off" {
+            tracing::warn!(store = %self.name, "the database runs with fsync = off: what is acknowledged does not survive a power failure");
+        }
+        let lock = sqlx::query("SELECT pg_advisory_xact_lock($1)").bind(MIGRATION_LOCK).execute(&mut *tx).await;
+        lock.map_err(|e| self.failure(e))?;
+        let there = "SELECT to_regnamespace('evogait') IS NOT NULL";
+        let there: bool = sqlx::query_scalar(there).fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
+        let mut done = 0;
+        if there {
+            let ours = "SELECT to_regclass('evogait.schema_version') IS NOT NULL";
+            let ours: bool = sqlx::query_scalar(ours).fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
+            if !ours {
+                return Err(foreign("its schema 'evogait' is that of another program"));
+            }
+            let version = sqlx::query_scalar::<_, i64>("SELECT version FROM evogait.schema_version");
+            let version = version.fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
+            done = usize::try_from(version)
+                .ok()
+                .filter(|v| *v <= MIGRATIONS.len())
+                .ok_or_else(|| foreign("it was written by a newer version; use that one"))?;
+        } else {
+            let make = "CREATE SCHEMA evogait;
+                        CREATE TABLE evogait.schema_version (version BIGINT NOT NULL);
+                        INSERT INTO evogait.schema_version VALUES (0)";
+            sqlx::raw_sql(make).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
+        }
+        for (step, sql) in MIGRATIONS.iter().enumerate().skip(done) {
+            let sql =
+                format!("SET LOCAL search_path TO evogait; {sql}; UPDATE schema_version SET version = {}", step + 1);
+            sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
+        }
+        tx.commit().await.map_err(|e| self.failure(e))
+    }
+
+    /// For as long as nobody else takes over.
+    fn patience(&self) -> Patience<'_> {
+        let given = self.takeover.max(LEAST_PATIENCE);
+        Patience { store: &self.name, given, end: Instant::now() + given }
+    }
+
+    /// Commits a group as the epoch's commit of this number.
+    async fn commit_as(&self, epoch: u64, number: u64, writes: &[Write]) -> Result<(), StoreError> {
+        let mut tx = self.writers.begin().await.map_err(|e| self.failure(e))?;
+        let fence = "UPDATE coordinator SET commits = $2, renewed_at = clock_timestamp()
+                     WHERE epoch = $1 AND commits = $2 - 1";
+        let touched = tx.run(fence, vec![epoch.into(), number.into()]).await.map_err(|e| self.failure(e))?;
+        if touched == 0 {
+            let row = sqlx::query("SELECT epoch, commits FROM coordinator").fetch_one(&mut *tx).await;
+            let row = row.map_err(|e| self.failure(e))?;
+            let column = |i| row.number(i).map(|n| n as u64).map_err(|e| self.failure(e));
+            return match (column(0)?, column(1)?) {
+                // It was committed before, but the answer was lost.
+                (current, commits) if (current, commits) == (epoch, number) => Ok(()),
+                (current, _) if current != epoch => Err(StoreError::Superseded { own: epoch, by: current }),
+                (_, commits) => {
+                    let what = format!("{commits} commits where {} or {number} were expected", number - 1);
+                    Err(StoreError::Corrupt { what })
+                }
+            };
+        }
+        tables::apply_all(&mut *tx, writes).await.map_err(|e| self.failure(e))?;
+        fail_point::reached("in-commit");
+        tx.commit().await.map_err(|e| self.failure(e))
+    }
+
+    async fn renew_once(&self, epoch: u64) -> Result<(), StoreError> {
+        let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
+        let stamp = "UPDATE coordinator SET renewed_at = clock_timestamp() WHERE epoch = $1";
+        let touched = connection.run(stamp, vec![epoch.into()]).await.map_err(|e| self.failure(e))?;
+        if touched > 0 {
+            return Ok(());
+        }
+        let current = sqlx::query_scalar::<_, i64>("SELECT epoch FROM coordinator").fetch_one(&mut *connection);
+        Err(StoreError::Superseded { own: epoch, by: current.await.map_err(|e| self.failure(e))? as u64 })
+    }
+
+    /// Refuses if another coordinator is at work.
+    async fn nobody_at_work(&self, connection: &mut PgConnection, query: &'static str) -> Result<(), StoreError> {
+        let row = sqlx::query(query).fetch_one(connection).await.map_err(|e| self.failure(e))?;
+        let column = |i| row.number(i).map_err(|e| self.failure(e));
+        let (at_work, epoch, stamp) = (column(0)? == 1, column(1)? as u64, column(2)?);
+        if at_work { Err(StoreError::Active { epoch, stamp }) } else { Ok(()) }
+    }
+}
+
+/// How long a database that does not answer is asked again.
+struct Patience<'a> {
+    store: &'a str,
+    given: Duration,
+    end: Instant,
+}
+
+impl Patience<'_> {
+    /// The answer, or `None` if it should be tried again.
+    async fn attempt<T>(&self, answer: impl Future<Output = Result<T, StoreError>>) -> Option<Result<T, StoreError>> {
+        let error = match tokio::time::timeout_at(self.end, answer).await {
+            Ok(Err(error @ StoreError::Unreachable { .. })) => error,
+            Ok(answer) => return Some(answer),
+            Err(_) => {
+                let reason = format!("it did not answer within {} s", self.given.as_secs_f64());
+                StoreError::Unreachable { store: self.store.to_owned(), reason }
+            }
+        };
+        if Instant::now() + RETRY >= self.end {
+            return Some(Err(error));
+        }
+        tracing::warn!(%error, "trying again");
+        tokio::time::sleep(RETRY).await;
+        None
+    }
+}
+
+/// A stamp from the future is one, too, after the database's clock was set back.
+macro_rules! at_work {
+    ($lock:literal) => {
+        concat!(
+            "SELECT CASE WHEN NOT released AND abs(extract(epoch FROM clock_timestamp() - renewed_at)) * 1000 < takeover_ms
+                    THEN 1 ELSE 0 END::BIGINT,
+                    epoch, (extract(epoch FROM renewed_at) * 1000000)::BIGINT FROM coordinator",
+            $lock
+        )
+    };
+}
+
+impl Row for PgRow {
+    fn number(&self, column: usize) -> Result<i64, sqlx::Error> {
+        self.try_get(column)
+    }
+
+    fn text(&self, column: usize) -> Result<String, sqlx::Error> {
+        self.try_get(column)
+    }
+
+    fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error> {
+        Ok(self.try_get::<Option<_>, _>(column)?.unwrap_or_default())
+    }
+}
+
+fn statement<'a>(sql: &'static str, values: Vec<Value<'a>>) -> sqlx::query::Query<'a, Postgres, PgArguments> {
+    values.into_iter().fold(sqlx::query(sql), |query, value| match value {
+        Value::Number(number) => query.bind(number),
+        Value::Text(text) => query.bind(text),
+        Value::Bytes(bytes) => query.bind(bytes),
+    })
+}
+
+impl Sql for PgConnection {
+    type Row = PgRow;
+
+    async fn run(&mut self, sql: &'static str, values: Vec<Value<'_>>) -> Result<u64, sqlx::Error> {
+        Ok(statement(sql, values).execute(self).await?.rows_affected())
+    }
+
+    async fn rows(&mut self, sql: &'static str, values: Vec<Value<'_>>) -> Result<Vec<PgRow>, sqlx::Error> {
+        statement(sql, values).fetch_all(self).await
+    }
+
+    async fn insert_results(&mut self, rows: Vec<ResultRow>) -> Result<(), sqlx::Error> {
+        let mut columns = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for ResultRow { job, round, first, outcomes } in rows {
+            columns.0.push(job.to_string());
+            columns.1.push(i64::from(round));
+            columns.2.push(i64::from(first));
+            columns.3.push(outcomes);
+        }
+        let insert = "INSERT INTO results (job, round, first, outcomes)
+                      SELECT * FROM unnest($1::TEXT[], $2::BIGINT[], $3::BIGINT[], $4::BYTEA[])";
+        let insert = sqlx::query(insert).bind(columns.0).bind(columns.1).bind(columns.2).bind(columns.3);
+        insert.execute(self).await.map(drop)
+    }
+}
+
+impl Dialect for PostgresStore {
+    type Connection = PgConnection;
+    type Lent<'a> = PoolConnection<Postgres>;
+
+    async fn connection(&self) -> Result<PoolConnection<Postgres>, StoreError> {
+        self.readers.acquire().await.map_err(|e| self.failure(e))
+    }
+
+    fn failure(&self, error: sqlx::Error) -> StoreError {
+        failure(&self.name, error)
+    }
+
+    async fn start(&self) -> Result<Loaded, StoreError> {
+        let mut commits = self.commits.lock().await;
+        let mut tx = self.writers.begin().await.map_err(|e| self.failure(e))?;
+        // First without the lock, for which the one at work would have to wait.
+        self.nobody_at_work(&mut tx, at_work!("")).await?;
+        self.nobody_at_work(&mut tx, at_work!(" FOR UPDATE")).await?;
+        let next = "UPDATE coordinator SET epoch = epoch + 1, commits = 0, takeover_ms = $1, released = FALSE
+                    RETURNING epoch";
+        let takeover = Value::Number(self.takeover.as_millis() as i64);
+        let row = tx.rows(next, vec![takeover]).await.map_err(|e| self.failure(e))?.pop();
+        let epoch = row.ok_or(sqlx::Error::RowNotFound).and_then(|row| row.number(0)).map_err(|e| self.failure(e))?;
+        let loaded = tables::load(&mut *tx, epoch as u64).await.map_err(|e| self.trouble(e))?;
+        // Last, since loading takes a while.
+        let stamp = "UPDATE coordinator SET renewed_at = clock_timestamp()";
+        tx.run(stamp, vec![]).await.map_err(|e| self.failure(e))?;
+        tx.commit().await.map_err(|e| self.failure(e))?;
+        *commits = 0;
+        Ok(loaded)
+    }
+
+    async fn commit(&self, epoch: u64, writes: Vec<Write>) -> Result<(), StoreError> {
+        let mut commits = self.commits.lock().await;
+        let patience = self.patience();
+        loop {
+            if let Some(answer) = patience.attempt(self.commit_as(epoch, *commits + 1, &writes)).await {
+                answer?;
+                *commits += 1;
+                return Ok(());
+            }
+        }
+    }
+
+    fn renew_every(&self) -> Option<Duration> {
+        Some(self.takeover / 5)
+    }
+
+    async fn renew(&self, epoch: u64) -> Result<(), StoreError> {
+        let patience = self.patience();
+        loop {
+            if let Some(answer) = patience.attempt(self.renew_once(epoch)).await {
+                return answer;
+            }
+        }
+    }
+
+    async fn release(&self, epoch: u64) -> Result<(), StoreError> {
+        let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
+        let release = "UPDATE coordinator SET released = TRUE WHERE epoch = $1";
+        connection.run(release, vec![epoch.into()]).await.map_err(|e| self.failure(e)).map(drop)
+    }
+
+    async fn close(&self) -> Result<(), StoreError> {
+        self.readers.close().await;
+        self.writers.close().await;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

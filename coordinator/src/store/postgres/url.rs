@@ -1,0 +1,149 @@
+//! `postgres://…`: where a database is, and who asks for it.
+
+use sqlx::postgres::{PgConnectOptions, PgSslMode};
+use std::fmt;
+use std::str::FromStr;
+
+/// What can follow the `?`; the database driver would ignore anything else.
+const PARAMETERS: [&str; 14] = [
+    "sslmode",
+    "sslrootcert",
+    "sslcert",
+    "sslkey",
+    "host",
+    "hostaddr",
+    "port",
+    "dbname",
+    "user",
+    "password",
+    "application_name",
+    "options",
+    "ssl-mode",
+    "ssl-root-cert",
+];
+
+/// Names a database. Shows itself without the password, in logs and errors alike.
+#[derive(Clone, PartialEq, Eq)]
+pub struct PostgresUrl {
+    /// As it was given: holds the password.
+    text: String,
+    shown: String,
+    exposed: bool,
+}
+
+/// A text that names no database. Does not tell the text, which may hold a password.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "a store that starts with postgres: can't be read ({0}): write postgres://USER@HOST:PORT/DATABASE, with the password in PGPASSWORD or ~/.pgpass"
+)]
+pub struct BadPostgresUrl(String);
+
+impl PostgresUrl {
+    /// For the driver.
+    pub(in crate::store) fn options(&self) -> Result<PgConnectOptions, BadPostgresUrl> {
+        parse(&self.text)
+    }
+
+    /// Whether the way to the database leaves this machine without its other end being verified.
+    pub(super) fn is_exposed(&self) -> bool {
+        self.exposed
+    }
+}
+
+fn parse(text: &str) -> Result<PgConnectOptions, BadPostgresUrl> {
+    let bad = |reason: &str| BadPostgresUrl(reason.to_owned());
+    if !text.starts_with("postgres://") && !text.starts_with("postgresql://") {
+        // The driver would take the user's own name and database for what is missing.
+        return Err(bad("it does not begin with postgres://"));
+    }
+    let (place, query) = text.split_once('?').unwrap_or((text, ""));
+    for key in query.split('&').filter_map(|pair| pair.split('=').next()).filter(|key| !key.is_empty()) {
+        if !PARAMETERS.contains(&key) && !key.starts_with("options[") {
+            return Err(bad(&format!("parameter '{key}' is not known")));
+        }
+    }
+    let database = place.splitn(4, '/').nth(3).unwrap_or_default();
+    if database.contains(['@', ':', '/']) {
+        return Err(bad("'/' in a password is written %2F, '?' %3F, '#' %23"));
+    }
+    match text.parse::<PgConnectOptions>() {
+        Ok(options) => Ok(options),
+        Err(sqlx::Error::Configuration(reason)) => Err(bad(&reason.to_string())),
+        Err(_) => Err(bad("it is no URL")),
+    }
+}
+
+impl FromStr for PostgresUrl {
+    type Err = BadPostgresUrl;
+
+    fn from_str(text: &str) -> Result<Self, BadPostgresUrl> {
+        let options = parse(text)?;
+        let (user, database) = (options.get_username(), options.get_database().unwrap_or(options.get_username()));
+        let (place, local) = match options.get_socket() {
+            Some(socket) => (socket.display().to_string(), true),
+            None => {
+                let host = options.get_host();
+                let local = host == "localhost"
+                    || host.starts_with('/')
+                    || host.parse().is_ok_and(|ip: std::net::IpAddr| ip.is_loopback());
+                (format!("{host}:{}", options.get_port()), local)
+            }
+        };
+        let verified = matches!(options.get_ssl_mode(), PgSslMode::VerifyCa | PgSslMode::VerifyFull);
+        let shown = format!("postgres://{user}@{place}/{database}");
+        Ok(Self { text: text.to_owned(), shown, exposed: !local && !verified })
+    }
+}
+
+impl fmt::Display for PostgresUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.shown)
+    }
+}
+
+impl fmt::Debug for PostgresUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.shown)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_password_is_never_shown() {
+        for text in [
+            "postgres://ann:s3cret@db.example:5433/gaits",
+            "postgres://ann@db.example:5433/gaits?password=s3cret",
+            "postgresql://db.example:5433/gaits?user=ann&password=s3cret&sslmode=require",
+        ] {
+            let url: PostgresUrl = text.parse().unwrap();
+            assert_eq!(url.to_string(), "postgres://ann@db.example:5433/gaits");
+            assert_eq!(format!("{url:?}"), url.to_string());
+            assert!(url.is_exposed());
+        }
+        for wrong in [
+            "postgres://ann:s3cret@db.example:port/gaits",
+            "postgres://ann:s3cret/@db.example/gaits",
+            "postgres://ann:1/s3cret@db.example/gaits",
+            "postgres://ann:1#s3cret@db.example/gaits/",
+            "postgres://db/gaits?pasword=s3cret",
+            "postgres://db/gaits?sslmode=perhaps&password=s3cret",
+        ] {
+            let refused = wrong.parse::<PostgresUrl>().unwrap_err().to_string();
+            assert!(!refused.contains("s3cret"), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_connection_that_leaves_the_machine_unverified_is_told_from_others() {
+        let exposed = |text: &str| text.parse::<PostgresUrl>().unwrap().is_exposed();
+        assert!(
+            exposed("postgres://ann@db.example/gaits") && exposed("postgres://ann@db.example/gaits?sslmode=require")
+        );
+        assert!(!exposed("postgres://ann@db.example/gaits?sslmode=verify-full"));
+        assert!(!exposed("postgres://ann@127.0.0.1/gaits") && !exposed("postgres://ann@localhost/gaits"));
+        assert!(!exposed("postgres://ann@%2Frun%2Fpostgresql/gaits"));
+    }
+}

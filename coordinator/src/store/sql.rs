@@ -1,0 +1,208 @@
+//! What the SQL stores share: how a statement is run, and the [`Store`] that follows from it.
+//!
+//! A dialect says how connections are had, how an epoch starts and how a group of writes is committed; the statements are in
+//! `tables`, the same for all.
+
+use super::tables::{self, Trouble};
+use super::{Answer, Loaded, Store, StoreError, StoredResult, Write};
+use crate::record::{JobId, JobRecord, JobState};
+use proto::v1;
+use std::ops::DerefMut;
+use std::time::Duration;
+
+/// A value for a statement. There is no floating-point number among them: those are in blobs, where no database touches
+/// their bits.
+pub(super) enum Value<'a> {
+    Number(i64),
+    Text(&'a str),
+    Bytes(Vec<u8>),
+}
+
+impl From<u32> for Value<'_> {
+    fn from(number: u32) -> Self {
+        Self::Number(number.into())
+    }
+}
+
+impl From<u64> for Value<'_> {
+    /// Numbers count from 0 and never come near the limit, which stands for "all of them" where one is exceeded.
+    fn from(number: u64) -> Self {
+        Self::Number(i64::try_from(number).unwrap_or(i64::MAX))
+    }
+}
+
+impl From<JobState> for Value<'_> {
+    fn from(state: JobState) -> Self {
+        Self::Number(i32::from(state).into())
+    }
+}
+
+impl<'a> From<&'a JobId> for Value<'a> {
+    fn from(id: &'a JobId) -> Self {
+        Self::Text(id.as_str())
+    }
+}
+
+impl<'a> From<&'a str> for Value<'a> {
+    fn from(text: &'a str) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl From<Vec<u8>> for Value<'_> {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self::Bytes(bytes)
+    }
+}
+
+/// A row of an answer, by column.
+pub(super) trait Row: Send {
+    fn number(&self, column: usize) -> Result<i64, sqlx::Error>;
+    fn text(&self, column: usize) -> Result<String, sqlx::Error>;
+    /// NULL reads as empty.
+    fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error>;
+}
+
+/// Results of one range, for the table.
+pub(super) struct ResultRow {
+    pub job: JobId,
+    pub round: u32,
+    pub first: u32,
+    pub outcomes: Vec<u8>,
+}
+
+/// A connection. Placeholders are `$1`, `$2`, …, which both databases read.
+pub(super) trait Sql: Send {
+    type Row: Row;
+
+    /// Runs a statement and tells how many rows it touched.
+    fn run(
+        &mut self,
+        sql: &'static str,
+        values: Vec<Value<'_>>,
+    ) -> impl Future<Output = Result<u64, sqlx::Error>> + Send;
+
+    /// Runs a query.
+    fn rows(
+        &mut self,
+        sql: &'static str,
+        values: Vec<Value<'_>>,
+    ) -> impl Future<Output = Result<Vec<Self::Row>, sqlx::Error>> + Send;
+
+    /// Inserts what there is most of.
+    fn insert_results(&mut self, rows: Vec<ResultRow>) -> impl Future<Output = Result<(), sqlx::Error>> + Send;
+}
+
+/// A database that keeps a store.
+pub(super) trait Dialect: Send + Sync {
+    type Connection: Sql;
+    type Lent<'a>: DerefMut<Target = Self::Connection> + Send
+    where
+        Self: 'a;
+
+    /// A connection for a query.
+    fn connection(&self) -> impl Future<Output = Result<Self::Lent<'_>, StoreError>> + Send;
+
+    /// What an error means for whoever runs the coordinator.
+    fn failure(&self, error: sqlx::Error) -> StoreError;
+
+    /// See [`Store::start`].
+    fn start(&self) -> impl Future<Output = Result<Loaded, StoreError>> + Send;
+
+    /// See [`Store::commit`].
+    fn commit(&self, epoch: u64, writes: Vec<Write>) -> impl Future<Output = Result<(), StoreError>> + Send;
+
+    /// See [`Store::renew_every`].
+    fn renew_every(&self) -> Option<Duration> {
+        None
+    }
+
+    /// See [`Store::renew`].
+    fn renew(&self, _epoch: u64) -> impl Future<Output = Result<(), StoreError>> + Send {
+        std::future::ready(Ok(()))
+    }
+
+    /// See [`Store::release`].
+    fn release(&self, _epoch: u64) -> impl Future<Output = Result<(), StoreError>> + Send {
+        std::future::ready(Ok(()))
+    }
+
+    /// See [`Store::close`].
+    fn close(&self) -> impl Future<Output = Result<(), StoreError>> + Send;
+
+    /// The same for what a query finds in the tables.
+    fn trouble(&self, trouble: Trouble) -> StoreError {
+        match trouble {
+            Trouble::Database(error) => self.failure(error),
+            Trouble::Content(error) => error,
+        }
+    }
+}
+
+impl<D: Dialect> Store for D {
+    fn start(&self) -> Answer<'_, Loaded> {
+        Box::pin(Dialect::start(self))
+    }
+
+    fn commit(&self, epoch: u64, writes: Vec<Write>) -> Answer<'_, ()> {
+        Box::pin(Dialect::commit(self, epoch, writes))
+    }
+
+    fn renew_every(&self) -> Option<Duration> {
+        Dialect::renew_every(self)
+    }
+
+    fn renew(&self, epoch: u64) -> Answer<'_, ()> {
+        Box::pin(Dialect::renew(self, epoch))
+    }
+
+    fn release(&self, epoch: u64) -> Answer<'_, ()> {
+        Box::pin(Dialect::release(self, epoch))
+    }
+
+    fn job<'a>(&'a self, id: &'a JobId) -> Answer<'a, Option<(JobRecord, String)>> {
+        Box::pin(async move {
+            let mut connection = self.connection().await?;
+            tables::job(&mut *connection, id).await.map_err(|e| self.trouble(e))
+        })
+    }
+
+    fn job_of_request<'a>(&'a self, request_id: &'a str) -> Answer<'a, Option<JobRecord>> {
+        Box::pin(async move {
+            let mut connection = self.connection().await?;
+            tables::job_of_request(&mut *connection, request_id).await.map_err(|e| self.trouble(e))
+        })
+    }
+
+    fn jobs<'a>(&'a self, below: u64, limit: u32, states: &'a [JobState]) -> Answer<'a, Vec<JobRecord>> {
+        Box::pin(async move {
+            let mut connection = self.connection().await?;
+            tables::jobs(&mut *connection, below, limit, states).await.map_err(|e| self.trouble(e))
+        })
+    }
+
+    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>> {
+        Box::pin(async move {
+            let mut connection = self.connection().await?;
+            tables::events(&mut *connection, id, after, limit).await.map_err(|e| self.trouble(e))
+        })
+    }
+
+    fn scores<'a>(&'a self, id: &'a JobId, generation: u32) -> Answer<'a, Option<Vec<Option<f64>>>> {
+        Box::pin(async move {
+            let mut connection = self.connection().await?;
+            tables::scores(&mut *connection, id, generation).await.map_err(|e| self.trouble(e))
+        })
+    }
+
+    fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult> {
+        Box::pin(async move {
+            let mut connection = self.connection().await?;
+            tables::result(&mut *connection, id).await.map_err(|e| self.trouble(e))
+        })
+    }
+
+    fn close(&self) -> Answer<'_, ()> {
+        Box::pin(Dialect::close(self))
+    }
+}

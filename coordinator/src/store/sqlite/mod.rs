@@ -1,0 +1,199 @@
+//! The SQLite store: one file, one connection, one writer.
+//!
+//! WAL with `synchronous = FULL`: a commit is on the disk when it returns. The file is locked for as long as it is open,
+//! so two coordinators can't share it by accident; the system frees the lock when a process dies, however it dies.
+
+mod migrations;
+
+use self::migrations::{APPLICATION_ID, FIRST_READABLE, MIGRATIONS};
+use super::sql::{Dialect, ResultRow, Row, Sql, Value};
+use super::{Loaded, StoreError, Write, tables};
+use crate::fail_point;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteLockingMode, SqliteRow, SqliteSynchronous};
+use sqlx::{ConnectOptions as _, Connection as _, Row as _, SqliteConnection};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard};
+
+/// A store in a SQLite file.
+pub struct SqliteStore {
+    path: PathBuf,
+    /// `None` once it is closed.
+    connection: Mutex<Option<SqliteConnection>>,
+}
+
+impl SqliteStore {
+    /// Opens the file, or makes it if it is not there; its folder must exist. Brings an older store up to date.
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        let unusable = |reason: &str| StoreError::Open { store: path.display().to_string(), reason: reason.to_owned() };
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(unusable(&format!("there is no folder {}", folder.display())));
+        }
+        if path.is_dir() {
+            return Err(unusable("it is a folder"));
+        }
+        let connection = SqliteConnectOptions::new()
+            .filename(path)
+            .create_if_missing(true)
+            .locking_mode(SqliteLockingMode::Exclusive)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Full)
+            .busy_timeout(Duration::from_millis(500))
+            // The state of a search of 10,000 candidates is 17 MB: it should neither be spilled before the commit, nor copied
+            // from the log into the file after every one.
+            .pragma("cache_size", "-65536")
+            .pragma("wal_autocheckpoint", "16384")
+            .disable_statement_logging()
+            .connect()
+            .await
+            .map_err(|e| failure(path, e))?;
+        let store = Self { path: path.to_owned(), connection: Mutex::new(Some(connection)) };
+        store.migrate().await?;
+        Ok(store)
+    }
+
+    async fn migrate(&self) -> Result<(), StoreError> {
+        let mut connection = self.connection().await?;
+        // Takes the lock, or finds out that somebody else has it.
+        let mut tx = connection.begin_with("BEGIN IMMEDIATE").await.map_err(|e| self.failure(e))?;
+        let pragma = |row: SqliteRow| row.number(0);
+        let version = sqlx::query("PRAGMA user_version")
+            .fetch_one(&mut *tx)
+            .await
+            .and_then(pragma)
+            .map_err(|e| self.failure(e))?;
+        let application = sqlx::query("PRAGMA application_id")
+            .fetch_one(&mut *tx)
+            .await
+            .and_then(pragma)
+            .map_err(|e| self.failure(e))?;
+        let tables: i64 = sqlx::query_scalar("SELECT count(*) FROM sqlite_schema")
+            .fetch_one(&mut *tx)
+            .await
+            .map_err(|e| self.failure(e))?;
+        let foreign =
+            |reason: &str| StoreError::Foreign { store: self.path.display().to_string(), reason: reason.to_owned() };
+        if tables > 0 && application != i64::from(APPLICATION_ID) {
+            return Err(foreign("it is a database of another program"));
+        }
+        let done = usize::try_from(version).ok().filter(|v| *v <= MIGRATIONS.len());
+        let done = done.ok_or_else(|| foreign("it was written by a newer version; use that one"))?;
+        if (1..FIRST_READABLE).contains(&done) {
+            return Err(foreign(
+                "it was written by an older version of evogait, whose jobs have no finish: use that version, or another \
+                 --store (or folder, for `evogait run`)",
+            ));
+        }
+        for (step, sql) in MIGRATIONS.iter().enumerate().skip(done) {
+            let sql = format!("{sql}; PRAGMA user_version = {}; PRAGMA application_id = {APPLICATION_ID};", step + 1);
+            sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
+        }
+        tx.commit().await.map_err(|e| self.failure(e))
+    }
+}
+
+/// What an error of SQLite means for whoever runs the coordinator.
+fn failure(path: &Path, error: sqlx::Error) -> StoreError {
+    let store = path.display().to_string();
+    let sqlx::Error::Database(database) = &error else { return StoreError::Database(error.to_string()) };
+    let reason = database.message().to_owned();
+    // The primary result code is the low byte of the extended one: https://sqlite.org/rescode.html
+    let code = database.code().and_then(|c| c.parse::<i32>().ok()).unwrap_or(1) & 0xff;
+    match code {
+        5 | 6 => StoreError::InUse { store },
+        13 => StoreError::Full { store },
+        3 | 8 | 14 | 23 => StoreError::Open { store, reason },
+        11 | 26 => StoreError::Foreign { store, reason },
+        _ => StoreError::Database(reason),
+    }
+}
+
+impl Row for SqliteRow {
+    fn number(&self, column: usize) -> Result<i64, sqlx::Error> {
+        self.try_get(column)
+    }
+
+    fn text(&self, column: usize) -> Result<String, sqlx::Error> {
+        self.try_get(column)
+    }
+
+    fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error> {
+        Ok(self.try_get::<Option<_>, _>(column)?.unwrap_or_default())
+    }
+}
+
+fn statement<'a>(
+    sql: &'static str,
+    values: Vec<Value<'a>>,
+) -> sqlx::query::Query<'a, sqlx::Sqlite, sqlx::sqlite::SqliteArguments> {
+    values.into_iter().fold(sqlx::query(sql), |query, value| match value {
+        Value::Number(number) => query.bind(number),
+        Value::Text(text) => query.bind(text),
+        Value::Bytes(bytes) => query.bind(bytes),
+    })
+}
+
+impl Sql for SqliteConnection {
+    type Row = SqliteRow;
+
+    async fn run(&mut self, sql: &'static str, values: Vec<Value<'_>>) -> Result<u64, sqlx::Error> {
+        Ok(statement(sql, values).execute(self).await?.rows_affected())
+    }
+
+    async fn rows(&mut self, sql: &'static str, values: Vec<Value<'_>>) -> Result<Vec<SqliteRow>, sqlx::Error> {
+        statement(sql, values).fetch_all(self).await
+    }
+
+    async fn insert_results(&mut self, rows: Vec<ResultRow>) -> Result<(), sqlx::Error> {
+        for ResultRow { job, round, first, outcomes } in rows {
+            let values = vec![(&job).into(), round.into(), first.into(), outcomes.into()];
+            self.run("INSERT INTO results (job, round, first, outcomes) VALUES ($1, $2, $3, $4)", values).await?;
+        }
+        Ok(())
+    }
+}
+
+impl Dialect for SqliteStore {
+    type Connection = SqliteConnection;
+    type Lent<'a> = MappedMutexGuard<'a, SqliteConnection>;
+
+    async fn connection(&self) -> Result<MappedMutexGuard<'_, SqliteConnection>, StoreError> {
+        MutexGuard::try_map(self.connection.lock().await, Option::as_mut).map_err(|_| StoreError::Closed)
+    }
+
+    fn failure(&self, error: sqlx::Error) -> StoreError {
+        failure(&self.path, error)
+    }
+
+    async fn start(&self) -> Result<Loaded, StoreError> {
+        let mut connection = self.connection().await?;
+        let mut tx = connection.begin_with("BEGIN IMMEDIATE").await.map_err(|e| self.failure(e))?;
+        let epoch = sqlx::query_scalar::<_, i64>("UPDATE meta SET epoch = epoch + 1 RETURNING epoch");
+        let epoch = epoch.fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
+        let loaded = tables::load(&mut *tx, epoch as u64).await.map_err(|e| self.trouble(e))?;
+        tx.commit().await.map_err(|e| self.failure(e))?;
+        Ok(loaded)
+    }
+
+    async fn commit(&self, epoch: u64, writes: Vec<Write>) -> Result<(), StoreError> {
+        let mut connection = self.connection().await?;
+        let mut tx = connection.begin_with("BEGIN IMMEDIATE").await.map_err(|e| self.failure(e))?;
+        let current = sqlx::query_scalar::<_, i64>("SELECT epoch FROM meta");
+        let current = current.fetch_one(&mut *tx).await.map_err(|e| self.failure(e))? as u64;
+        if current != epoch {
+            return Err(StoreError::Superseded { own: epoch, by: current });
+        }
+        tables::apply_all(&mut *tx, &writes).await.map_err(|e| self.failure(e))?;
+        fail_point::reached("in-commit");
+        tx.commit().await.map_err(|e| self.failure(e))
+    }
+
+    /// Folds the write-ahead log back into the file, which can then be copied as it is.
+    async fn close(&self) -> Result<(), StoreError> {
+        match self.connection.lock().await.take() {
+            Some(connection) => connection.close().await.map_err(|e| self.failure(e)),
+            None => Ok(()),
+        }
+    }
+}

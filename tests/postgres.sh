@@ -1,0 +1,66 @@
+#!/usr/bin/env bash
+# Everything that needs PostgreSQL: the store's suite, and coordinators that fail over. Starts a server of its own from
+# Debian's packages, in a temporary folder, reachable through a socket there only, and ends it afterwards.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+fail() { echo "tests/postgres.sh: $*" >&2; exit 1; }
+
+find_server() { ls -d /usr/lib/postgresql/*/bin 2>/dev/null | sort -V | tail -1; }
+bin=$(find_server)
+if [ -z "$bin" ]; then
+    [ "$(id -u)" = 0 ] || fail "there is no PostgreSQL: apt-get install postgresql"
+    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq postgresql >/dev/null || fail "PostgreSQL can't be installed"
+    bin=$(find_server)
+fi
+for program in initdb postgres pg_isready; do
+    [ -x "$bin/$program" ] || fail "$bin/$program is missing: apt-get install postgresql"
+done
+
+# PostgreSQL does not run as root.
+as_server=()
+if [ "$(id -u)" = 0 ]; then
+    id postgres >/dev/null 2>&1 || fail "there is no user postgres: apt-get install postgresql"
+    command -v setpriv >/dev/null || fail "setpriv is missing: apt-get install util-linux"
+    as_server=(setpriv --reuid=postgres --regid=postgres --clear-groups)
+fi
+
+folder=$(mktemp -d)
+server=
+end() {
+    if [ -n "$server" ]; then
+        kill -INT "$server" 2>/dev/null || true
+        wait "$server" 2>/dev/null || true
+    fi
+    rm -rf "$folder"
+}
+trap end EXIT
+chmod 755 "$folder"
+mkdir "$folder/data" "$folder/socket"
+[ ${#as_server[@]} = 0 ] || chown postgres "$folder/data" "$folder/socket"
+cd "$folder"
+"${as_server[@]}" "$bin/initdb" --pgdata="$folder/data" --auth=trust --username=evogait --encoding=UTF8 --no-instructions \
+    >"$folder/initdb.log" 2>&1 || { cat "$folder/initdb.log" >&2; fail "initdb failed"; }
+"${as_server[@]}" "$bin/postgres" -D "$folder/data" -c listen_addresses= -c unix_socket_directories="$folder/socket" \
+    -c max_connections=200 >"$folder/server.log" 2>&1 &
+server=$!
+cd - >/dev/null
+for _ in $(seq 100); do
+    "$bin/pg_isready" --quiet --host="$folder/socket" && break
+    kill -0 "$server" 2>/dev/null || { cat "$folder/server.log" >&2; fail "the server does not start"; }
+    sleep 0.1
+done
+"$bin/pg_isready" --quiet --host="$folder/socket" || { cat "$folder/server.log" >&2; fail "the server does not answer"; }
+
+# The tests replace DATABASE by the names of databases they make.
+export EVOGAIT_TEST_POSTGRES="postgres://evogait@${folder//\//%2F}%2Fsocket/DATABASE"
+
+# A filter that matches nothing would pass: so it is told how many passed, and none is refused.
+run() {
+    local log="$folder/test.log"
+    cargo test --locked "$@" -- --ignored --test-threads=2 2>&1 | tee "$log"
+    grep -q '^test result: ok\. [1-9]' "$log" || fail "no test ran: cargo test $*"
+}
+run -p coordinator --lib postgres
+run -p cluster-tests --test postgres
+echo "tests/postgres.sh: all passed on $("$bin/postgres" --version)"

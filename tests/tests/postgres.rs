@@ -1,0 +1,163 @@
+//! Coordinators on one PostgreSQL store: the same bits as on SQLite, and one that takes over when another one dies.
+//! Run by `tests/postgres.sh`.
+
+use cluster_tests::crashes::{POINTS, through_crashes};
+use cluster_tests::postgres::{ask, new_database};
+use cluster_tests::sandbox::{Process, Sandbox, tiny_job};
+use proto::v1::{GetJobRequest, Job, JobState};
+use std::process::Command;
+use std::time::{Duration, Instant};
+use tonic::Code;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+
+const GENERATIONS: u32 = 3;
+/// Without a sign of life for this long a coordinator is taken for dead.
+const TAKEOVER: Duration = Duration::from_secs(1);
+/// A takeover takes a look every 200 ms and a start beside that.
+const WITHIN: Duration = Duration::from_secs(6);
+
+async fn digest(mut sandbox: Sandbox, toml: &str, workers: usize) -> Vec<u8> {
+    let coordinator = sandbox.coordinator();
+    let _workers: Vec<Process> = (0..workers).map(|_| sandbox.worker(1)).collect();
+    let job = sandbox.submit("r", toml).await;
+    let digest = sandbox.result(&job.id).await.result_digest;
+    assert_eq!(coordinator.terminate(), Some(0));
+    digest
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn both_stores_give_the_same_bits_with_one_two_and_seven_workers() {
+    let toml = tiny_job(31, GENERATIONS);
+    let reference = digest(Sandbox::new(), &toml, 1).await;
+    assert_eq!(reference.len(), 32);
+    for workers in [2, 7] {
+        assert_eq!(digest(Sandbox::new(), &toml, workers).await, reference, "SQLite, {workers} workers");
+    }
+    for workers in [1, 2, 7] {
+        let sandbox = Sandbox::on(&new_database());
+        assert_eq!(digest(sandbox, &toml, workers).await, reference, "PostgreSQL, {workers} workers");
+    }
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bit() {
+    let toml = tiny_job(21, 2);
+    let mut sandbox = Sandbox::on(&new_database());
+    let (digest_after, lives) = through_crashes(&mut sandbox, &["--takeover-seconds", "0.5"], &toml, false).await;
+    assert!(lives >= 2 * POINTS.len(), "it died {lives} times");
+    assert_eq!(digest(Sandbox::new(), &toml, 1).await, digest_after);
+    let mut sandbox = Sandbox::on(&new_database());
+    let cancelled = through_crashes(&mut sandbox, &["--takeover-seconds", "0.5"], &tiny_job(22, 1000), true).await;
+    assert!(cancelled.0.is_empty());
+}
+
+/// A coordinator that waits for its turn.
+fn standby(sandbox: &mut Sandbox) -> Process {
+    let mut command = sandbox.coordinator_command();
+    command.args(["--standby", "--takeover-seconds", &TAKEOVER.as_secs_f64().to_string()]);
+    sandbox.start(command)
+}
+
+async fn health(sandbox: &Sandbox) -> ServingStatus {
+    let channel = tonic::transport::Endpoint::from_shared(sandbox.url()).unwrap().connect().await.expect("it listens");
+    let request = HealthCheckRequest { service: "evogait.v1.JobService".to_owned() };
+    HealthClient::new(channel).check(request).await.expect("health is always told").into_inner().status()
+}
+
+/// The job by way of this coordinator, once it is at work.
+async fn taken_over(sandbox: &Sandbox, id: &str) -> (Job, Duration) {
+    let start = Instant::now();
+    loop {
+        match sandbox.client().get_job(GetJobRequest { id: id.to_owned() }).await {
+            Ok(answer) => return (answer.into_inner().job.expect("a job"), start.elapsed()),
+            Err(status) => assert_eq!(status.code(), Code::Unavailable, "{status}"),
+        }
+        assert!(start.elapsed() < WITHIN, "it did not take over");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_standby_takes_over_when_the_other_one_dies_and_changes_no_bit() {
+    let toml = tiny_job(33, 6);
+    let url = new_database();
+    let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&url));
+    let dies = standby(&mut first);
+    let _worker = first.worker(1);
+    let job = first.submit("r", &toml).await;
+    let stops = standby(&mut second);
+    let _other_worker = second.worker(1);
+    let refused = second.client().get_job(GetJobRequest { id: job.id.clone() }).await.unwrap_err();
+    assert_eq!(refused.code(), Code::Unavailable);
+    assert!(refused.message().starts_with("standby"), "{refused}");
+    assert_eq!(health(&second).await, ServingStatus::NotServing);
+    assert_eq!(health(&first).await, ServingStatus::Serving);
+
+    let before = first.until(&job.id, |job| job.generations_done >= 2).await;
+    dies.kill_9();
+    let (after, took) = taken_over(&second, &job.id).await;
+    println!("taken over {} ms after a kill", took.as_millis());
+    assert!(after.generations_done >= before.generations_done, "what was told was stored");
+    assert_eq!(after.state(), JobState::Running, "it was killed in mid-run");
+    assert_eq!(health(&second).await, ServingStatus::Serving);
+
+    // Back again, now as the one that waits; and the other one stops in an orderly way.
+    let _back = standby(&mut first);
+    assert_eq!(health(&first).await, ServingStatus::NotServing);
+    second.until(&job.id, |job| job.generations_done >= 4).await;
+    assert_eq!(stops.terminate(), Some(0));
+    let (_, took) = taken_over(&first, &job.id).await;
+    println!("taken over {} ms after a stop", took.as_millis());
+    assert!(took < TAKEOVER + Duration::from_secs(2), "a stop is told: {took:?}");
+    assert_eq!(first.result(&job.id).await.result_digest, digest(Sandbox::new(), &toml, 1).await);
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_coordinator_that_was_stopped_for_a_while_changes_nothing_any_more_and_ends() {
+    let url = new_database();
+    let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&url));
+    let mut sleeps = standby(&mut first);
+    let _worker = first.worker(2);
+    let job = first.submit("r", &tiny_job(34, 1000)).await;
+    first.until(&job.id, |job| job.generations_done >= 1).await;
+    sleeps.signal("STOP");
+    let _other = standby(&mut second);
+    taken_over(&second, &job.id).await;
+    // With no worker of its own the second one writes nothing: whatever changes now was written by the first one.
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let written = "SELECT (SELECT count(*) FROM evogait.events), (SELECT count(*) FROM evogait.generations),
+                          (SELECT count(*) FROM evogait.results), (SELECT epoch FROM evogait.coordinator),
+                          (SELECT md5(string_agg(record::TEXT, ',')) FROM evogait.jobs)";
+    let before = ask(&url, written);
+    sleeps.signal("CONT");
+    assert_eq!(sleeps.wait(), Some(3), "another coordinator has taken over");
+    assert_eq!(ask(&url, written), before);
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_second_coordinator_is_refused_unless_it_is_a_standby_and_shows_no_password() {
+    let url = new_database().replace("evogait@", "evogait:s3cret@");
+    let mut sandbox = Sandbox::on(&url);
+    let _coordinator = sandbox.coordinator();
+    let start = Instant::now();
+    let second = Sandbox::on(&url).coordinator_command().env("RUST_LOG", "debug").output().expect("coordinator runs");
+    let text = String::from_utf8(second.stderr).expect("messages are text");
+    assert_eq!(second.status.code(), Some(1), "{text}");
+    assert!(text.contains("another coordinator (start 1) is at work") && text.contains("--standby"), "{text}");
+    assert!(start.elapsed() < WITHIN);
+    assert!(!text.contains("s3cret"), "{text}");
+
+    let program = sandbox.coordinator_command().get_program().to_owned();
+    for wrong in ["postgres://ann:s3cret@127.0.0.1:1/gaits", "postgres://ann:s3cret@host:port/gaits"] {
+        let output = Command::new(&program).args(["--listen", "127.0.0.1:0", "--store", wrong]).output().unwrap();
+        let text = String::from_utf8(output.stderr).expect("messages are text");
+        assert!(output.status.code() == Some(1) && !text.contains("s3cret"), "{text}");
+    }
+}
