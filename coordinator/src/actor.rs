@@ -352,3 +352,6 @@ fn to_wire(content: Message) -> v1::CoordinatorMessage {
         }),
     })
 }
+
+#[cfg(test)]
+mod tests;

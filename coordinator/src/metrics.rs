@@ -155,6 +155,15 @@ impl Metrics {
         self.tell(&Census::default());
     }
 
+    /// How many commits there were.
+    #[cfg(test)]
+    pub fn commits(&self) -> u64 {
+        let mut text = String::new();
+        encode(&mut text, &self.registry).expect("a string takes it");
+        let count = text.lines().find_map(|line| line.strip_prefix("evogait_commit_seconds_count "));
+        count.expect("it is registered").parse().expect("it is a count")
+    }
+
     /// A job ended.
     pub fn job_ended(&self, state: JobState) {
         self.jobs_ended.get_or_create(&[("state", word(state))]).inc();

@@ -1,0 +1,93 @@
+//! Durability does not cost a transaction per result.
+
+use super::*;
+use crate::scheduler::tests::{ENGINE, greeting, new_job, score};
+use crate::scheduler::{Delivery, Settings};
+use crate::store::SqliteStore;
+use std::collections::BTreeSet;
+
+/// A worker that does all it is given at once, and delivers all of it before it reads on.
+struct Burst {
+    commands: mpsc::Sender<Command>,
+    inbox: mpsc::UnboundedReceiver<v1::CoordinatorMessage>,
+    delivered: usize,
+}
+
+impl Burst {
+    async fn deliver_until(&mut self, enough: usize) {
+        while self.delivered < enough {
+            let mut messages = Vec::new();
+            self.inbox.recv_many(&mut messages, 10_000).await;
+            let mut replies = Vec::new();
+            for completed in messages.into_iter().filter_map(completed) {
+                let (reply, answer) = oneshot::channel();
+                self.commands.send(Command::Complete { completed, reply }).await.unwrap();
+                replies.push(answer);
+            }
+            for answer in replies {
+                assert_eq!(answer.await.unwrap(), Verdict::Accepted);
+                self.delivered += 1;
+            }
+        }
+    }
+}
+
+fn completed(message: v1::CoordinatorMessage) -> Option<Completed> {
+    let Some(coordinator_message::Message::Assign(assign)) = message.message else { return None };
+    let Some(assign::Task::Evaluate(task)) = assign.task else { return None };
+    let outcomes = task.genomes.iter().map(|genome| score(&genome.values)).collect();
+    Some(Completed {
+        worker: WorkerId("w".into()),
+        assignment: AssignmentId(assign.assignment_id),
+        job: assign.job_id.as_str().into(),
+        engine: ENGINE,
+        // So long that every candidate is a range of its own.
+        compute: Duration::from_secs(60),
+        delivery: Delivery::Evaluations { generation: task.generation, first: task.first, outcomes },
+    })
+}
+
+#[tokio::test]
+async fn results_that_come_together_are_committed_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&folder.path().join("s.db")).await.unwrap());
+    let epoch = store.start().await.unwrap().epoch;
+    let lease = Duration::from_secs(60);
+    let settings = Settings { epoch, lease };
+    let metrics = Arc::new(Metrics::new());
+    let actor = Actor {
+        scheduler: Scheduler::new(settings, 1, BTreeSet::new()),
+        store: store.clone(),
+        epoch,
+        lease,
+        heartbeat: settings.heartbeat(),
+        clock: Clock::start(),
+        events: broadcast::channel(16).0,
+        sessions: HashMap::new(),
+        metrics: metrics.clone(),
+        journal: Journal::new(epoch, metrics.clone()),
+    };
+    let (commands, inbox) = mpsc::channel(1024);
+    let running = tokio::spawn(actor.run(inbox));
+    let (reply, submitted) = oneshot::channel();
+    let new = Box::new(new_job("burst", 500, 4));
+    commands.send(Command::Submit { new, reply }).await.unwrap();
+    assert!(submitted.await.unwrap().is_ok());
+    let (outbox, messages) = mpsc::unbounded_channel();
+    let (reply, connected) = oneshot::channel();
+    commands.send(Command::Connect { greeting: greeting("w", 200), outbox, reply }).await.unwrap();
+    connected.await.unwrap();
+
+    let before = metrics.commits();
+    let mut worker = Burst { commands: commands.clone(), inbox: messages, delivered: 0 };
+    worker.deliver_until(1000).await;
+    let (results, commits) = (worker.delivered as u64, metrics.commits() - before);
+    println!("{results} results in {commits} commits");
+    assert!(commits > 0 && commits * 20 <= results, "{results} results in {commits} commits");
+
+    commands.send(Command::Stop).await.unwrap();
+    running.await.unwrap().unwrap();
+    // And all of it is there.
+    let stored = store.start().await.unwrap().active.remove(0);
+    assert_eq!(stored.record.generations_done, 2);
+}
