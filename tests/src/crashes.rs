@@ -2,6 +2,7 @@
 
 use crate::sandbox::{PATIENCE, Process, Sandbox};
 use proto::v1::{CancelJobRequest, GetJobRequest, GetResultRequest, Job, JobState, SubmitJobRequest};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// Where a coordinator dies, see `coordinator/src/fail_point.rs`: each life commits once at most, so that every commit is
@@ -47,7 +48,8 @@ pub async fn through_crashes(sandbox: &mut Sandbox, arguments: &[&str], toml: &s
         assert!(start.elapsed() < PATIENCE, "no end after {life} lives");
         let mut command = sandbox.coordinator_command();
         command.args(arguments).env("EVOGAIT_FAIL_POINT", POINTS[life % POINTS.len()]);
-        let mut coordinator = sandbox.start(command);
+        // It may die before it says where it listens.
+        let mut coordinator = Process::start(command.stdout(Stdio::null()));
         if let Some(digest) = live(sandbox, &mut coordinator, &mut told, toml, cancel).await {
             return (digest, life);
         }

@@ -57,6 +57,7 @@ impl PostgresStore {
         let pool = |connections, options: PgConnectOptions| {
             let settings = format!(
                 "SET search_path TO evogait;
+                 SET SESSION CHARACTERISTICS AS TRANSACTION ISOLATION LEVEL READ COMMITTED;
                  SET idle_in_transaction_session_timeout TO {};
                  SELECT set_config('synchronous_commit', 'on', false)
                  WHERE current_setting('synchronous_commit') IN ('off', 'local')",
