@@ -53,7 +53,7 @@ async fn results_that_come_together_are_committed_together() {
     let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&folder.path().join("s.db")).await.unwrap());
     let epoch = store.start().await.unwrap().epoch;
     let lease = Duration::from_secs(60);
-    let settings = Settings { epoch, lease };
+    let settings = Settings::new(epoch, lease);
     let metrics = Arc::new(Metrics::new());
     let actor = Actor {
         scheduler: Scheduler::new(settings, 1, BTreeSet::new()),
