@@ -37,7 +37,9 @@ THEIR_SETTINGS = {scale: [(c, s) for c, steps in cones.items() for s in steps] f
 
 def arguments():
     parser = argparse.ArgumentParser(prog="tests/peers/run.sh", description=__doc__.splitlines()[0])
-    parser.add_argument("robots", nargs="*", metavar="ROBOT", help="robots that ship [default: quadropod lizard]")
+    parser.add_argument("robots", nargs="*", metavar="ROBOT",
+                        help="robots that ship, NAME:VARIANT with failed modules, random:INDEX for a random tree of 4 to 16 "
+                             "hinges [default: quadropod lizard]")
     parser.add_argument("--brief", action="store_true", help="only each engine's default and its finest setting")
     parser.add_argument("--quick", action="store_true", help="only check that all engines have the same robots")
     parser.add_argument("--gaits", type=int, help="random gaits a robot [default: 100; quick: 16]")

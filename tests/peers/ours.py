@@ -34,9 +34,12 @@ class Ours:
         self.arguments, self.robot = arguments, robot
 
     def export(self, format):
+        name, _, variant = self.robot.partition(":")
+        if name == "random" and format == "mjcf":
+            return told([self.arguments.rollouts, self.robot, "--mjcf", *(["--real"] if self.arguments.real else [])])
         scale = "real" if self.arguments.real else "paper"
-        command = [self.arguments.evogait, "robot", self.robot, "--format", format, "--scale", scale]
-        return told(command)
+        command = [self.arguments.evogait, "robot", name, "--format", format, "--scale", scale]
+        return told([*command, *(["--variant", variant] if variant else [])])
 
     def _ask(self, gaits, settings, more=()):
         command = [self.arguments.rollouts, self.robot, "--gaits", str(gaits), "--seed", str(self.arguments.seed)]

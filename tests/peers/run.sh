@@ -2,7 +2,7 @@
 # The same gaits on the same robots in our two engines and in MuJoCo: speed, fidelity, agreement. See README.md beside this.
 #
 #   tests/peers/run.sh                      measure the quadropod and the lizard (some minutes; a quiet machine, please)
-#   tests/peers/run.sh ROBOT …              measure these robots that ship
+#   tests/peers/run.sh ROBOT …              measure these robots that ship, NAME:VARIANT, random:INDEX
 #   tests/peers/run.sh --brief ROBOT …      only defaults and finest settings: a line a robot
 #   tests/peers/run.sh --quick              only check that all engines have the same robots (CI)
 #   tests/peers/run.sh --help               all options

@@ -3,8 +3,8 @@
 mod bench;
 
 pub use bench::{
-    Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchPlan, BenchReuse, BenchRollout,
-    BenchSoundness, Load, Subject,
+    Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchFitness, BenchPlan, BenchReuse,
+    BenchRollout, BenchSoundness, Load, Subject,
 };
 
 use crate::certs::Host;

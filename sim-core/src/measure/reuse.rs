@@ -5,13 +5,11 @@
 //! draw 0 compare with the plain ones, and how much other draws alone change, which is the spread to judge that by.
 
 use super::statistics::{Estimate, bootstrap, median, quantile, spearman};
-use crate::error::Invalid;
 use crate::evaluate::{Stopped, Trial, grow};
-use crate::job::{Job, JobSpec};
+use crate::job::Job;
 use crate::limits::MAX_REPEATS;
 use crate::plan::Reuse;
 use crate::random::{Purpose, Stream};
-use crate::score::{Evaluation, Genome};
 use serde::{Deserialize, Serialize};
 
 /// What is compared.
@@ -176,61 +174,9 @@ fn correlation(plain: &[f64], others: &[Vec<f64>]) -> Option<Estimate> {
     })
 }
 
-/// Where a genome of a study is from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sample {
-    /// The generation that it is the candidate of; 0 for random ones.
-    pub generation: u32,
-    /// Its parameters.
-    pub genome: Genome,
-}
-
-/// The job with a genetic algorithm of so many candidates and generations: what a study evolves genomes with.
-pub fn evolution(job: &Job, population: u32, generations: u32) -> Result<Job, Invalid> {
-    let table = format!("kind = \"ga\"\npopulation = {population}\ngenerations = {generations}");
-    Job::new(JobSpec { optimiser: toml::from_str(&table)?, ..job.spec().clone() })
-}
-
-/// Up to `count` genomes of a search: half of them (rounded up) of its first generation, the others of its last
-/// generations, from the last backwards; none twice. `score` gives a generation's scores: it may compute them anew
-/// ([`crate::evaluate::evaluate`]) or look them up, and stops the search by an error.
-pub fn sampled<E>(
-    job: &Job,
-    count: usize,
-    mut score: impl FnMut(u32, &[(u32, Genome)]) -> Result<Vec<Option<f64>>, E>,
-) -> Result<Vec<Sample>, E> {
-    let mut optimiser = job.optimiser();
-    let mut generations: Vec<Vec<Genome>> = Vec::new();
-    for generation in 0..job.spec().optimiser.generations() {
-        generations.push(optimiser.ask());
-        if generation + 1 < job.spec().optimiser.generations() {
-            let candidates: Vec<(u32, Genome)> = (0..).zip(optimiser.ask()).collect();
-            optimiser.tell(&score(generation, &candidates)?);
-        }
-    }
-    let mut samples: Vec<Sample> = Vec::new();
-    let mut take = |generation: usize, most: usize| {
-        for genome in &generations[generation] {
-            let bits = |g: &[f64]| g.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
-            if samples.len() < most && !samples.iter().any(|s| bits(&s.genome) == bits(genome)) {
-                samples.push(Sample { generation: generation as u32, genome: genome.clone() });
-            }
-        }
-    };
-    take(0, count.div_ceil(2));
-    (1..generations.len()).rev().for_each(|generation| take(generation, count));
-    Ok(samples)
-}
-
-/// The scores of evaluations, by candidate.
-pub fn scores(evaluations: &[Evaluation]) -> Vec<Option<f64>> {
-    evaluations.iter().map(|e| e.score).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::evaluate;
 
     fn job() -> Job {
         Job::from_toml(
@@ -308,26 +254,5 @@ mod tests {
             (two.repeats, two.rollouts, two.fewer_than_plain, two.fewer_than_literal),
             (2, 5.0, 8.0, 48.0 / 5.0)
         );
-    }
-
-    #[test]
-    fn half_of_the_genomes_are_random_and_half_evolved_and_stored_scores_find_the_same() {
-        let search = evolution(&job(), 5, 4).unwrap();
-        let mut kept = Vec::new();
-        let samples = sampled(&search, 9, |generation, candidates| {
-            assert_eq!((generation as usize, candidates.len()), (kept.len(), 5));
-            kept.push(scores(&evaluate(&search, generation, candidates, &|| false)?));
-            Ok::<_, Stopped>(kept[kept.len() - 1].clone())
-        })
-        .unwrap();
-        assert_eq!(samples.len(), 9);
-        let random: Vec<Genome> = samples.iter().filter(|s| s.generation == 0).map(|s| s.genome.clone()).collect();
-        assert_eq!(random, search.optimiser().ask());
-        assert!(samples[5..].iter().all(|s| s.generation >= 2), "the last generation and an elite's predecessor");
-        for (i, sample) in samples.iter().enumerate() {
-            assert!(!samples[..i].iter().any(|other| other.genome == sample.genome));
-        }
-        let again = sampled(&search, 9, |generation, _| Ok::<_, Stopped>(kept[generation as usize].clone()));
-        assert_eq!(again.unwrap(), samples);
     }
 }

@@ -125,6 +125,27 @@ Files in the output folder:
   scatter-ENVIRONMENT.svg, .png scores with reuse against plain ones")]
     Reuse(BenchReuse),
 
+    /// Do engine settings agree on what genomes are worth?
+    #[command(after_help = "\
+Examples:
+  evogait bench fitness --out bench/fitness
+  evogait bench fitness --settings 200x2-lockstep,30x8,60x16,240x8 --reference 480x8
+  evogait bench fitness --runs runs/one,runs/two --genomes 0
+
+Genomes of all ages (first generation to last) of a genetic algorithm run on the
+spot on the job's own setting, or of stored runs. Each is scored with every
+setting as a job scores it, with the job's own reuse, but as the mean over --seeds
+trees, which grow towards the same random places with every setting. The ceiling
+is the reference against itself from starts whose joint angles are off by a
+millionth rad. Of stored runs (of one job, with any seeds) the published winner
+and the search's best are scored too: what is kept is the reference's score over
+that of the first setting.
+
+Files in the output folder:
+  fitness.md, fitness.json      the tables; the JSON has every tree's score
+  scatter.svg, scatter.png      scores against the reference's, a point a genome")]
+    Fitness(BenchFitness),
+
     /// Random robots, gaits and starts: does the engine report all that goes wrong?
     #[command(after_help = "\
 Examples:
@@ -418,6 +439,65 @@ pub struct BenchReuse {
     pub threads: Option<u32>,
 
     /// Write tables and pictures to this folder
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchFitness {
+    /// Job file, or the name of a job that ships: gaits, planner, fitness, physics
+    #[arg(value_name = "JOB.toml", default_value = "quadropod-empty")]
+    pub job: String,
+
+    /// Replace the job's seed, 0 to 2⁶³ − 1
+    #[arg(long, value_name = "S", value_parser = seed())]
+    pub seed: Option<u64>,
+
+    /// Replace the job's robot: a name that ships, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: Option<String>,
+
+    /// Replace the job's environment: a name that ships, or a file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub environment: Option<String>,
+
+    /// Replace how long each gait is applied, s
+    #[arg(long, value_name = "S", value_parser = duration)]
+    pub gait_seconds: Option<f64>,
+
+    /// Take job, genomes and winners from these runs' folders
+    #[arg(long, value_name = "DIR,…", value_delimiter = ',', conflicts_with_all = ["job", "seed", "robot", "gait_seconds", "generations"])]
+    pub runs: Vec<PathBuf>,
+
+    /// Engine settings to compare [default: the job's own, rapier's of its scale, its finish's]
+    #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
+    pub settings: Vec<Setting>,
+
+    /// The setting that they are compared with [default: 480x8 for the scale paper, 960x16 for real]
+    #[arg(long, value_name = "SETTING")]
+    pub reference: Option<Setting>,
+
+    /// Genomes of all ages
+    #[arg(long, value_name = "G", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    pub genomes: u32,
+
+    /// Trees that each is scored on
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub seeds: u32,
+
+    /// Generations of the evolution that they are from
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub generations: u32,
+
+    /// Evaluations at once [default: number of cores]; only times depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub threads: Option<u32>,
+
+    /// Write tables and picture to this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 

@@ -141,7 +141,7 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genome>>
 }
 
 /// What is fine enough to be a reference, as a rule; the halved steps tell whether it is.
-fn finest(engine: EngineKind, scale: Scale) -> Setting {
+pub fn finest(engine: EngineKind, scale: Scale) -> Setting {
     let (steps_per_second, substeps) = match (engine, scale) {
         (EngineKind::Rapier, Scale::Paper) => (480, 8),
         (EngineKind::Rapier, Scale::Real) => (960, 16),

@@ -3,8 +3,10 @@
 mod dispatch;
 mod evaluate;
 mod fidelity;
+mod fitness;
 mod fleet;
 mod gaits;
+mod genomes;
 mod plan;
 mod reuse;
 mod rollout;
@@ -31,6 +33,7 @@ pub fn run(what: Bench, quiet: bool) -> Result<(), Error> {
         Bench::Rollout(args) => rollout::run(args, quiet),
         Bench::Evaluate(args) => evaluate::run(args, quiet),
         Bench::Fidelity(args) => fidelity::run(args, quiet),
+        Bench::Fitness(args) => fitness::run(args, quiet),
         Bench::Plan(args) => plan::run(args, quiet),
         Bench::Dispatch(args) => dispatch::run(args, quiet),
         Bench::Reuse(args) => reuse::run(args, quiet),

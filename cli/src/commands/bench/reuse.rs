@@ -1,10 +1,9 @@
 //! `evogait bench reuse`: the same genomes scored with and without transition reuse.
 
-mod genomes;
 mod report;
 
 use crate::arguments::{BenchReuse, JobFile, cores};
-use crate::commands::bench::in_order;
+use crate::commands::bench::{genomes, in_order};
 use crate::console;
 use crate::error::Error;
 use crate::load;
@@ -13,7 +12,9 @@ use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use serde::Serialize;
 use sim_core::job::{Job, Reference};
-use sim_core::measure::reuse::{Column, Measured, Row, Sample, Study, measure, rows};
+use sim_core::measure::genomes::{Sample, first_and_last};
+use sim_core::measure::reuse::{Column, Measured, Row, Study, measure, rows};
+use sim_core::score::Genome;
 use std::fs;
 use std::path::Path;
 
@@ -71,8 +72,10 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
         fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
     }
     let threads = args.threads.unwrap_or_else(cores) as usize;
+    let halves = |generations: &[Vec<Genome>]| first_and_last(generations, args.genomes as usize);
+    let population = args.genomes.div_ceil(2).max(genomes::LEAST_POPULATION);
     let (base, stored) = match &args.run {
-        Some(folder) => (Stored::read(folder)?.job, Some(genomes::stored(folder, args.genomes as usize)?)),
+        Some(folder) => (Stored::read(folder)?.job, Some(halves(&genomes::stored(folder)?))),
         None => (load::job(&JobFile { job: args.job.clone(), seed: args.seed })?, None),
     };
     let jobs = args.environments.iter().map(|name| in_environment(&args, &base, name));
@@ -106,7 +109,7 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     for job in &jobs {
         let samples = match &stored {
             Some(samples) => samples.clone(),
-            None => genomes::evolved(job, args.genomes, args.generations, threads, quiet)?,
+            None => halves(&genomes::evolved(job, population, args.generations, threads, quiet)?),
         };
         view.environments.push(found(job, &study, &samples, threads, quiet));
     }

@@ -1,4 +1,4 @@
-//! Genomes to score: evolved on the spot, or those of a stored run.
+//! Candidates of a search, by generation: of an evolution on the spot, or of a stored run.
 
 use crate::commands::bench::in_order;
 use crate::commands::with_runtime;
@@ -8,20 +8,26 @@ use crate::progress::Pieces;
 use coordinator::{StoreError, StoreUrl, store};
 use sim_core::evaluate::evaluate;
 use sim_core::job::Job;
-use sim_core::measure::reuse::{Sample, evolution, sampled, scores};
+use sim_core::measure::genomes::{evolution, scores, searched};
+use sim_core::score::Genome;
 use std::io;
 use std::path::Path;
 
 /// Smallest population that evolves.
-const LEAST_POPULATION: u32 = 4;
+pub const LEAST_POPULATION: u32 = 4;
 
-/// Genomes of a short evolution with the job's own reuse.
-pub fn evolved(job: &Job, count: u32, generations: u32, threads: usize, quiet: bool) -> Result<Vec<Sample>, Error> {
-    let population = count.div_ceil(2).max(LEAST_POPULATION);
+/// Those of a genetic algorithm with the job's own reuse.
+pub fn evolved(
+    job: &Job,
+    population: u32,
+    generations: u32,
+    threads: usize,
+    quiet: bool,
+) -> Result<Vec<Vec<Genome>>, Error> {
     let file = format!("the evolution of {}", job.spec().name);
     let search = evolution(job, population, generations).map_err(|source| Error::Invalid { file, source })?;
     let progress = Pieces::new("generations of evolving genomes", u64::from(generations) - 1, quiet);
-    sampled(&search, count as usize, |generation, candidates| {
+    searched(&search, |generation, candidates| {
         let each = in_order(candidates.len(), threads, |i| {
             let one = evaluate(&search, generation, &candidates[i..=i], &|| false);
             one.unwrap_or_else(|_| unreachable!("nobody asks it to stop"))
@@ -31,14 +37,14 @@ pub fn evolved(job: &Job, count: u32, generations: u32, threads: usize, quiet: b
     })
 }
 
-/// Genomes of a finished run: its optimiser is led through the search again by the scores that the run's store holds.
-pub fn stored(folder: &Path, count: usize) -> Result<Vec<Sample>, Error> {
+/// Those of a finished run: its optimiser is led through the search again by the scores that the run's store holds.
+pub fn stored(folder: &Path) -> Result<Vec<Vec<Genome>>, Error> {
     let job = Stored::read(folder)?.job;
     let path = folder.join(STORE);
     if !path.is_file() {
         return Err(Error::Usage {
             message: format!(
-                "--run {}: it has no {STORE}, which `evogait run` leaves and `fetch` does not",
+                "{}: it has no {STORE}, which `evogait run` leaves and `fetch` does not",
                 folder.display()
             ),
         });
@@ -60,7 +66,7 @@ pub fn stored(folder: &Path, count: usize) -> Result<Vec<Sample>, Error> {
         read.await.map_err(|e: StoreError| unreadable(e.to_string()))
     })?;
     let population = job.spec().optimiser.population() as usize;
-    sampled(&job, count, |generation, _| match scores.get(generation as usize) {
+    searched(&job, |generation, _| match scores.get(generation as usize) {
         Some(scores) if scores.len() == population => Ok(scores.clone()),
         _ => Err(unreadable(format!("it lacks the scores of generation {generation}"))),
     })
