@@ -32,7 +32,7 @@ pub const MAX_REPEATS: u32 = 1_000;
 /// core.
 pub const MAX_EVALUATION_STEPS: u64 = 10_000_000_000;
 /// Most substeps in a second of simulated time: a robot has to settle before anything else is known of its job.
-pub const MAX_SUBSTEPS_PER_SECOND: u32 = 1_000_000;
+pub const MAX_SUBSTEPS_PER_SECOND: u32 = 100_000;
 /// Most genomes in a search's archive.
 pub const MAX_ARCHIVE: u32 = 1_000;
 /// Most fresh seeds a candidate of the finish is scored on.

@@ -80,7 +80,7 @@ pub fn measure(
 pub fn compare(reference: &[f64], setting: &[f64]) -> Agreement {
     assert_eq!(reference.len(), setting.len(), "the same genomes are compared");
     let apart: Vec<f64> = reference.iter().zip(setting).map(|(r, s)| (r - s).abs()).collect();
-    let estimate = |statistic: &dyn Fn(&[f64], &[f64]) -> Option<f64>| {
+    let estimate = |statistic: fn(&[f64], &[f64]) -> Option<f64>| {
         // Every estimate is made from the same resamples: differences between settings are not those of luck.
         bootstrap(reference.len() as u32, &mut Stream::new(0, Purpose::Bootstrap, 0, 0, 0), |members| {
             let picked = |values: &[f64]| members.iter().map(|&i| values[i]).collect::<Vec<f64>>();
@@ -92,8 +92,8 @@ pub fn compare(reference: &[f64], setting: &[f64]) -> Agreement {
         (sum != 0.0).then(|| s.iter().sum::<f64>() / sum)
     };
     Agreement {
-        spearman: estimate(&spearman),
-        ratio: estimate(&ratio),
+        spearman: estimate(spearman),
+        ratio: estimate(ratio),
         median_difference: median(&apart).unwrap_or(f64::NAN),
         p95_difference: quantile(&apart, 0.95).unwrap_or(f64::NAN),
     }
