@@ -109,10 +109,10 @@ mod tests {
             r#"
             name = "scored"
             robot = "quadropod"
-            environment = "empty"
+            environment = "empty-goal"
             gaits = { count = 2, duration = 2.0 }
             planner = { iterations = 12 }
-            fitness = { kind = "coverage", cell = 0.05 }
+            fitness = { kind = "distance" }
             optimiser = { kind = "pso", particles = 4, generations = 3 }
             "#,
         );
