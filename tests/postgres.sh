@@ -61,6 +61,7 @@ run() {
     cargo test --locked "$@" -- --ignored --test-threads=2 2>&1 | tee "$log"
     grep -q '^test result: ok\. [1-9]' "$log" || fail "no test ran: cargo test $*"
 }
-run -p coordinator --lib postgres
-run -p cluster-tests --test postgres
+# The whole workspace, as `cargo test` built it: with fewer packages, physics would be built again with fewer features.
+run --workspace --lib postgres
+run --workspace --test postgres
 echo "tests/postgres.sh: all passed on $("$bin/postgres" --version)"
