@@ -10,7 +10,7 @@ pub const MIN_TOKEN: usize = 16;
 /// Longest token, in bytes.
 pub const MAX_TOKEN: usize = 256;
 
-/// A token of [`MIN_TOKEN`] to [`MAX_TOKEN`] visible ASCII characters. Never printed: its `Debug` hides it.
+/// A token of `MIN_TOKEN` to `MAX_TOKEN` visible ASCII characters. Never printed: its `Debug` hides it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
