@@ -6,3 +6,4 @@ pub mod parsers;
 pub mod postgres;
 pub mod proxy;
 pub mod sandbox;
+pub mod scripted;

@@ -5,7 +5,7 @@ use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobStat
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -202,6 +202,26 @@ impl Sandbox {
     /// Where clients connect to.
     pub fn url(&self) -> String {
         format!("http://{}", self.address.as_deref().expect("a coordinator was started"))
+    }
+
+    /// A file in its folder.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs `evogait` against the sandbox's coordinator to its end.
+    pub fn evogait(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(binaries().join("evogait"));
+        command.args(arguments).current_dir(self.folder.path()).env("EVOGAIT_COORDINATOR", self.url());
+        command.output().expect("evogait runs")
+    }
+
+    /// What it prints; it has to succeed.
+    pub fn told(&self, arguments: &[&str]) -> String {
+        let output = self.evogait(arguments);
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("all output is UTF-8");
+        assert!(output.status.success(), "{arguments:?}: {}", text(output.stderr));
+        text(output.stdout)
     }
 
     /// A client; connects when it is used.
