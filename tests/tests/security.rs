@@ -1,0 +1,329 @@
+//! Closed doors, across processes: certificates, tokens and roles; and a coordinator that another one stands in for.
+
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, tiny_job};
+use proto::credentials::{Credentials, Sources};
+use proto::dial::{Dial, Way, reason};
+use proto::v1::job_service_client::JobServiceClient;
+use proto::v1::worker_service_client::WorkerServiceClient;
+use proto::v1::{CompleteRequest, GetResultRequest, ListJobsRequest, ListJobsResponse, SubmitJobRequest};
+use std::error::Error as _;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output};
+use std::time::{Duration, Instant};
+use tonic::{Code, Status};
+
+/// A process of the test's own that is killed when it is dropped.
+struct Started(Child);
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A cluster with certificates and tokens on the loopback interface.
+struct Cluster {
+    sandbox: Sandbox,
+}
+
+impl Cluster {
+    fn new() -> Self {
+        let cluster = Self { sandbox: Sandbox::new() };
+        let made = cluster.program("evogait").args(["certs", "init"]).arg(cluster.certs()).output().unwrap();
+        assert!(made.status.success(), "{}", text(&made));
+        let told = String::from_utf8_lossy(&made.stdout);
+        assert!(told.contains("valid for 365 days") && told.contains("--token-file"), "{told}");
+        cluster
+    }
+
+    fn certs(&self) -> PathBuf {
+        self.sandbox.path().join("certs")
+    }
+
+    fn cert(&self, name: &str) -> PathBuf {
+        self.certs().join(name)
+    }
+
+    fn program(&self, name: &str) -> Command {
+        let coordinator = self.sandbox.coordinator_command();
+        let mut command = Command::new(Path::new(coordinator.get_program()).with_file_name(name));
+        command.env("RUST_LOG", "debug").env("EVOGAIT_LOG", "debug");
+        command
+    }
+
+    fn log(&self, name: &str) -> File {
+        File::create(self.sandbox.path().join(name)).unwrap()
+    }
+
+    fn coordinator(&mut self) -> Process {
+        let mut command = self.sandbox.coordinator_command();
+        command.env("RUST_LOG", "debug").stderr(self.log("coordinator.log"));
+        for (option, file) in [
+            ("--tls-cert", "coordinator.pem"),
+            ("--tls-key", "coordinator.key"),
+            ("--client-ca", "ca.pem"),
+            ("--tokens", "tokens"),
+        ] {
+            command.arg(option).arg(self.cert(file));
+        }
+        self.sandbox.start(command)
+    }
+
+    fn url(&self) -> String {
+        self.sandbox.url().replace("http://", "https://")
+    }
+
+    /// A client's or a worker's options.
+    fn shown(&self, mut command: Command, who: &str) -> Command {
+        command.args(["--coordinator", &self.url()]).arg("--ca").arg(self.cert("ca.pem"));
+        command.arg("--cert").arg(self.cert(&format!("{who}.pem"))).arg("--key").arg(self.cert(&format!("{who}.key")));
+        command.arg("--token-file").arg(self.cert(&format!("{who}.token")));
+        command
+    }
+
+    fn dial(&self, certificate: Option<&str>, token: Option<&str>) -> Way {
+        let sources = Sources {
+            ca: Some(self.cert("ca.pem")),
+            cert: certificate.map(|who| self.cert(&format!("{who}.pem"))),
+            key: certificate.map(|who| self.cert(&format!("{who}.key"))),
+            token_file: token.map(|who| self.cert(&format!("{who}.token"))),
+        };
+        let credentials = Credentials::read(sources, |_| None).unwrap();
+        Dial::new(self.url().parse().unwrap(), &credentials).unwrap().way()
+    }
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+async fn list(way: Way) -> Result<ListJobsResponse, Status> {
+    JobServiceClient::new(way).list_jobs(ListJobsRequest::default()).await.map(|answer| answer.into_inner())
+}
+
+async fn submit(way: Way, request_id: &str, job_toml: String) -> Result<String, Status> {
+    let request = SubmitJobRequest { request_id: request_id.to_owned(), job_toml, priority: 0 };
+    let answer = JobServiceClient::new(way).submit_job(request).await?.into_inner();
+    Ok(answer.job.expect("the answer has the job").id)
+}
+
+async fn complete(way: Way) -> Result<(), Status> {
+    WorkerServiceClient::new(way).complete(CompleteRequest::default()).await.map(drop)
+}
+
+fn code<T>(answer: Result<T, Status>) -> Code {
+    answer.map_or_else(|status| status.code(), |_| Code::Ok)
+}
+
+#[tokio::test]
+async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_another_s_work() {
+    let mut cluster = Cluster::new();
+    let coordinator = cluster.coordinator();
+    let mut command = cluster.shown(cluster.program("worker"), "worker");
+    let worker = Started(command.args(["--slots", "2"]).stderr(cluster.log("worker.log")).spawn().unwrap());
+
+    // The whole way of a small job, with the command line's own client.
+    let job = cluster.sandbox.path().join("job.toml");
+    fs::write(&job, tiny_job(21, 2)).unwrap();
+    let mut command = cluster.shown(cluster.program("evogait"), "client");
+    command.arg("run").arg(&job).arg("--out").arg(cluster.sandbox.path().join("out"));
+    let run = command.output().unwrap();
+    assert!(run.status.success(), "{}", text(&run));
+    fs::write(cluster.sandbox.path().join("evogait.log"), &run.stderr).unwrap();
+
+    let client = || cluster.dial(Some("client"), Some("client"));
+    let listed = list(client()).await.unwrap();
+    let id = listed.jobs[0].id.clone();
+    let mut service = JobServiceClient::new(client()).max_decoding_message_size(1 << 28);
+    let digest = service.get_result(GetResultRequest { id }).await.unwrap().into_inner().result_digest;
+    let mut open = Sandbox::new();
+    let _open = open.coordinator();
+    let _open_worker = open.worker(2);
+    let job = open.submit("r", &tiny_job(21, 2)).await;
+    assert_eq!(open.result(&job.id).await.result_digest, digest, "encryption changes no bit");
+
+    // Roles.
+    let tiny = || tiny_job(22, 1);
+    let refused = submit(cluster.dial(Some("worker"), Some("worker")), "w", tiny()).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied);
+    assert!(refused.message().contains("SubmitJob needs a token with the role client"), "{refused}");
+    assert_eq!(code(complete(client()).await), Code::PermissionDenied);
+    // It got through: the message itself is refused.
+    assert_eq!(code(complete(cluster.dial(Some("worker"), Some("worker"))).await), Code::InvalidArgument);
+    let admin = || cluster.dial(Some("client"), Some("admin"));
+    assert_eq!(code(complete(admin()).await), Code::InvalidArgument);
+    assert_eq!(code(list(admin()).await), Code::Ok);
+    let nobody = || cluster.dial(Some("client"), None);
+    assert_eq!(code(submit(nobody(), "n", tiny()).await), Code::Unauthenticated);
+    assert_eq!(code(complete(nobody()).await), Code::Unauthenticated);
+    assert_eq!(code(list(nobody()).await), Code::Unauthenticated);
+
+    // No certificate, no connection; nor with plain text, nor for a CA of somebody else.
+    let refused = list(cluster.dial(None, Some("client"))).await.unwrap_err();
+    let why = refused.source().map(reason).unwrap_or_default();
+    assert!(refused.code() != Code::Ok && why.contains("client certificate"), "{refused}: {why}");
+    let plain = Dial::new(cluster.sandbox.url().parse().unwrap(), &Credentials::default()).unwrap();
+    assert_ne!(code(list(plain.way()).await), Code::Ok);
+    let other = Cluster::new();
+    let mut command = cluster.shown(cluster.program("evogait"), "client");
+    let output = command.args(["list", "--ca"]).arg(other.cert("ca.pem")).output().unwrap();
+    // Given twice, the option is wrong usage; so by the environment alone.
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+    let mut command = cluster.program("evogait");
+    command.args(["list", "--coordinator", &cluster.url()]).env("EVOGAIT_CA", other.cert("ca.pem"));
+    let output = command.env("EVOGAIT_TOKEN_FILE", cluster.cert("client.token")).output().unwrap();
+    assert!(text(&output).contains("not signed by the CA that --ca names"), "{}", text(&output));
+
+    // A token that is taken away is good for nothing as soon as the file is read again.
+    let tokens = fs::read_to_string(cluster.cert("tokens")).unwrap();
+    let without: String = tokens.lines().filter(|l| !l.starts_with("client")).map(|l| format!("{l}\n")).collect();
+    fs::write(cluster.cert("tokens"), without).unwrap();
+    hang_up(&cluster, "the tokens were read again");
+    assert_eq!(code(list(client()).await), Code::Unauthenticated);
+    assert_eq!(code(list(admin()).await), Code::Ok);
+
+    drop(worker);
+    assert_eq!(coordinator.terminate(), Some(0));
+    // Nobody wrote a secret down.
+    for log in ["coordinator.log", "worker.log", "evogait.log"] {
+        let text = fs::read_to_string(cluster.sandbox.path().join(log)).unwrap();
+        assert!(!text.is_empty(), "{log} has something to say at level debug");
+        for who in ["client", "worker", "admin"] {
+            let token = fs::read_to_string(cluster.cert(&format!("{who}.token"))).unwrap();
+            assert!(!text.contains(token.trim()), "the {who}'s token is in {log}");
+        }
+    }
+}
+
+/// Sends SIGHUP to the coordinator and waits until its log says that it was heard.
+fn hang_up(cluster: &Cluster, heard: &str) {
+    let listening = format!("--tokens\0{}", cluster.cert("tokens").display());
+    let ours = fs::read_dir("/proc").unwrap().filter_map(|entry| {
+        let folder = entry.ok()?.path();
+        let line = fs::read_to_string(folder.join("cmdline")).ok()?;
+        line.contains(&listening).then(|| folder.file_name().unwrap_or_default().to_string_lossy().into_owned())
+    });
+    let pids: Vec<String> = ours.collect();
+    assert_eq!(pids.len(), 1, "one coordinator has these tokens");
+    assert!(Command::new("kill").args(["-HUP", &pids[0]]).status().unwrap().success());
+    let (start, log) = (Instant::now(), cluster.sandbox.path().join("coordinator.log"));
+    while !fs::read_to_string(&log).unwrap().contains(heard) {
+        assert!(start.elapsed() < PATIENCE, "SIGHUP was not heard");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn plain_text_beyond_loopback_is_refused_on_both_sides() {
+    let cluster = Cluster::new();
+    let coordinator = |options: &[(&str, &str)]| {
+        let mut command = cluster.program("coordinator");
+        command.args(["--listen", "0.0.0.0:0", "--store", "memory:"]).env("RUST_LOG", "error");
+        for (option, file) in options {
+            command.arg(option).arg(cluster.cert(file));
+        }
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+        assert_eq!(text(&output).lines().count(), 1, "{}", text(&output));
+        text(&output)
+    };
+    let (cert, key, tokens) =
+        (("--tls-cert", "coordinator.pem"), ("--tls-key", "coordinator.key"), ("--tokens", "tokens"));
+    assert!(coordinator(&[]).contains("neither encrypted (--tls-cert, --tls-key) nor authenticated (--tokens)"));
+    assert!(coordinator(&[tokens]).contains("not encrypted (--tls-cert, --tls-key)"));
+    assert!(coordinator(&[cert, key]).contains("not authenticated (--tokens)"));
+    // What does not fit is told by its file, before anything starts.
+    assert!(coordinator(&[cert]).contains("go together"));
+    assert!(
+        coordinator(&[cert, ("--tls-key", "worker.key")]).contains("worker.key is not the key of the certificate in")
+    );
+    assert!(coordinator(&[("--tls-cert", "tokens"), key]).contains("tokens holds no certificate in PEM"));
+    assert!(coordinator(&[cert, key, ("--tokens", "nowhere")]).contains("can't read the tokens in"));
+    let text_of_token = coordinator(&[cert, key, ("--tokens", "client.token")]);
+    let secret = fs::read_to_string(cluster.cert("client.token")).unwrap();
+    assert!(text_of_token.contains("line 1") && !text_of_token.contains(secret.trim()), "{text_of_token}");
+
+    for program in ["worker", "evogait"] {
+        let mut command = cluster.program(program);
+        if program == "evogait" {
+            command.arg("list");
+        }
+        command.args(["--coordinator", "http://192.0.2.1:7077"]).env("EVOGAIT_TOKEN", "a-token-of-some-length");
+        let output = command.output().unwrap();
+        assert!(!output.status.success());
+        assert!(text(&output).contains("a token is not sent to http://192.0.2.1:7077"), "{}", text(&output));
+        assert!(!text(&output).contains("a-token-of"), "{}", text(&output));
+    }
+}
+
+#[tokio::test]
+async fn workers_and_clients_go_on_with_the_coordinator_that_stands_in() {
+    let mut sandbox = Sandbox::new();
+    let first = sandbox.coordinator();
+    let url = sandbox.url();
+    let second = free_port();
+    let both = format!("{url},http://{second}");
+    let coordinator = sandbox.coordinator_command();
+    let program = |name: &str| Command::new(Path::new(coordinator.get_program()).with_file_name(name));
+    let _worker = Started(program("worker").args(["--coordinator", &both, "--slots", "2"]).spawn().unwrap());
+    let (job, out) = (sandbox.path().join("job.toml"), sandbox.path().join("out"));
+    fs::write(&job, tiny_job(23, 6)).unwrap();
+    let mut run = program("evogait");
+    run.arg("--quiet").arg("run").arg(&job).args(["--coordinator", &both]).arg("--out").arg(&out);
+    let mut run = Started(run.spawn().unwrap());
+
+    let start = Instant::now();
+    let id = loop {
+        let listed = sandbox.client().list_jobs(ListJobsRequest::default()).await.unwrap().into_inner().jobs;
+        if let Some(job) = listed.first().filter(|job| job.generations_done >= 1) {
+            break job.id.clone();
+        }
+        assert!(start.elapsed() < PATIENCE, "the job does not get on");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    };
+    first.kill_9();
+    let mut command = sandbox.coordinator_command();
+    // Said twice, the option counts as it was said last.
+    let store = command.get_args().skip_while(|a| *a != "--store").nth(1).unwrap().to_owned();
+    command = Command::new(command.get_program());
+    command.arg("--store").arg(store).args(["--listen", &second, "--lease-seconds", "2"]);
+    let _second = sandbox.start(command);
+    assert!(sandbox.url().ends_with(&second));
+
+    let digest = sandbox.result(&id).await.result_digest;
+    while run.0.try_wait().unwrap().is_none() {
+        assert!(start.elapsed() < PATIENCE, "the client does not end");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    assert!(run.0.wait().unwrap().success());
+    let rows = fs::read_to_string(out.join("history.csv")).unwrap().lines().count();
+    assert_eq!(rows, 1 + 6, "a head and every generation once");
+
+    let mut undisturbed = Sandbox::new();
+    let _coordinator = undisturbed.coordinator();
+    let _other = undisturbed.worker(2);
+    let job = undisturbed.submit("r", &tiny_job(23, 6)).await;
+    assert_eq!(undisturbed.result(&job.id).await.result_digest, digest);
+}
+
+#[tokio::test]
+async fn a_job_leads_to_no_file() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let robot = sandbox.path().join("robot.toml");
+    fs::write(&robot, include_str!("../../scenarios/robots/quadropod.toml")).unwrap();
+    let way = || Dial::new(sandbox.url().parse().unwrap(), &Credentials::default()).unwrap().way();
+    for path in ["/etc/passwd", "../scenarios/robots/quadropod.toml", "quadropod.toml", robot.to_str().unwrap()] {
+        for field in ["robot = \"quadropod\"", "environment = \"empty\""] {
+            let name = field.split_once(' ').unwrap().0;
+            let job = tiny_job(24, 1).replace(field, &format!("{name} = \"{path}\""));
+            let refused = submit(way(), "r", job).await.unwrap_err();
+            assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+            assert!(refused.message().contains(path) && !refused.message().contains("root:"), "{refused}");
+        }
+    }
+    assert_eq!(list(way()).await.unwrap().jobs.len(), 0);
+}
