@@ -8,6 +8,9 @@ use proto::v1::{self, JobState};
 use std::fmt;
 use std::time::{Duration, Instant};
 use tonic::{Code, Response, Status};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
 
 /// Largest answer taken: a report has the samples of every gait and the whole tree.
 const MAX_ANSWER: usize = 1 << 30;
@@ -172,6 +175,20 @@ impl Client {
     pub async fn workers(&mut self) -> Result<Vec<v1::WorkerInfo>, Error> {
         let request = v1::ListWorkersRequest {};
         Ok(self.call(None, request, |mut s, r| async move { s.list_workers(r).await }).await?.workers)
+    }
+
+    /// How many slots the jobs could use, and how many there are.
+    pub async fn demand(&mut self) -> Result<v1::GetDemandResponse, Error> {
+        self.call(None, v1::GetDemandRequest {}, |mut s, r| async move { s.get_demand(r).await }).await
+    }
+
+    /// Whether it serves clients, as it says itself: one that stands by for another one answers, and does not.
+    pub async fn serving(&mut self) -> Result<bool, Error> {
+        let service =
+            <proto::v1::job_service_server::JobServiceServer<()> as tonic::server::NamedService>::NAME.to_owned();
+        let request = HealthCheckRequest { service };
+        let answer = HealthClient::new(self.url.0.way()).check(request).await.map_err(|s| self.error(&s, None))?;
+        Ok(answer.into_inner().status() == ServingStatus::Serving)
     }
 
     /// An error of the coordinator in words; `id` is the job it is about.

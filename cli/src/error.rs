@@ -3,6 +3,7 @@
 use sim_core::error::Invalid;
 use sim_core::identity::Digest;
 use std::io;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -105,6 +106,20 @@ pub enum Error {
         /// Its address.
         url: String,
         /// Why.
+        reason: String,
+    },
+    /// The coordinator answers and leaves the work to another one.
+    #[error("the coordinator at {url} does not serve now: another one does, or it is starting or stopping")]
+    StandsBy {
+        /// Its address.
+        url: String,
+    },
+    /// A process of this machine that should be well.
+    #[error("what runs at {address} is not well: {reason}")]
+    Unwell {
+        /// Where it serves its metrics.
+        address: SocketAddr,
+        /// What it says, or why it says nothing.
         reason: String,
     },
     /// The coordinator refuses.

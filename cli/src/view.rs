@@ -235,6 +235,21 @@ impl WorkerView {
     }
 }
 
+/// How many slots a coordinator's jobs could use.
+#[derive(Serialize)]
+pub struct DemandView {
+    pub wanted: u32,
+    pub slots: u32,
+    pub busy: u32,
+}
+
+impl DemandView {
+    /// As the coordinator tells it.
+    pub fn new(demand: &v1::GetDemandResponse) -> Self {
+        Self { wanted: demand.wanted, slots: demand.slots, busy: demand.busy }
+    }
+}
+
 /// A digest's bytes in hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()

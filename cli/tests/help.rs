@@ -21,6 +21,8 @@ fn help_teaches() {
         "cancel",
         "fetch",
         "workers",
+        "demand",
+        "health",
         "replay",
         "verify",
         "validate",

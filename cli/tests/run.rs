@@ -200,7 +200,8 @@ struct Cluster {
 impl Cluster {
     fn start(slots: usize) -> Self {
         let runtime = tokio::runtime::Runtime::new().unwrap();
-        let config = coordinator::Config::embedded(coordinator::StoreUrl::Memory);
+        let metrics = Some(telemetry::Bind { addr: ([127, 0, 0, 1], 0).into(), beyond_loopback: false });
+        let config = coordinator::Config { metrics, ..coordinator::Config::embedded(coordinator::StoreUrl::Memory) };
         let coordinator = runtime.block_on(coordinator::serve(config)).unwrap();
         let url = format!("http://{}", coordinator.local_addr());
         if slots > 0 {
@@ -266,12 +267,31 @@ fn a_job_on_a_coordinator_ends_as_it_does_here() {
 }
 
 #[test]
+fn the_health_of_a_coordinator_is_an_exit_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(0);
+    let process = cluster.coordinator.as_ref().unwrap().metrics_addr().unwrap().to_string();
+    assert_eq!(run(folder.path(), &["health", "--process", &process]).success(), "active\n");
+    let other = run(folder.path(), &["health", "--process", cluster.url.strip_prefix("http://").unwrap()]);
+    assert_eq!((other.code, other.err.contains("is not well: ")), (1, true), "{}", other.err);
+    assert_eq!(cluster.run(folder.path(), &["health"]).success(), "serving\n");
+    assert_eq!(cluster.run(folder.path(), &["health", "--alive", "--quiet"]).success(), "");
+    let says = serde_json::json!({"well": true, "says": "serving"});
+    assert_eq!(cluster.run(folder.path(), &["health", "--json"]).json(), says);
+    cluster.runtime.block_on(cluster.coordinator.take().unwrap().shutdown()).unwrap();
+    let gone = cluster.run(folder.path(), &["health", "--alive"]);
+    assert_eq!((gone.code, gone.err.contains("can't reach a coordinator")), (1, true), "{}", gone.err);
+}
+
+#[test]
 fn a_job_that_is_cancelled_can_be_started_anew() {
     let folder = folder(SMALL_JOB);
     let path = folder.path();
     let cluster = Cluster::start(0);
     assert!(cluster.run(path, &["workers"]).success().contains("no workers"));
+    assert_eq!(cluster.run(path, &["demand"]).success(), "0 slots wanted, 0 there, 0 busy\n");
     let id = cluster.run(path, &["submit", "job.toml"]).success().trim().to_owned();
+    assert_ne!(cluster.run(path, &["demand", "--json"]).json()["wanted"], 0);
     let early = cluster.run(path, &["fetch", &id, "--out", "out"]);
     assert_eq!(early.code, 1);
     assert!(early.err.contains("has not ended"), "{}", early.err);

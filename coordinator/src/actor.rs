@@ -8,8 +8,8 @@ use crate::limits::GROUP;
 use crate::metrics::Metrics;
 use crate::record::{JobId, JobRecord};
 use crate::scheduler::{
-    Action, AssignmentId, Census, Completed, Greeting, Message, NewJob, Now, Scheduler, SessionId, Task, Verdict,
-    WorkerId,
+    Action, AssignmentId, Census, Completed, Demand, Greeting, Message, NewJob, Now, Scheduler, SessionId, Task,
+    Verdict, WorkerId,
 };
 use crate::store::{Store, StoreError};
 use proto::v1::{self, assign, coordinator_message};
@@ -47,6 +47,9 @@ pub(crate) enum Command {
     },
     Workers {
         reply: oneshot::Sender<Vec<v1::WorkerInfo>>,
+    },
+    Demand {
+        reply: oneshot::Sender<Demand>,
     },
     Standing {
         ids: Vec<JobId>,
@@ -194,6 +197,7 @@ impl Actor {
                 later(replies, reply, record);
             }
             Command::Workers { reply } => later(replies, reply, self.scheduler.workers()),
+            Command::Demand { reply } => later(replies, reply, self.scheduler.demand()),
             Command::Standing { ids, reply } => {
                 let standing = |id| Standing {
                     record: self.scheduler.job(id).cloned(),

@@ -23,5 +23,6 @@ mod standby;
 pub mod store;
 
 pub use access::{Access, Role, TokensError};
+pub use api::scaler::ScalerError;
 pub use server::{Config, Error, Running, Tls, serve};
 pub use store::{BadStoreUrl, StoreError, StoreUrl};

@@ -27,6 +27,10 @@ pub const EVENTS_AT_ONCE: u32 = 256;
 pub const LIVE_EVENTS: usize = 1024;
 /// Open calls have this long to end when the coordinator stops.
 pub const STOP_WITHIN: Duration = Duration::from_secs(3);
+/// KEDA is told of a change in demand within this time.
+pub const DEMAND_EVERY: Duration = Duration::from_secs(2);
+/// Streams and calls of KEDA at once.
+pub const MAX_SCALERS: usize = 16;
 /// The actor has this long to answer whoever looks at the metrics; beyond it the coordinator is not well.
 pub const CENSUS_WITHIN: Duration = Duration::from_secs(3);
 /// Assignments that are told one by one of a job.

@@ -77,6 +77,14 @@ struct Arguments {
     #[arg(long)]
     insecure_bind: bool,
 
+    /// Tell KEDA at this address how many slots the jobs could use; port 0 takes any free port [default: not told]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    keda: Option<SocketAddr>,
+
+    /// Tell KEDA beyond loopback, too: everybody who can reach the port can read it
+    #[arg(long, requires = "keda")]
+    keda_insecure_bind: bool,
+
     #[command(flatten)]
     telemetry: telemetry::Options,
 }
@@ -144,8 +152,11 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         client_ca,
         tokens,
         insecure_bind,
+        keda,
+        keda_insecure_bind,
         telemetry,
     } = arguments;
+    let keda = keda.map(|addr| telemetry::Bind { addr, beyond_loopback: keda_insecure_bind });
     // What is no duration is out of range, too.
     let seconds = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or_default();
     let (lease, takeover) = (seconds(lease_seconds), seconds(takeover_seconds));
@@ -164,6 +175,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         access: access.clone(),
         insecure_bind,
         metrics: telemetry.bind(),
+        keda,
     })
     .await?;
     // Whoever started it may not be reading.

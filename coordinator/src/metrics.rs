@@ -4,7 +4,7 @@
 use crate::actor::Command;
 use crate::limits::CENSUS_WITHIN;
 use crate::record::JobState;
-use crate::scheduler::{Census, LeaseEnd, Verdict};
+use crate::scheduler::{Census, Demand, LeaseEnd, Verdict};
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
@@ -259,11 +259,23 @@ impl Pulse {
         let _ = self.commands.set(commands);
     }
 
-    /// Asks the actor; `None` if it does not answer in time.
+    /// How many slots the jobs could use; `None` where this coordinator does not serve.
+    pub async fn demand(&self) -> Option<Demand> {
+        Self::ask(self.commands.get()?, |reply| Command::Demand { reply }).await
+    }
+
     async fn census(commands: &mpsc::Sender<Command>) -> Option<Census> {
+        Self::ask(commands, |reply| Command::Census { reply }).await
+    }
+
+    /// Asks the actor; `None` if it does not answer in time.
+    async fn ask<T>(
+        commands: &mpsc::Sender<Command>,
+        command: impl FnOnce(oneshot::Sender<T>) -> Command,
+    ) -> Option<T> {
         let (reply, answer) = oneshot::channel();
         let asked = async {
-            commands.send(Command::Census { reply }).await.ok()?;
+            commands.send(command(reply)).await.ok()?;
             answer.await.ok()
         };
         tokio::time::timeout(CENSUS_WITHIN, asked).await.ok().flatten()

@@ -2,6 +2,7 @@
 
 use crate::access::{self, Access};
 use crate::actor::{Actor, Clock, Command, LiveEvent};
+use crate::api::scaler::{ScalerEndpoint, ScalerError};
 use crate::api::{Api, Gates};
 use crate::door::{self, Door};
 use crate::journal::Journal;
@@ -72,6 +73,8 @@ pub struct Config {
     pub insecure_bind: bool,
     /// Where metrics are served, if at all.
     pub metrics: Option<telemetry::Bind>,
+    /// Where KEDA is answered, if at all.
+    pub keda: Option<telemetry::Bind>,
 }
 
 impl Config {
@@ -87,6 +90,7 @@ impl Config {
             access: None,
             insecure_bind: false,
             metrics: None,
+            keda: None,
         }
     }
 }
@@ -157,6 +161,9 @@ pub enum Error {
     /// A text that names no store.
     #[error(transparent)]
     StoreUrl(#[from] BadStoreUrl),
+    /// KEDA can't be answered as asked.
+    #[error(transparent)]
+    Scaler(#[from] ScalerError),
     /// The store. See there whether it is retryable.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -171,6 +178,7 @@ pub struct Running {
     local_addr: SocketAddr,
     metrics: Option<telemetry::Endpoint>,
     secure: bool,
+    scaler: Option<ScalerEndpoint>,
     stop: watch::Sender<bool>,
     task: JoinHandle<Result<(), Error>>,
     /// Whether `task` was seen to end.
@@ -186,6 +194,11 @@ impl Running {
     /// Where metrics are served, with the port that was chosen.
     pub fn metrics_addr(&self) -> Option<SocketAddr> {
         self.metrics.as_ref().map(telemetry::Endpoint::addr)
+    }
+
+    /// Where KEDA is answered, with the port that was chosen.
+    pub fn keda_addr(&self) -> Option<SocketAddr> {
+        self.scaler.as_ref().map(ScalerEndpoint::addr)
     }
 
     /// Where clients and workers connect to.
@@ -253,6 +266,10 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
         Some(bind) => Some(telemetry::Endpoint::start(bind, pulse.clone()).await?),
         None => None,
     };
+    let scaler = match config.keda {
+        Some(bind) => Some(ScalerEndpoint::start(bind, pulse.clone()).await?),
+        None => None,
+    };
     let store = store::open(&config.store, config.takeover).await?;
     let engines = tokio::task::spawn_blocking(sim_core::engine_digests).await;
     let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
@@ -291,7 +308,7 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
         tokio::spawn(lead.work(inbox))
     };
     let task = tokio::spawn(run(doors, api, work, commands, stop.clone(), stopped));
-    Ok(Running { local_addr, metrics: endpoint, secure, stop, task, ended: false })
+    Ok(Running { local_addr, metrics: endpoint, scaler, secure, stop, task, ended: false })
 }
 
 /// A coordinator whose turn it is.

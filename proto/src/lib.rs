@@ -14,6 +14,12 @@ pub mod v1 {
     tonic::include_proto!("evogait.v1");
 }
 
+/// What KEDA asks an external scaler, generated from `proto/keda`.
+#[allow(missing_docs, clippy::all)]
+pub mod externalscaler {
+    tonic::include_proto!("externalscaler");
+}
+
 /// The compiled descriptors, for gRPC reflection.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/evogait.v1.bin"));
 

@@ -25,7 +25,7 @@ use worker::{Config, Error};
 
 SIGINT and SIGTERM drain it: it takes nothing new, finishes what it can within the grace time, gives back the rest, which
 costs nothing, and ends with exit code 0. A second one cuts the grace time short. In a Slurm job it drains before its
-time is up with --time-left $(squeue -h -j $SLURM_JOB_ID -o %L).
+time is up with --time-left; deploy/slurm has such a job.
 
 A candidate that panics or gets stuck has failed an attempt; the worker goes on. Messages go to standard error
 (RUST_LOG=debug for more)."

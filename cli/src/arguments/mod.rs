@@ -18,6 +18,7 @@ use sim_core::finish::Question;
 use sim_core::job::Scale;
 use sim_core::limits::MAX_GENOME;
 use sim_core::robot::exchange::Format;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 /// A command with all that it needs to know.
@@ -43,6 +44,8 @@ pub enum Command {
     Evaluate(Evaluate),
     Fetch(Fetch),
     Workers { on: Url, json: bool },
+    Demand { on: Url, json: bool },
+    Health(Health),
     Replay(Replay),
     Verify(Verify),
     Validate(Validate),
@@ -85,6 +88,21 @@ pub struct Submit {
     pub again: bool,
     pub on: Url,
     pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct Health {
+    pub of: HealthOf,
+    pub json: bool,
+}
+
+/// Whose health is asked for.
+#[derive(Debug)]
+pub enum HealthOf {
+    /// A coordinator's; of one that stands by is enough, or not.
+    Coordinator { on: Url, alive: bool },
+    /// Of the process that serves its metrics here.
+    Process(SocketAddr),
 }
 
 #[derive(Debug)]
@@ -305,6 +323,15 @@ fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             Command::Fetch(Fetch { id: fetch.id, out: fetch.out, json: fetch.on.json, on: coordinator(fetch.on)? })
         }
         raw::Command::Workers(on) => Command::Workers { json: on.json, on: coordinator(on)? },
+        raw::Command::Demand(on) => Command::Demand { json: on.json, on: coordinator(on)? },
+        raw::Command::Health(health) => {
+            let json = health.on.json;
+            let of = match health.process {
+                Some(address) => HealthOf::Process(address),
+                None => HealthOf::Coordinator { alive: health.alive, on: coordinator(health.on)? },
+            };
+            Command::Health(Health { of, json })
+        }
         raw::Command::Replay(replay) => Command::Replay(Replay {
             folder: folder_of(replay.folder),
             what: match replay.what.gait {

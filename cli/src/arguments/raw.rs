@@ -11,6 +11,7 @@ use crate::certs::Host;
 use clap::{Args, Parser, Subcommand};
 use sim_core::job::Scale;
 use sim_core::robot::exchange::Format;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Where a coordinator listens unless told otherwise.
@@ -155,6 +156,24 @@ The folder gets the same files as that of `evogait run`.")]
     #[command(after_help = "Example:\n  evogait workers --json")]
     Workers(OnCoordinator),
 
+    /// Tell how many slots the jobs of a coordinator could use, and how many there are
+    #[command(after_help = "\
+Examples:
+  evogait demand
+  evogait demand --json | jq .wanted
+For scripts that start and stop workers. Nothing is wanted once all jobs have
+ended; a job wants as many slots as its generation can fill.")]
+    Demand(OnCoordinator),
+
+    /// Tell whether a coordinator serves: exit code 0 if it does, 1 if not
+    #[command(after_help = "\
+Examples:
+  evogait health
+  evogait health --alive --coordinator http://standby:7077
+  evogait health --process 127.0.0.1:9464
+For probes of containers, and for scripts that wait for a coordinator.")]
+    Health(Health),
+
     /// Simulate a stored gait, or the best path of the stored tree, again
     #[command(after_help = "\
 Examples:
@@ -271,6 +290,20 @@ pub struct OnCoordinator {
     /// Print JSON
     #[arg(long, display_order = 99)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Health {
+    /// Be content with one that answers, whether it serves or stands by
+    #[arg(long)]
+    pub alive: bool,
+
+    /// Ask a worker or a coordinator on this machine instead, at the address of its --metrics
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with_all = ["alive", "coordinator"])]
+    pub process: Option<SocketAddr>,
+
+    #[command(flatten)]
+    pub on: OnCoordinator,
 }
 
 #[derive(Debug, Args)]

@@ -3,8 +3,10 @@
 mod bench;
 mod cancel;
 mod certs;
+mod demand;
 mod evaluate;
 mod fetch;
+mod health;
 mod list;
 mod pause;
 mod replay;
@@ -43,6 +45,8 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
         Command::Evaluate(args) => evaluate::run(args, quiet),
         Command::Fetch(args) => with_runtime(fetch::run(args, quiet)),
         Command::Workers { on, json } => with_runtime(workers::run(on, json)),
+        Command::Demand { on, json } => with_runtime(demand::run(on, json)),
+        Command::Health(args) => with_runtime(health::run(args, quiet)),
         Command::Replay(args) => replay::run(args),
         Command::Verify(args) => verify::run(args, quiet),
         Command::Validate(args) => validate::run(args),

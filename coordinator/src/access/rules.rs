@@ -67,6 +67,7 @@ const RULES: &[(&str, &[(&str, Rule)])] = &[
             ("RestartJob", Rule::Only(Role::Admin)),
             ("GetResult", CLIENT),
             ("ListWorkers", CLIENT),
+            ("GetDemand", CLIENT),
         ],
     ),
     ("evogait.v1.WorkerService", &[("Session", WORKER), ("Complete", WORKER)]),

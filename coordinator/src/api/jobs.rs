@@ -4,15 +4,15 @@ use super::{Api, at_most, id, no_nul, store_failed};
 use crate::actor::{Command, SubmitError};
 use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
 use crate::record::{JobId, JobRecord, JobState, ended};
-use crate::scheduler::NewJob;
+use crate::scheduler::{Demand, NewJob};
 use proto::limits::{DEFAULT_PAGE, DEFAULT_PRIORITY, MAX_JOB_TOML, MAX_PAGE, MAX_PRIORITY, MAX_REQUEST_ID};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_server::JobService;
 use proto::v1::{
-    CancelJobRequest, CancelJobResponse, GetJobRequest, GetJobResponse, GetResultRequest, GetResultResponse, Job,
-    JobEvent, ListJobsRequest, ListJobsResponse, ListWorkersRequest, ListWorkersResponse, PauseJobRequest,
-    PauseJobResponse, RestartJobRequest, RestartJobResponse, ResumeJobRequest, ResumeJobResponse, SubmitJobRequest,
-    SubmitJobResponse, WatchJobRequest,
+    CancelJobRequest, CancelJobResponse, GetDemandRequest, GetDemandResponse, GetJobRequest, GetJobResponse,
+    GetResultRequest, GetResultResponse, Job, JobEvent, ListJobsRequest, ListJobsResponse, ListWorkersRequest,
+    ListWorkersResponse, PauseJobRequest, PauseJobResponse, RestartJobRequest, RestartJobResponse, ResumeJobRequest,
+    ResumeJobResponse, SubmitJobRequest, SubmitJobResponse, WatchJobRequest,
 };
 use sim_core::finish::Plan;
 use sim_core::identity::Digest;
@@ -284,5 +284,10 @@ impl JobService for Api {
     async fn list_workers(&self, _: Request<ListWorkersRequest>) -> Result<Response<ListWorkersResponse>, Status> {
         let workers = self.ask(|reply| Command::Workers { reply }).await?;
         Ok(Response::new(ListWorkersResponse { workers }))
+    }
+
+    async fn get_demand(&self, _: Request<GetDemandRequest>) -> Result<Response<GetDemandResponse>, Status> {
+        let Demand { wanted, slots, busy } = self.ask(|reply| Command::Demand { reply }).await?;
+        Ok(Response::new(GetDemandResponse { wanted, slots, busy }))
     }
 }

@@ -4,6 +4,7 @@ mod gates;
 mod hello;
 mod jobs;
 mod restart;
+pub(crate) mod scaler;
 mod watch;
 mod workers;
 

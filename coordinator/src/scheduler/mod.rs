@@ -11,6 +11,7 @@
 //! touches a result: scores are folded by index once all of a round are there.
 
 mod census;
+mod demand;
 mod dispute;
 mod explain;
 mod fair;
@@ -34,6 +35,7 @@ mod third;
 mod worker;
 
 pub use census::Census;
+pub use demand::Demand;
 pub use job::{NewJob, Resumed};
 pub use lease::{AssignmentId, Task};
 pub use notes::{LeaseEnd, Note};

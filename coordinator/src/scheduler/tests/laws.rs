@@ -60,6 +60,29 @@ fn what_a_result_costs_does_not_grow_with_the_workers() {
 }
 
 #[test]
+fn slots_are_wanted_for_whole_rounds_until_the_last_job_has_ended() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.scheduler.demand(), Demand::default());
+    let a = rig.submit("bare a", 20, 2);
+    let by_fives = NewJob { at_once: 5, ..new_job("bare b", 12, 1) };
+    rig.scheduler.submit(rig.now, by_fives);
+    rig.settle();
+    assert_eq!(rig.scheduler.demand(), Demand { wanted: 20 + 3, slots: 0, busy: 0 });
+    rig.connect("w", 2);
+    assert_eq!(rig.scheduler.demand(), Demand { wanted: 23, slots: 2, busy: 2 });
+    let first = rig.take().unwrap();
+    let delivery = first.delivery();
+    rig.complete(first.completed(delivery));
+    assert_eq!(rig.scheduler.demand().wanted, 23, "what is done of a round changes nothing");
+    rig.scheduler.pause(rig.now, &a, true);
+    assert_eq!(rig.scheduler.demand().wanted, 3, "a paused job wants none");
+    rig.scheduler.pause(rig.now, &a, false);
+    rig.settle();
+    rig.work_off();
+    assert_eq!(rig.scheduler.demand(), Demand { wanted: 0, slots: 2, busy: 0 });
+}
+
+#[test]
 fn measured_short_work_is_handed_out_in_advance() {
     let mut rig = Rig::new();
     rig.submit("a", 2000, 1);

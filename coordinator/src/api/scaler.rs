@@ -1,0 +1,172 @@
+//! KEDA's external scaler: how many slots the jobs could use, by which Kubernetes starts and stops workers.
+//!
+//! It has a listener of its own, in the clear and without tokens: KEDA has none to send, and what a stranger can learn
+//! here is a number.
+
+use crate::limits::{DEMAND_EVERY, MAX_SCALERS};
+use crate::metrics::Pulse;
+use crate::scheduler::Demand;
+use proto::externalscaler::external_scaler_server::{ExternalScaler, ExternalScalerServer};
+use proto::externalscaler::{
+    GetMetricSpecResponse, GetMetricsRequest, GetMetricsResponse, IsActiveResponse, MetricSpec, MetricValue,
+    ScaledObjectRef,
+};
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use tokio::net::TcpListener;
+use tokio::sync::{Semaphore, mpsc};
+use tokio::task::JoinHandle;
+use tokio_stream::Stream;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::Server;
+use tonic::transport::server::TcpIncoming;
+use tonic::{Request, Response, Status};
+
+/// The one metric.
+const SLOTS: &str = "slots_wanted";
+/// In the trigger's metadata: the workers' `--slots`.
+const SLOTS_PER_WORKER: &str = "slotsPerWorker";
+
+/// Why KEDA can't be answered.
+#[derive(Debug, thiserror::Error)]
+pub enum ScalerError {
+    /// The address is reachable from other machines.
+    #[error(
+        "the demand at {addr} could be read from other machines by anybody: serve it on 127.0.0.1, or add \
+         --keda-insecure-bind"
+    )]
+    NotLoopback {
+        /// Where.
+        addr: SocketAddr,
+    },
+    /// The system refuses to listen there.
+    #[error("can't answer KEDA at {addr}: {source}")]
+    Bind {
+        /// Where.
+        addr: SocketAddr,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// Answers until it is dropped.
+#[derive(Debug)]
+pub(crate) struct ScalerEndpoint {
+    addr: SocketAddr,
+    task: JoinHandle<()>,
+}
+
+impl Drop for ScalerEndpoint {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+impl ScalerEndpoint {
+    /// Binds and serves.
+    pub async fn start(bind: telemetry::Bind, pulse: Arc<Pulse>) -> Result<Self, ScalerError> {
+        let telemetry::Bind { addr, beyond_loopback } = bind;
+        if !addr.ip().is_loopback() && !beyond_loopback {
+            return Err(ScalerError::NotLoopback { addr });
+        }
+        let failed = |source| ScalerError::Bind { addr, source };
+        let listener = TcpListener::bind(addr).await.map_err(failed)?;
+        let addr = listener.local_addr().map_err(failed)?;
+        let scaler = Scaler { pulse, streams: Arc::new(Semaphore::new(MAX_SCALERS)) };
+        let task = tokio::spawn(async move {
+            let server = Server::builder()
+                .concurrency_limit_per_connection(MAX_SCALERS)
+                .max_concurrent_streams(MAX_SCALERS as u32)
+                .add_service(ExternalScalerServer::new(scaler))
+                .serve_with_incoming(TcpIncoming::from(listener));
+            if let Err(error) = server.await {
+                tracing::error!(%error, "KEDA is not answered any more");
+            }
+        });
+        Ok(Self { addr, task })
+    }
+
+    /// Where it listens, with the port that was chosen.
+    pub fn addr(&self) -> SocketAddr {
+        self.addr
+    }
+}
+
+struct Scaler {
+    pulse: Arc<Pulse>,
+    streams: Arc<Semaphore>,
+}
+
+/// Retryable: another coordinator serves, or this one will.
+async fn demand(pulse: &Pulse) -> Result<Demand, Status> {
+    pulse.demand().await.ok_or_else(|| Status::unavailable("this coordinator does not serve now"))
+}
+
+#[tonic::async_trait]
+impl ExternalScaler for Scaler {
+    type StreamIsActiveStream = Pin<Box<dyn Stream<Item = Result<IsActiveResponse, Status>> + Send>>;
+
+    async fn is_active(&self, _: Request<ScaledObjectRef>) -> Result<Response<IsActiveResponse>, Status> {
+        Ok(Response::new(IsActiveResponse { result: demand(&self.pulse).await?.wanted > 0 }))
+    }
+
+    async fn stream_is_active(
+        &self,
+        _: Request<ScaledObjectRef>,
+    ) -> Result<Response<Self::StreamIsActiveStream>, Status> {
+        let room = self.streams.clone().try_acquire_owned();
+        let room =
+            room.map_err(|_| Status::resource_exhausted(format!("at most {MAX_SCALERS} streams are answered")))?;
+        let pulse = self.pulse.clone();
+        let (out, stream) = mpsc::channel(1);
+        tokio::spawn(async move {
+            let (mut told, mut every) = (None, tokio::time::interval(DEMAND_EVERY));
+            loop {
+                tokio::select! {
+                    _ = every.tick() => {}
+                    () = out.closed() => break,
+                }
+                let now = demand(&pulse).await.map(|demand| demand.wanted > 0);
+                let failed = now.is_err();
+                if now.as_ref().ok().copied() != told || failed {
+                    told = now.as_ref().ok().copied();
+                    if out.send(now.map(|result| IsActiveResponse { result })).await.is_err() || failed {
+                        break;
+                    }
+                }
+            }
+            drop(room);
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn get_metric_spec(
+        &self,
+        request: Request<ScaledObjectRef>,
+    ) -> Result<Response<GetMetricSpecResponse>, Status> {
+        let slots: u32 = match request.into_inner().scaler_metadata.get(SLOTS_PER_WORKER) {
+            None => 1,
+            Some(text) => text.parse().ok().filter(|slots| *slots > 0).ok_or_else(|| {
+                Status::invalid_argument(format!("{SLOTS_PER_WORKER} = \"{text}\" must be a whole number from 1 on"))
+            })?,
+        };
+        let spec = MetricSpec {
+            metric_name: SLOTS.to_owned(),
+            target_size: i64::from(slots),
+            target_size_float: f64::from(slots),
+        };
+        Ok(Response::new(GetMetricSpecResponse { metric_specs: vec![spec] }))
+    }
+
+    async fn get_metrics(&self, _: Request<GetMetricsRequest>) -> Result<Response<GetMetricsResponse>, Status> {
+        let wanted = demand(&self.pulse).await?.wanted;
+        let value = MetricValue {
+            metric_name: SLOTS.to_owned(),
+            metric_value: i64::from(wanted),
+            metric_value_float: f64::from(wanted),
+        };
+        Ok(Response::new(GetMetricsResponse { metric_values: vec![value] }))
+    }
+}
