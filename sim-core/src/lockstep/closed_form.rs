@@ -67,6 +67,8 @@ trait World {
     fn energy(&mut self) -> f32;
     /// Linear momentum, and the moment of momentum about the base's origin.
     fn momenta(&mut self) -> (Vector, Vector);
+    /// Of every corner near the ground, in the last step: what the ground carried and what friction held.
+    fn ground(&self) -> Vec<(f32, f32)>;
     /// Length of a step, s.
     fn dt(&self) -> f32;
 }
@@ -144,6 +146,10 @@ impl<S: Simd> World for InLanes<'_, S> {
             sum = sum.add(Inertia::of_body(self.simd, link, &self.stepper.frames, b).times(motions[b]));
         }
         (first(sum.l), first(sum.a))
+    }
+
+    fn ground(&self) -> Vec<(f32, f32)> {
+        self.stepper.ground(&self.motion.velocity)
     }
 
     fn dt(&self) -> f32 {
@@ -302,38 +308,30 @@ fn on_a_steep_slope_a_robot_slides_as_fast_as_friction_lets_it() {
     assert!((acceleration - expected).abs() < 0.05 * expected, "{acceleration} mu/s² against {expected} mu/s²");
 }
 
-/// What friction gives is at most μ times what the ground carries: at every step of a gait, summed over the contacts, so on
-/// the momentum of the whole robot. The last linearisation leaves a little beyond.
+/// What friction gives at a contact is at most μ times what the ground carries there. It is taken from the linearisation
+/// before, so some is left beyond: 8.7, 2.5 and 2.1 % of all that friction could give, with one, two and three of them.
 #[test]
-fn friction_stays_within_the_cone_but_for_a_few_percent() {
+fn friction_of_a_contact_stays_within_its_cone_but_for_a_few_percent() {
     let robot = robot("quadropod");
-    let model = Model::new(&robot, &physics());
     let tables: Vec<Targets> = gaits(&robot, 10, 5.0);
-    let (mut loaded, mut beyond) = (0_u32, 0.0_f32);
-    for table in &tables {
-        let mut world = world(&model, &robot.neutral());
-        let mut row = vec![0.0; model.hinges.len()];
-        let (mut before, _) = world.momenta();
-        let mass: f32 = model.bodies.iter().map(|b| b.mass).sum();
-        for step in 1..=1000 {
-            table.at(f64::from(step) * f64::from(model.dt), &mut row);
-            world.tell(&row);
-            world.step();
-            let (after, _) = world.momenta();
-            let impulse = after - before - mass * model.gravity * model.dt;
-            let carried = impulse.z.max(0.0);
-            // Steps in which the ground carries at least a tenth of the weight.
-            if carried > 0.1 * mass * 9.81 * model.dt {
-                let over = impulse.truncate().length() / (model.friction * carried) - 1.0;
-                loaded += 1;
-                beyond += over.max(0.0);
+    for (iterations, most) in [(1, 0.1), (2, 0.03), (3, 0.025)] {
+        let model = Model::new(&robot, &Physics { substeps: iterations, ..physics() });
+        let (mut limit, mut beyond) = (0.0, 0.0);
+        for table in &tables {
+            let mut world = world(&model, &robot.neutral());
+            let mut row = vec![0.0; model.hinges.len()];
+            for step in 1..=1000 {
+                table.at(f64::from(step) * f64::from(model.dt), &mut row);
+                world.tell(&row);
+                world.step();
+                for (carried, held) in world.ground() {
+                    limit += model.friction * carried;
+                    beyond += (held - model.friction * carried).max(0.0);
+                }
             }
-            before = after;
         }
+        assert!(beyond < most * limit, "{iterations}: {} of the limit is beyond it", beyond / limit);
     }
-    assert!(loaded > 5000, "{loaded} steps");
-    let mean = beyond / loaded as f32;
-    assert!(mean < 0.03, "friction is beyond the cone by {mean} of its limit on average");
 }
 
 /// Two bodies on each other: what lies on the back of another sinks in as deep as its weight and its spring say.

@@ -219,6 +219,15 @@ impl<'a, S: Simd> Stepper<'a, S> {
         }
     }
 
+    /// What the ground did to every corner of the first lane in the last step, which gave `velocity`; see
+    /// [`Corners::forces`].
+    #[cfg(test)]
+    pub fn ground(&self, velocity: &Velocity<S>) -> Vec<(f32, f32)> {
+        let mut after = self.motions.clone();
+        self.frames.velocities(self.model, velocity, &mut after);
+        self.corners.forces(self.model, &self.motions, &after)
+    }
+
     /// The box around the robot, in the world.
     #[inline(never)]
     pub fn bounds(&self, simd: S, model: &Model, motion: &Motion<S>) -> (V3<S>, V3<S>) {
