@@ -4,6 +4,14 @@ use rustls::{AlertDescription, CertificateError, Error as Tls};
 use std::error::Error;
 use std::io;
 
+/// What the other side may find wrong with our certificate. In TLS 1.3 it says so when for us the connection stands already.
+const ALERTS: [AlertDescription; 4] = [
+    AlertDescription::CertificateRequired,
+    AlertDescription::UnknownCA,
+    AlertDescription::DecryptError,
+    AlertDescription::CertificateExpired,
+];
+
 /// The cause at the bottom of an error's chain, which is the one that helps: "connection refused" rather than
 /// "transport error".
 pub fn reason(error: &(dyn Error + 'static)) -> String {
@@ -19,6 +27,10 @@ pub fn reason(error: &(dyn Error + 'static)) -> String {
         }
     }
     let text = cause.to_string();
+    // Once a connection stands, HTTP/2 keeps of an error only what it says.
+    if let Some(alert) = ALERTS.map(Tls::AlertReceived).iter().find(|alert| alert.to_string() == text) {
+        return of_tls(alert);
+    }
     text.find(" (os error").map_or(text.clone(), |end| text[..end].to_owned())
 }
 
