@@ -35,6 +35,6 @@ case $profile in
     dev) folder=debug ;;
     *) fail "PEERS_PROFILE = \"$profile\" is unknown: release or dev" ;;
 esac
-cargo build --locked --quiet --profile "$profile" -p cli --bin evogait --example peer_rollouts
+cargo build --locked --quiet --profile "$profile" --bins # all of them: physics is then built once for all scripts
 exec "$venv/bin/python" -B "$here/compare.py" \
-    --evogait "$target/$folder/evogait" --rollouts "$target/$folder/examples/peer_rollouts" --work "$target/peers" "$@"
+    --evogait "$target/$folder/evogait" --rollouts "$target/$folder/peer_rollouts" --work "$target/peers" "$@"
