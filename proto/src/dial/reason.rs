@@ -36,7 +36,8 @@ pub fn reason(error: &(dyn Error + 'static)) -> String {
 
 fn of_tls(error: &Tls) -> String {
     match error {
-        Tls::InvalidCertificate(CertificateError::UnknownIssuer) => {
+        // A bad signature: another CA of the same name, such as two runs of `evogait certs init` make.
+        Tls::InvalidCertificate(CertificateError::UnknownIssuer | CertificateError::BadSignature) => {
             "its certificate was not signed by the CA that --ca names".to_owned()
         }
         Tls::InvalidCertificate(CertificateError::Expired | CertificateError::ExpiredContext { .. }) => {
