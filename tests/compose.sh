@@ -57,6 +57,20 @@ step "binaries and base images"
 export EVOGAIT_BINARIES PATH="$root/$EVOGAIT_BINARIES:$PATH"
 deploy/images/local.sh runtime postgres prometheus binaries
 
+step "the image, by BuildKit as well"
+# With a client that has it: Docker's own from version 23 on needs buildx for it.
+with_buildkit() {
+    local client
+    for client in $(type -ap docker); do
+        DOCKER_BUILDKIT=1 "$client" build --quiet --file deploy/Dockerfile --target prebuilt --build-arg RUNTIME_IMAGE="$EVOGAIT_RUNTIME_IMAGE" \
+            --tag "$EVOGAIT_IMAGE-buildkit" . 2> "$work/buildkit.log" && return
+    done
+    return 1
+}
+with_buildkit > /dev/null || { cat "$work/buildkit.log" >&2; fail "no client here builds with BuildKit: apt-get install docker-buildx"; }
+command docker run --rm --read-only "$EVOGAIT_IMAGE-buildkit" evogait --version
+command docker rmi "$EVOGAIT_IMAGE-buildkit" > /dev/null
+
 step "from a clone to a result: two commands"
 follow two-commands
 
