@@ -5,7 +5,7 @@ use proto::v1::job_event::Event;
 use proto::v1::{CancelJobRequest, JobEvent, JobState, ListWorkersRequest, SubmitJobRequest, WatchJobRequest};
 use std::process::Command;
 use std::time::Duration;
-use tonic::Code;
+use tonic::{Code, Status};
 
 const GENERATIONS: u32 = 4;
 
@@ -152,6 +152,23 @@ async fn submitting_twice_gives_one_job() {
     let refused = client.submit_job(SubmitJobRequest { request_id: "new".to_owned(), ..request("robot =".to_owned()) });
     let refused = refused.await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+}
+
+#[tokio::test]
+async fn of_two_jobs_submitted_at_once_under_one_request_id_only_one_is_taken() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let submit = |seed| {
+        let mut client = sandbox.client();
+        let request = SubmitJobRequest { request_id: "same".to_owned(), job_toml: tiny_job(seed, 1), priority: 0 };
+        async move { client.submit_job(request).await.map(|answer| answer.into_inner().created) }
+    };
+    // Reading a job takes longer than a look into the store, so all of them find the id unused at first.
+    let (a, b, c, d) = tokio::join!(submit(1), submit(2), submit(3), submit(4));
+    let answers = [a, b, c, d];
+    assert_eq!(answers.iter().filter(|a| matches!(a, Ok(true))).count(), 1, "{answers:?}");
+    let refused = |a: &&Result<bool, Status>| a.as_ref().is_err_and(|s| s.code() == Code::AlreadyExists);
+    assert_eq!(answers.iter().filter(refused).count(), 3, "{answers:?}");
 }
 
 #[tokio::test]
