@@ -8,7 +8,9 @@
 pub(crate) fn reached(point: &str) {
     use std::sync::LazyLock;
     use std::sync::atomic::{AtomicU64, Ordering};
+    use std::time::Duration;
 
+    const LAST_WORDS: Duration = Duration::from_millis(50);
     static WANTED: LazyLock<Option<(String, u64)>> = LazyLock::new(|| {
         let wanted = std::env::var("EVOGAIT_FAIL_POINT").ok()?;
         let (point, count) = wanted.split_once(':').expect("EVOGAIT_FAIL_POINT is POINT:COUNT");
@@ -19,6 +21,8 @@ pub(crate) fn reached(point: &str) {
         && wanted == point
         && REACHED.fetch_add(1, Ordering::SeqCst) + 1 == *count
     {
+        // What somebody was told too early is on its way by now.
+        std::thread::sleep(LAST_WORDS);
         std::process::abort();
     }
 }
