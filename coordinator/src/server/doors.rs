@@ -1,0 +1,149 @@
+//! Serving: where strangers come in, what they can ask for, and how it ends.
+
+use super::{Error, Tls};
+use crate::access::{self, Access};
+use crate::actor::Command;
+use crate::api::Api;
+use crate::door::{self, Door};
+use crate::limits::{HANDSHAKE_WITHIN, MAX_CALLS_OF_CONNECTION, MAX_CLIENT_REQUEST, MAX_HEADERS, STOP_WITHIN};
+use crate::standby::Gate;
+use proto::limits::MAX_MESSAGE;
+use proto::v1::job_service_server::JobServiceServer;
+use proto::v1::worker_service_server::WorkerServiceServer;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tonic::server::NamedService;
+use tonic::service::interceptor::InterceptedService;
+use tonic::transport::{Server, ServerTlsConfig};
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+use tower::util::MapRequestLayer;
+
+/// How often an idle connection is checked, and how long the other side has to answer.
+const KEEPALIVE: Duration = Duration::from_secs(10);
+
+/// What reflection tells, and what `access::rules` has to name.
+pub(crate) const DESCRIPTORS: [&[u8]; 2] = [proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
+/// Where strangers come in, and what is asked of them.
+pub(super) struct Doors {
+    pub listener: TcpListener,
+    pub tls: Option<Tls>,
+    pub access: Option<Arc<Access>>,
+    /// Whether it is this coordinator's turn.
+    pub gate: Gate,
+}
+
+/// Serves until told to stop, or until the work fails.
+pub(super) async fn run(
+    doors: Doors,
+    api: Api,
+    mut work: JoinHandle<Result<(), Error>>,
+    commands: mpsc::Sender<Command>,
+    stop: watch::Sender<bool>,
+    mut stopping: watch::Receiver<bool>,
+) -> Result<(), Error> {
+    let store = api.store.clone();
+    let (health, health_service) = tonic_health::server::health_reporter();
+    let Doors { listener, tls, access, gate } = doors;
+    let tell = tokio::spawn(tell_health(health, gate.clone(), stopping.clone()));
+    let mut reflection = tonic_reflection::server::Builder::configure();
+    for descriptors in DESCRIPTORS {
+        reflection = reflection.register_encoded_file_descriptor_set(descriptors);
+    }
+    let reflection = reflection.build_v1().map_err(|e| Error::Server(e.to_string()))?;
+    let jobs = JobServiceServer::new(api.clone())
+        .max_decoding_message_size(MAX_CLIENT_REQUEST)
+        .max_encoding_message_size(MAX_MESSAGE);
+    let workers =
+        WorkerServiceServer::new(api).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
+    let mut told = stopping.clone();
+    let door = Door::new(listener, access.is_some());
+    let mut server = Server::builder()
+        .http2_keepalive_interval(Some(KEEPALIVE))
+        .http2_keepalive_timeout(Some(KEEPALIVE))
+        .max_concurrent_streams(Some(MAX_CALLS_OF_CONNECTION))
+        .http2_max_header_list_size(Some(MAX_HEADERS));
+    if let Some(tls) = tls {
+        server = server.tls_config(tls_config(tls)).map_err(unusable)?;
+    }
+    let server = server
+        .layer(MapRequestLayer::new(door::introduce))
+        .layer(telemetry::calls::layer())
+        .layer(access::layer(access))
+        .add_service(health_service)
+        .add_service(reflection)
+        .add_service(InterceptedService::new(jobs, gate.clone()))
+        .add_service(InterceptedService::new(workers, gate))
+        .serve_with_incoming_shutdown(door, async move {
+            // An error means that nobody can tell any more.
+            let _ = told.wait_for(|stop| *stop).await;
+        });
+    let mut server = tokio::spawn(server);
+
+    let work_ended = tokio::select! {
+        ended = &mut work => Some(ended),
+        ended = &mut server => {
+            let why = match ended {
+                Ok(Ok(())) => None,
+                Ok(Err(e)) => Some(e.to_string()),
+                Err(e) => Some(e.to_string()),
+            };
+            if let Some(why) = why {
+                return Err(Error::Server(why));
+            }
+            None
+        }
+        _ = stopping.wait_for(|stop| *stop) => None,
+    };
+    stop.send_replace(true);
+    let outcome = match work_ended {
+        Some(ended) => ended,
+        None => {
+            // If the actor has gone, or was never there, it needs no telling.
+            let _ = commands.send(Command::Stop).await;
+            work.await
+        }
+    };
+    tell.abort();
+    if !server.is_finished() && tokio::time::timeout(STOP_WITHIN, &mut server).await.is_err() {
+        server.abort();
+    }
+    let closed = store.close().await;
+    match outcome {
+        Ok(result) => result.and(closed.map_err(Error::Store)),
+        Err(panic) => Err(Error::Server(panic.to_string())),
+    }
+}
+
+fn tls_config(tls: Tls) -> ServerTlsConfig {
+    let config = ServerTlsConfig::new().identity(tls.identity.identity).timeout(HANDSHAKE_WITHIN);
+    match tls.clients {
+        Some(clients) => config.client_ca_root(clients.certificate),
+        None => config,
+    }
+}
+
+fn unusable(error: tonic::transport::Error) -> Error {
+    Error::Tls { reason: proto::dial::reason(&error) }
+}
+
+/// Tells who asks for the health of the services: they are there while calls are let through.
+async fn tell_health(health: HealthReporter, mut gate: Gate, mut stopping: watch::Receiver<bool>) {
+    let set = async |status| {
+        // The empty name stands for all of them.
+        for name in ["", JobServiceServer::<Api>::NAME, WorkerServiceServer::<Api>::NAME] {
+            health.set_service_status(name, status).await;
+        }
+    };
+    set(ServingStatus::NotServing).await;
+    tokio::select! {
+        () = gate.opened() => {}
+        _ = stopping.wait_for(|stop| *stop) => return,
+    }
+    set(ServingStatus::Serving).await;
+    let _ = stopping.wait_for(|stop| *stop).await;
+    set(ServingStatus::NotServing).await;
+}
