@@ -7,6 +7,8 @@ use super::tables::{self, Trouble};
 use super::{Answer, Loaded, Store, StoreError, StoredResult, Write};
 use crate::record::{JobId, JobRecord, JobState};
 use proto::v1;
+use sqlx::query::Query;
+use sqlx::{Database, Decode, Encode, IntoArguments, Type};
 use std::ops::DerefMut;
 use std::time::Duration;
 
@@ -61,6 +63,41 @@ pub(super) trait Row: Send {
     fn text(&self, column: usize) -> Result<String, sqlx::Error>;
     /// NULL reads as empty.
     fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error>;
+}
+
+impl<R: sqlx::Row> Row for R
+where
+    usize: sqlx::ColumnIndex<R>,
+    for<'r> i64: Decode<'r, R::Database> + Type<R::Database>,
+    for<'r> String: Decode<'r, R::Database> + Type<R::Database>,
+    for<'r> Option<Vec<u8>>: Decode<'r, R::Database> + Type<R::Database>,
+{
+    fn number(&self, column: usize) -> Result<i64, sqlx::Error> {
+        self.try_get(column)
+    }
+
+    fn text(&self, column: usize) -> Result<String, sqlx::Error> {
+        self.try_get(column)
+    }
+
+    fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error> {
+        Ok(self.try_get::<Option<Vec<u8>>, _>(column)?.unwrap_or_default())
+    }
+}
+
+/// A statement with its values.
+pub(super) fn statement<'a, DB: Database>(sql: &'static str, values: Vec<Value<'a>>) -> Query<'a, DB, DB::Arguments>
+where
+    DB::Arguments: IntoArguments<DB>,
+    i64: Encode<'a, DB> + Type<DB>,
+    &'a str: Encode<'a, DB> + Type<DB>,
+    Vec<u8>: Encode<'a, DB> + Type<DB>,
+{
+    values.into_iter().fold(sqlx::query(sql), |query, value| match value {
+        Value::Number(number) => query.bind(number),
+        Value::Text(text) => query.bind(text),
+        Value::Bytes(bytes) => query.bind(bytes),
+    })
 }
 
 /// Results of one range, for the table.

@@ -13,12 +13,12 @@ pub use url::{BadPostgresUrl, PostgresUrl};
 
 use self::failure::failure;
 use self::migrations::MIGRATIONS;
-use super::sql::{Dialect, ResultRow, Row, Sql, Value};
+use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
 use super::{Loaded, StoreError, Write, tables};
 use crate::fail_point;
 use sqlx::pool::PoolConnection;
-use sqlx::postgres::{PgArguments, PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgRow};
-use sqlx::{ConnectOptions as _, Connection as _, Executor as _, Postgres, Row as _};
+use sqlx::postgres::{PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgRow};
+use sqlx::{ConnectOptions as _, Connection as _, Executor as _, Postgres};
 use std::time::Duration;
 use tokio::sync::Mutex;
 use tokio::time::Instant;
@@ -223,28 +223,6 @@ macro_rules! at_work {
             $lock
         )
     };
-}
-
-impl Row for PgRow {
-    fn number(&self, column: usize) -> Result<i64, sqlx::Error> {
-        self.try_get(column)
-    }
-
-    fn text(&self, column: usize) -> Result<String, sqlx::Error> {
-        self.try_get(column)
-    }
-
-    fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error> {
-        Ok(self.try_get::<Option<_>, _>(column)?.unwrap_or_default())
-    }
-}
-
-fn statement<'a>(sql: &'static str, values: Vec<Value<'a>>) -> sqlx::query::Query<'a, Postgres, PgArguments> {
-    values.into_iter().fold(sqlx::query(sql), |query, value| match value {
-        Value::Number(number) => query.bind(number),
-        Value::Text(text) => query.bind(text),
-        Value::Bytes(bytes) => query.bind(bytes),
-    })
 }
 
 impl Sql for PgConnection {

@@ -6,11 +6,11 @@
 mod migrations;
 
 use self::migrations::{APPLICATION_ID, FIRST_READABLE, MIGRATIONS};
-use super::sql::{Dialect, ResultRow, Row, Sql, Value};
+use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
 use super::{Loaded, StoreError, Write, tables};
 use crate::fail_point;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteLockingMode, SqliteRow, SqliteSynchronous};
-use sqlx::{ConnectOptions as _, Connection as _, Row as _, SqliteConnection};
+use sqlx::{ConnectOptions as _, Connection as _, SqliteConnection};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard};
@@ -107,31 +107,6 @@ fn failure(path: &Path, error: sqlx::Error) -> StoreError {
         11 | 26 => StoreError::Foreign { store, reason },
         _ => StoreError::Database(reason),
     }
-}
-
-impl Row for SqliteRow {
-    fn number(&self, column: usize) -> Result<i64, sqlx::Error> {
-        self.try_get(column)
-    }
-
-    fn text(&self, column: usize) -> Result<String, sqlx::Error> {
-        self.try_get(column)
-    }
-
-    fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error> {
-        Ok(self.try_get::<Option<_>, _>(column)?.unwrap_or_default())
-    }
-}
-
-fn statement<'a>(
-    sql: &'static str,
-    values: Vec<Value<'a>>,
-) -> sqlx::query::Query<'a, sqlx::Sqlite, sqlx::sqlite::SqliteArguments> {
-    values.into_iter().fold(sqlx::query(sql), |query, value| match value {
-        Value::Number(number) => query.bind(number),
-        Value::Text(text) => query.bind(text),
-        Value::Bytes(bytes) => query.bind(bytes),
-    })
 }
 
 impl Sql for SqliteConnection {
