@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Everything that needs PostgreSQL: the store's suite, and coordinators that fail over. Starts a server of its own from
-# Debian's packages, in a temporary folder, reachable through a socket there only, and ends it afterwards.
+# Everything that needs PostgreSQL: the store's suite, coordinators that fail over, and the way there by TLS. Starts a server
+# of its own from Debian's packages, in a temporary folder, reachable through a socket there and by TLS on loopback only, and
+# ends it afterwards.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -25,6 +26,11 @@ if [ "$(id -u)" = 0 ]; then
     as_server=(setpriv --reuid=postgres --regid=postgres --clear-groups)
 fi
 
+# The whole workspace, as `cargo test` builds it: with fewer packages, physics would be built again with fewer features.
+cargo build --locked --quiet --workspace --bins --tests
+evogait=$(realpath "${CARGO_TARGET_DIR:-target}/debug/evogait")
+[ -x "$evogait" ] || fail "there is no $evogait"
+
 folder=$(mktemp -d)
 server=
 end() {
@@ -36,24 +42,40 @@ end() {
 }
 trap end EXIT
 chmod 755 "$folder"
-mkdir "$folder/data" "$folder/socket"
-[ ${#as_server[@]} = 0 ] || chown postgres "$folder/data" "$folder/socket"
+mkdir "$folder/data" "$folder/socket" "$folder/tls"
+"$evogait" certs init "$folder/certs" --host localhost >/dev/null
+"$evogait" certs init "$folder/other" --host localhost >/dev/null
+cp "$folder/certs/coordinator.pem" "$folder/certs/coordinator.key" "$folder/tls"
+[ ${#as_server[@]} = 0 ] || chown -R postgres "$folder/data" "$folder/socket" "$folder/tls"
 cd "$folder"
 "${as_server[@]}" "$bin/initdb" --pgdata="$folder/data" --auth=trust --username=evogait --encoding=UTF8 --no-instructions \
     >"$folder/initdb.log" 2>&1 || { cat "$folder/initdb.log" >&2; fail "initdb failed"; }
-"${as_server[@]}" "$bin/postgres" -D "$folder/data" -c listen_addresses= -c unix_socket_directories="$folder/socket" \
-    -c max_connections=200 >"$folder/server.log" 2>&1 &
-server=$!
+printf '%s\n' "local all all trust" "hostssl all all 127.0.0.1/32 trust" >"$folder/data/pg_hba.conf"
 cd - >/dev/null
-for _ in $(seq 100); do
-    "$bin/pg_isready" --quiet --host="$folder/socket" && break
-    kill -0 "$server" 2>/dev/null || { cat "$folder/server.log" >&2; fail "the server does not start"; }
-    sleep 0.1
-done
-"$bin/pg_isready" --quiet --host="$folder/socket" || { cat "$folder/server.log" >&2; fail "the server does not answer"; }
+
+# Which ports are free can't be known: it tries some.
+answers() { "$bin/pg_isready" --quiet --host="$folder/socket" --port="$port"; }
+start() {
+    port=$((20000 + RANDOM % 10000))
+    "${as_server[@]}" "$bin/postgres" -D "$folder/data" -c listen_addresses=127.0.0.1 -c port="$port" \
+        -c unix_socket_directories="$folder/socket" -c max_connections=200 -c ssl=on \
+        -c ssl_cert_file="$folder/tls/coordinator.pem" -c ssl_key_file="$folder/tls/coordinator.key" \
+        >"$folder/server.log" 2>&1 &
+    server=$!
+    for _ in $(seq 100); do
+        answers && return
+        kill -0 "$server" 2>/dev/null || break
+        sleep 0.1
+    done
+    answers
+}
+start || start || start || { cat "$folder/server.log" >&2; fail "the server does not start"; }
 
 # The tests replace DATABASE by the names of databases they make.
-export EVOGAIT_TEST_POSTGRES="postgres://evogait@${folder//\//%2F}%2Fsocket/DATABASE"
+export EVOGAIT_TEST_POSTGRES="postgres://evogait@${folder//\//%2F}%2Fsocket:$port/DATABASE"
+# The same server by TLS: its certificate is for localhost, signed by the one CA and not by the other.
+export EVOGAIT_TEST_POSTGRES_TLS="postgres://evogait@localhost:$port/DATABASE"
+export EVOGAIT_TEST_POSTGRES_CA="$folder/certs/ca.pem" EVOGAIT_TEST_POSTGRES_OTHER_CA="$folder/other/ca.pem"
 
 # A filter that matches nothing would pass: so it is told how many passed, and none is refused.
 run() {
@@ -61,7 +83,6 @@ run() {
     cargo test --locked "$@" -- --ignored --test-threads=2 2>&1 | tee "$log"
     grep -q '^test result: ok\. [1-9]' "$log" || fail "no test ran: cargo test $*"
 }
-# The whole workspace, as `cargo test` built it: with fewer packages, physics would be built again with fewer features.
 run --workspace --lib postgres
 run --workspace --test postgres
 echo "tests/postgres.sh: all passed on $("$bin/postgres" --version)"

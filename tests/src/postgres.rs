@@ -7,9 +7,27 @@ use std::sync::atomic::{AtomicU32, Ordering};
 const POSTGRES: &str = "EVOGAIT_TEST_POSTGRES";
 
 fn on_server(database: &str) -> String {
-    let server = std::env::var(POSTGRES)
-        .unwrap_or_else(|_| panic!("{POSTGRES} names no server: these tests are run by tests/postgres.sh"));
-    server.replace("DATABASE", database)
+    set(POSTGRES).replace("DATABASE", database)
+}
+
+/// What `tests/postgres.sh` says.
+fn set(variable: &str) -> String {
+    std::env::var(variable)
+        .unwrap_or_else(|_| panic!("{variable} is not set: these tests are run by tests/postgres.sh"))
+}
+
+/// A way to a new database by TLS, without parameters, and the files of two CAs: that of the server's certificate, and
+/// another one. The certificate is for localhost.
+pub fn new_database_by_tls() -> (String, String, String) {
+    let name = new_name();
+    ask(&on_server("postgres"), &format!("CREATE DATABASE {name}"));
+    let url = set("EVOGAIT_TEST_POSTGRES_TLS").replace("DATABASE", &name);
+    (url, set("EVOGAIT_TEST_POSTGRES_CA"), set("EVOGAIT_TEST_POSTGRES_OTHER_CA"))
+}
+
+/// Asks about the server as a whole.
+pub fn ask_server(sql: &str) -> String {
+    ask(&on_server("postgres"), sql)
 }
 
 /// Asks a database, and returns what it answers.
@@ -23,8 +41,12 @@ pub fn ask(url: &str, sql: &str) -> String {
 
 /// The URL of a database that no other test has.
 pub fn new_database() -> String {
-    static MADE: AtomicU32 = AtomicU32::new(0);
-    let name = format!("cluster_{}_{}", std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
+    let name = new_name();
     ask(&on_server("postgres"), &format!("CREATE DATABASE {name}"));
     on_server(&name)
+}
+
+fn new_name() -> String {
+    static MADE: AtomicU32 = AtomicU32::new(0);
+    format!("cluster_{}_{}", std::process::id(), MADE.fetch_add(1, Ordering::Relaxed))
 }

@@ -9,7 +9,7 @@ mod reason;
 mod way;
 
 pub use address::{Address, Addresses, BadAddress, MAX_ADDRESSES};
-pub use reason::reason;
+pub use reason::{BadCertificate, bad_certificate, reason};
 pub use way::Way;
 
 use crate::credentials::Credentials;

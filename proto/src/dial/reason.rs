@@ -15,23 +15,60 @@ const ALERTS: [AlertDescription; 4] = [
 /// The cause at the bottom of an error's chain, which is the one that helps: "connection refused" rather than
 /// "transport error".
 pub fn reason(error: &(dyn Error + 'static)) -> String {
-    let mut cause = error;
-    loop {
-        let wrapped = cause.downcast_ref::<io::Error>().and_then(|io| io.get_ref());
-        if let Some(tls) = cause.downcast_ref::<Tls>().or_else(|| wrapped?.downcast_ref()) {
-            return of_tls(tls);
-        }
-        match cause.source() {
-            Some(source) => cause = source,
-            None => break,
-        }
-    }
+    let cause = match to_the_bottom(error) {
+        Ok(tls) => return of_tls(tls),
+        Err(cause) => cause,
+    };
     let text = cause.to_string();
     // Once a connection stands, HTTP/2 keeps of an error only what it says.
     if let Some(alert) = ALERTS.map(Tls::AlertReceived).iter().find(|alert| alert.to_string() == text) {
         return of_tls(alert);
     }
     text.find(" (os error").map_or(text.clone(), |end| text[..end].to_owned())
+}
+
+/// What is wrong with the certificate that the other side showed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BadCertificate {
+    /// Nobody who is believed has signed it.
+    UnknownIssuer,
+    /// It is not valid any more.
+    Expired,
+    /// It is another machine's.
+    OtherName {
+        /// The name that was dialed.
+        dialed: String,
+        /// The names that it is for.
+        names: Vec<String>,
+    },
+    /// Something else.
+    Other(String),
+}
+
+/// Whether a connection failed because of the other side's certificate, and why. `None` if something else failed.
+pub fn bad_certificate(error: &(dyn Error + 'static)) -> Option<BadCertificate> {
+    let Ok(Tls::InvalidCertificate(problem)) = to_the_bottom(error) else { return None };
+    Some(match problem {
+        // A bad signature: another CA of the same name.
+        CertificateError::UnknownIssuer | CertificateError::BadSignature => BadCertificate::UnknownIssuer,
+        CertificateError::Expired | CertificateError::ExpiredContext { .. } => BadCertificate::Expired,
+        CertificateError::NotValidForNameContext { expected, presented } => {
+            BadCertificate::OtherName { dialed: expected.to_str().into_owned(), names: presented.clone() }
+        }
+        other => BadCertificate::Other(other.to_string()),
+    })
+}
+
+/// The first error of TLS in a chain, or else the last of all.
+fn to_the_bottom<'a>(error: &'a (dyn Error + 'static)) -> Result<&'a Tls, &'a (dyn Error + 'static)> {
+    let mut cause = error;
+    loop {
+        let wrapped = cause.downcast_ref::<io::Error>().and_then(|io| io.get_ref());
+        if let Some(tls) = cause.downcast_ref::<Tls>().or_else(|| wrapped?.downcast_ref()) {
+            return Ok(tls);
+        }
+        cause = cause.source().ok_or(cause)?;
+    }
 }
 
 fn of_tls(error: &Tls) -> String {

@@ -16,6 +16,7 @@ use self::migrations::MIGRATIONS;
 use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
 use super::{Loaded, StoreError, Write, tables};
 use crate::fail_point;
+use proto::credentials::PemError;
 use sqlx::pool::PoolConnection;
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgRow};
 use sqlx::{ConnectOptions as _, Connection as _, Executor as _, Postgres};
@@ -52,6 +53,11 @@ impl PostgresStore {
         let options = url.options().map_err(|e| StoreError::Open { store: name.clone(), reason: e.to_string() })?;
         if url.is_exposed() {
             tracing::warn!(store = %name, "the connection to the database may be read or changed on its way: add ?sslmode=verify-full");
+        }
+        // Else a file that is missing looks like a database that is.
+        if let Some(file) = url.root_certificate() {
+            let unusable = |e: PemError| StoreError::Open { store: name.clone(), reason: e.to_string() };
+            proto::credentials::authority(&file).map_err(unusable)?;
         }
         let patience = takeover.max(LEAST_PATIENCE);
         let pool = |connections, options: PgConnectOptions| {

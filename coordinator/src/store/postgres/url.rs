@@ -1,7 +1,9 @@
 //! `postgres://…`: where a database is, and who asks for it.
 
+use sqlx::ConnectOptions as _;
 use sqlx::postgres::{PgConnectOptions, PgSslMode};
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 /// What can follow the `?`; the database driver would ignore anything else.
@@ -42,6 +44,14 @@ impl PostgresUrl {
     /// For the driver.
     pub(in crate::store) fn options(&self) -> Result<PgConnectOptions, BadPostgresUrl> {
         parse(&self.text)
+    }
+
+    /// The file with the CA that has to have signed the database's certificate, if one is named.
+    pub(super) fn root_certificate(&self) -> Option<PathBuf> {
+        let url = parse(&self.text).ok()?.to_url_lossy();
+        let file = url.query_pairs().find(|(key, _)| key == "sslrootcert")?.1.into_owned();
+        // The variable of the same name may hold the certificate itself.
+        (!file.trim_start().starts_with("-----BEGIN")).then(|| file.into())
     }
 
     /// Whether the way to the database leaves this machine without its other end being verified.
