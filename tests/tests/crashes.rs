@@ -1,24 +1,33 @@
 //! What is acknowledged survives the death of the coordinator at every commit.
 
-use cluster_tests::crashes::{POINTS, through_crashes};
+use cluster_tests::crashes::{POINTS, Wish, cancelled_through_crashes, paused_through_crashes, through_crashes};
 use cluster_tests::sandbox::{Sandbox, tiny_job};
+
+/// The digest of a job that nothing happens to.
+async fn undisturbed(toml: &str) -> Vec<u8> {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(1);
+    let job = sandbox.submit("r", toml).await;
+    sandbox.result(&job.id).await.result_digest
+}
 
 #[tokio::test]
 async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bit() {
     let job = tiny_job(21, 1);
-    let (digest, lives) = through_crashes(&mut Sandbox::new(), &[], &job, false).await;
-    println!("it died {lives} times");
-    assert!(lives >= 2 * POINTS.len(), "it died {lives} times");
-
-    let mut undisturbed = Sandbox::new();
-    let _coordinator = undisturbed.coordinator();
-    let _worker = undisturbed.worker(1);
-    let job = undisturbed.submit("r", &job).await;
-    assert_eq!(undisturbed.result(&job.id).await.result_digest, digest);
+    let passed = through_crashes(&mut Sandbox::new(), &[], &job, Wish::Result, POINTS).await;
+    println!("it died {} times", passed.lives);
+    assert!(passed.lives >= 2 * POINTS.len(), "it died {} times", passed.lives);
+    assert_eq!(undisturbed(&job).await, passed.digest);
 }
 
 #[tokio::test]
 async fn a_cancel_that_was_answered_stays_whatever_dies() {
-    let (digest, lives) = through_crashes(&mut Sandbox::new(), &[], &tiny_job(22, 1000), true).await;
-    assert!(digest.is_empty() && lives >= POINTS.len(), "it died {lives} times");
+    cancelled_through_crashes(Sandbox::new, &[], &tiny_job(22, 1000)).await;
+}
+
+#[tokio::test]
+async fn a_pause_that_was_answered_holds_until_it_is_resumed_whatever_dies() {
+    let job = tiny_job(23, 3);
+    assert_eq!(paused_through_crashes(&mut Sandbox::new(), &[], &job).await, undisturbed(&job).await);
 }

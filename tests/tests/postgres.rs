@@ -1,8 +1,8 @@
 //! Coordinators on one PostgreSQL store: the same bits as on SQLite, and one that takes over when another one dies.
 //! Run by `tests/postgres.sh`.
 
-use cluster_tests::crashes::{POINTS, through_crashes};
-use cluster_tests::postgres::{ask, new_database};
+use cluster_tests::crashes::{POINTS, Wish, cancelled_through_crashes, paused_through_crashes, through_crashes};
+use cluster_tests::postgres::{ask, ask_server, new_database, new_database_by_tls};
 use cluster_tests::sandbox::{Process, Sandbox, tiny_job};
 use proto::v1::{GetJobRequest, Job, JobState};
 use std::process::Command;
@@ -13,6 +13,8 @@ use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
 const GENERATIONS: u32 = 3;
+/// Options of a coordinator whose next life begins soon.
+const SOON_REPLACED: &[&str] = &["--takeover-seconds", "0.5"];
 const SOON: Duration = Duration::from_secs(1);
 const LATER: Duration = Duration::from_secs(8);
 /// A takeover takes a look every 200 ms and a start beside [`SOON`], or nothing.
@@ -47,12 +49,23 @@ async fn both_stores_give_the_same_bits_with_one_two_and_seven_workers() {
 async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bit() {
     let toml = tiny_job(21, 1);
     let mut sandbox = Sandbox::on(&new_database());
-    let (digest_after, lives) = through_crashes(&mut sandbox, &["--takeover-seconds", "0.5"], &toml, false).await;
-    assert!(lives >= 2 * POINTS.len(), "it died {lives} times");
-    assert_eq!(digest(Sandbox::new(), &toml, 1).await, digest_after);
-    let mut sandbox = Sandbox::on(&new_database());
-    let cancelled = through_crashes(&mut sandbox, &["--takeover-seconds", "0.5"], &tiny_job(22, 1000), true).await;
-    assert!(cancelled.0.is_empty());
+    let passed = through_crashes(&mut sandbox, SOON_REPLACED, &toml, Wish::Result, POINTS).await;
+    assert!(passed.lives >= 2 * POINTS.len(), "it died {} times", passed.lives);
+    assert_eq!(digest(Sandbox::new(), &toml, 1).await, passed.digest);
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_cancel_that_was_answered_stays_whatever_dies() {
+    cancelled_through_crashes(|| Sandbox::on(&new_database()), SOON_REPLACED, &tiny_job(22, 1000)).await;
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_pause_that_was_answered_holds_until_it_is_resumed_whatever_dies() {
+    let toml = tiny_job(23, 3);
+    let passed = paused_through_crashes(&mut Sandbox::on(&new_database()), SOON_REPLACED, &toml).await;
+    assert_eq!(digest(Sandbox::new(), &toml, 1).await, passed);
 }
 
 /// A coordinator that is taken for dead after some seconds without a sign of life.
@@ -160,4 +173,55 @@ async fn a_second_coordinator_is_refused_unless_it_is_a_standby_and_shows_no_pas
         let text = String::from_utf8(output.stderr).expect("messages are text");
         assert!(output.status.code() == Some(1) && !text.contains("s3cret"), "{text}");
     }
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn the_way_to_the_database_is_encrypted_and_its_other_end_is_verified() {
+    let (url, ca, other_ca) = new_database_by_tls();
+    let toml = tiny_job(34, 1);
+    let mut sandbox = Sandbox::on(&format!("{url}?sslmode=verify-full&sslrootcert={ca}"));
+    let coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(1);
+    let job = sandbox.submit("r", &toml).await;
+    let name = url.rsplit('/').next().expect("the URL names a database");
+    let encrypted = format!(
+        "SELECT count(*) > 0 AND bool_and(ssl) FROM pg_stat_ssl JOIN pg_stat_activity USING (pid) WHERE datname = '{name}'"
+    );
+    assert_eq!(ask_server(&encrypted), "t", "all of its connections");
+    let by_tls = sandbox.result(&job.id).await.result_digest;
+    assert_eq!(coordinator.terminate(), Some(0));
+    assert_eq!(digest(Sandbox::new(), &toml, 1).await, by_tls);
+
+    let refused = |store: &str| {
+        let mut sandbox = Sandbox::on(store);
+        sandbox.reserve_port();
+        let output = sandbox.coordinator_command().env_remove("PGSSLROOTCERT").output().expect("it runs");
+        assert_eq!(output.status.code(), Some(1), "{store}");
+        let text = String::from_utf8(output.stderr).expect("messages are text");
+        assert_eq!(text.lines().count(), 1, "{text}");
+        text
+    };
+    for mode in ["verify-full", "verify-ca"] {
+        let text = refused(&format!("{url}?sslmode={mode}&sslrootcert={other_ca}"));
+        assert!(
+            text.contains("not signed by a CA that is believed here") && text.contains("sslrootcert=FILE"),
+            "{text}"
+        );
+    }
+    let text = refused(&format!("{url}?sslmode=verify-full"));
+    assert!(text.contains("not signed by a CA that is believed here"), "{text}");
+    let elsewhere = url.replace("localhost", "127.0.0.1");
+    let text = refused(&format!("{elsewhere}?sslmode=verify-full&sslrootcert={ca}"));
+    assert!(text.contains("not for 127.0.0.1, but for ") && text.contains("localhost"), "{text}");
+    let text = refused(&format!("{url}?sslmode=verify-full&sslrootcert={ca}.missing"));
+    assert!(text.contains(&format!("can't read {ca}.missing")), "{text}");
+    let text = refused(&format!("{url}?sslmode=disable"));
+    assert!(text.contains("add ?sslmode=verify-full to --store"), "{text}");
+    let text = refused(&format!("{}?sslmode=verify-full", new_database()));
+    assert!(text.contains("does not encrypt connections: set ssl = on there"), "{text}");
+
+    // The certificate is for another name: only verify-ca lets that pass.
+    let mut sandbox = Sandbox::on(&format!("{elsewhere}?sslmode=verify-ca&sslrootcert={ca}"));
+    assert_eq!(sandbox.coordinator().terminate(), Some(0));
 }
