@@ -88,6 +88,11 @@ pub(crate) enum Command {
         worker: WorkerId,
         session: SessionId,
     },
+    /// Its token was taken away.
+    Expel {
+        worker: WorkerId,
+        session: SessionId,
+    },
     Complete {
         completed: Completed,
         reply: oneshot::Sender<Verdict>,
@@ -243,6 +248,10 @@ impl Actor {
                 tracing::info!(%worker, "worker disconnected");
                 self.hang_up(&worker, session);
                 self.scheduler.disconnect(now, &worker, session);
+            }
+            Command::Expel { worker, session } => {
+                self.hang_up(&worker, session);
+                self.scheduler.expel(now, &worker, session);
             }
             Command::Complete { completed, reply } => {
                 let (worker, job) = (completed.worker.clone(), completed.job.clone());

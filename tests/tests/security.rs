@@ -3,15 +3,19 @@
 use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, tiny_job};
 use proto::credentials::{Credentials, Sources};
 use proto::dial::{Dial, Way, reason};
+use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::worker_service_client::WorkerServiceClient;
-use proto::v1::{CompleteRequest, GetResultRequest, ListJobsRequest, ListJobsResponse, SubmitJobRequest};
+use proto::v1::{
+    CompleteRequest, GetJobRequest, GetResultRequest, JobEvent, ListJobsRequest, ListJobsResponse, SubmitJobRequest,
+    WatchJobRequest,
+};
 use std::error::Error as _;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
-use tonic::{Code, Status};
+use tonic::{Code, Status, Streaming};
 
 /// A process of the test's own that is killed when it is dropped.
 struct Started(Child);
@@ -110,6 +114,11 @@ async fn submit(way: Way, request_id: &str, job_toml: String) -> Result<String, 
     Ok(answer.job.expect("the answer has the job").id)
 }
 
+async fn watch(way: Way, id: &str) -> Streaming<JobEvent> {
+    let request = WatchJobRequest { id: id.to_owned(), after: 0 };
+    JobServiceClient::new(way).watch_job(request).await.expect("a stream").into_inner()
+}
+
 async fn complete(way: Way) -> Result<(), Status> {
     WorkerServiceClient::new(way).complete(CompleteRequest::default()).await.map(drop)
 }
@@ -123,7 +132,7 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     let mut cluster = Cluster::new();
     let coordinator = cluster.coordinator();
     let mut command = cluster.shown(cluster.program("worker"), "worker");
-    let worker = Started(command.args(["--slots", "2"]).stderr(cluster.log("worker.log")).spawn().unwrap());
+    let mut worker = Started(command.args(["--slots", "2"]).stderr(cluster.log("worker.log")).spawn().unwrap());
 
     // The whole way of a small job, with the command line's own client.
     let job = cluster.sandbox.path().join("job.toml");
@@ -179,15 +188,41 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     let output = command.env("EVOGAIT_TOKEN_FILE", cluster.cert("client.token")).output().unwrap();
     assert!(text(&output).contains("not signed by the CA that --ca names"), "{}", text(&output));
 
-    // A token that is taken away is good for nothing as soon as the file is read again.
+    // A token that is taken away is good for nothing as soon as the file is read again, nor is what was opened with it.
+    let id = submit(client(), "long", tiny_job(23, 1000)).await.unwrap();
+    let mut watched = watch(client(), &id).await;
+    let mut by_admin = watch(admin(), &id).await;
+    while !matches!(watched.message().await.unwrap().unwrap().event, Some(Event::GenerationSealed(_))) {}
     let tokens = fs::read_to_string(cluster.cert("tokens")).unwrap();
-    let without: String = tokens.lines().filter(|l| !l.starts_with("client")).map(|l| format!("{l}\n")).collect();
+    let without: String = tokens.lines().filter(|l| l.starts_with("admin")).map(|l| format!("{l}\n")).collect();
     fs::write(cluster.cert("tokens"), without).unwrap();
     hang_up(&cluster, "the tokens were read again");
     assert_eq!(code(list(client()).await), Code::Unauthenticated);
     assert_eq!(code(list(admin()).await), Code::Ok);
-
-    drop(worker);
+    let end = tokio::time::timeout(PATIENCE, async {
+        loop {
+            match watched.message().await {
+                Ok(Some(_)) => {}
+                end => return end,
+            }
+        }
+    });
+    assert_eq!(code(end.await.expect("the stream ends")), Code::Unauthenticated);
+    let start = Instant::now();
+    let ended = loop {
+        match worker.0.try_wait().unwrap() {
+            Some(ended) => break ended,
+            None => tokio::time::sleep(Duration::from_millis(10)).await,
+        }
+        assert!(start.elapsed() < PATIENCE, "the worker goes on");
+    };
+    assert_eq!(ended.code(), Some(1), "a worker without a token has no place");
+    assert!(by_admin.message().await.unwrap().is_some(), "others stay");
+    let request = GetJobRequest { id: id.clone() };
+    let answer = JobServiceClient::new(admin()).get_job(request).await.unwrap().into_inner();
+    let (job, standing) = (answer.job.unwrap(), answer.standing.unwrap());
+    assert!(standing.held.is_empty() && standing.attempts.is_empty(), "back at once, and at no cost: {standing:?}");
+    assert!(job.reason.contains("none is connected"), "{}", job.reason);
     assert_eq!(coordinator.terminate(), Some(0));
     // Nobody wrote a secret down.
     for log in ["coordinator.log", "worker.log", "evogait.log"] {

@@ -1,6 +1,6 @@
 //! The layer before all services that asks for tokens.
 
-use super::{Access, admit};
+use super::{Access, Caller, admit};
 use crate::door::Visit;
 use crate::seldom::Seldom;
 use std::future::ready;
@@ -38,12 +38,17 @@ where
         self.inner.poll_ready(cx)
     }
 
-    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
+    fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
         let visit = Visit::of(request.extensions());
         match admit(self.access.as_deref(), request.uri().path(), request.headers()) {
-            Ok(known) => {
-                if known && let Some(visit) = visit {
+            Ok(caller) => {
+                if caller.is_known()
+                    && let Some(visit) = visit
+                {
                     visit.is_known();
+                }
+                if let Caller::Holder(pass) = caller {
+                    request.extensions_mut().insert(pass);
                 }
                 Box::pin(self.inner.call(request))
             }

@@ -1,10 +1,12 @@
 //! Who may call what: tokens with roles, checked before a request is read.
 
 mod guard;
+mod pass;
 mod rules;
 mod tokens;
 
 pub(crate) use guard::layer;
+pub(crate) use pass::{Pass, Passing};
 pub use rules::Role;
 pub use tokens::{Access, TokensError};
 
@@ -13,23 +15,46 @@ use http::header::AUTHORIZATION;
 use rules::Rule;
 use tonic::Status;
 
-/// Whether a call may be made, and whether whoever makes it is known from now on. Without `access` everybody may do
-/// everything.
-fn admit(access: Option<&Access>, path: &str, headers: &HeaderMap) -> Result<bool, Status> {
+/// Whoever makes a call.
+enum Caller {
+    /// Where no tokens are asked for.
+    Trusted,
+    /// Of a method that is for everybody.
+    Stranger,
+    /// Of a token that is good for the call.
+    Holder(Pass),
+}
+
+impl Caller {
+    /// Whether the connection may stay.
+    fn is_known(&self) -> bool {
+        !matches!(self, Self::Stranger)
+    }
+}
+
+/// Whether a call may be made, and by whom. Without `access` everybody may do everything.
+fn admit(access: Option<&Access>, path: &str, headers: &HeaderMap) -> Result<Caller, Status> {
     let Some(access) = access else {
-        return Ok(true);
+        return Ok(Caller::Trusted);
     };
     // What no rule names is for those who may do everything: a method that was forgotten is closed, not open.
     let rule = rules::of(path).unwrap_or(Rule::Only(Role::Admin));
     if rule == Rule::Anybody {
-        return Ok(false);
+        return Ok(Caller::Stranger);
     }
     let Some(token) = bearer(headers) else {
         return Err(Status::unauthenticated(
             "this coordinator asks for a token: give one with --token-file FILE or in EVOGAIT_TOKEN",
         ));
     };
-    let Some(role) = access.role(token) else {
+    let digest = tokens::digest(token);
+    judge(access.role_of(&digest), rule, path)?;
+    Ok(Caller::Holder(Pass::new(digest, rule, path, access.tokens())))
+}
+
+/// Whether a token with this role, if it is known at all, is good for a method.
+fn judge(role: Option<Role>, rule: Rule, path: &str) -> Result<(), Status> {
+    let Some(role) = role else {
         return Err(Status::unauthenticated(
             "the token is none of those that this coordinator knows: ask whoever runs it for a new one",
         ));
@@ -39,7 +64,7 @@ fn admit(access: Option<&Access>, path: &str, headers: &HeaderMap) -> Result<boo
             "{} needs a token with the role {needed}: this one has the role {role}",
             path.trim_start_matches('/')
         ))),
-        _ => Ok(true),
+        _ => Ok(()),
     }
 }
 
@@ -66,7 +91,7 @@ mod tests {
         for value in values {
             headers.append(AUTHORIZATION, value.parse().unwrap());
         }
-        admit(Some(&access), path, &headers).map_err(|status| status.code())
+        admit(Some(&access), path, &headers).map(|caller| caller.is_known()).map_err(|status| status.code())
     }
 
     /// What each role may do of every method there is.
@@ -103,7 +128,7 @@ mod tests {
         assert_eq!(code(complete, &["Bearer worker-token-0123456"]), Ok(true));
         let access = Access::parse(TOKENS).unwrap();
         let headers = [(AUTHORIZATION, "Bearer worker-token-0123456".parse().unwrap())].into_iter().collect();
-        let refused = admit(Some(&access), submit, &headers).unwrap_err();
+        let refused = admit(Some(&access), submit, &headers).err().expect("a worker can't submit");
         assert!(refused.message().contains("role client") && refused.message().contains("role worker"), "{refused}");
     }
 
@@ -135,6 +160,7 @@ mod tests {
 
     #[test]
     fn without_tokens_everybody_may_do_everything() {
-        assert_eq!(admit(None, "/evogait.v1.JobService/SubmitJob", &HeaderMap::new()).ok(), Some(true));
+        let caller = admit(None, "/evogait.v1.JobService/SubmitJob", &HeaderMap::new());
+        assert!(matches!(caller, Ok(Caller::Trusted)));
     }
 }

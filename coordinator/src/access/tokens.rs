@@ -14,19 +14,30 @@ use sha2::{Digest as _, Sha256};
 use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
+use tokio::sync::watch;
 
 /// Most tokens of a file.
 pub const MAX_TOKENS: usize = 10_000;
 
 /// Digests of tokens, with what each is good for. Looked up by the digest of what a caller sends: how long that takes
 /// tells about digests, from which no token can be found.
-type Table = HashMap<[u8; 32], Role>;
+pub(super) type Table = HashMap<TokenDigest, Role>;
+
+/// SHA-256 of a token.
+pub(super) type TokenDigest = [u8; 32];
+
+/// The tokens as they are, and word of it when they change.
+pub(super) type Tokens = watch::Receiver<Arc<Table>>;
+
+pub(super) fn digest(token: &[u8]) -> TokenDigest {
+    Sha256::digest(token).into()
+}
 
 /// The tokens that a coordinator knows. They can be read again while it runs.
 pub struct Access {
     file: PathBuf,
-    table: RwLock<Arc<Table>>,
+    table: watch::Sender<Arc<Table>>,
 }
 
 impl fmt::Debug for Access {
@@ -76,37 +87,41 @@ pub enum TokensError {
 impl Access {
     /// Reads a file.
     pub fn read(file: &Path) -> Result<Self, TokensError> {
-        Ok(Self { file: file.to_owned(), table: RwLock::new(Arc::new(table(file)?)) })
+        Ok(Self { file: file.to_owned(), table: watch::Sender::new(Arc::new(table(file)?)) })
     }
 
     /// Takes the text of a file.
     pub fn parse(text: &str) -> Result<Self, TokensError> {
         let file = PathBuf::from("the tokens");
         let table = parse(&file, text)?;
-        Ok(Self { file, table: RwLock::new(Arc::new(table)) })
+        Ok(Self { file, table: watch::Sender::new(Arc::new(table)) })
     }
 
-    /// Reads the file again; on an error all stays as it was. Tells how many tokens there are.
+    /// Reads the file again; on an error all stays as it was. Tells how many tokens there are. Streams that were opened
+    /// with a token that is gone end.
     pub fn reload(&self) -> Result<usize, TokensError> {
         let table = Arc::new(table(&self.file)?);
         let count = table.len();
-        *self.table.write().unwrap_or_else(PoisonError::into_inner) = table;
+        self.table.send_replace(table);
         Ok(count)
     }
 
     /// How many tokens there are.
     pub fn count(&self) -> usize {
-        self.table().len()
+        self.table.borrow().len()
     }
 
     /// What a token is good for.
     pub fn role(&self, token: &[u8]) -> Option<Role> {
-        let digest: [u8; 32] = Sha256::digest(token).into();
-        self.table().get(&digest).copied()
+        self.role_of(&digest(token))
     }
 
-    fn table(&self) -> Arc<Table> {
-        self.table.read().unwrap_or_else(PoisonError::into_inner).clone()
+    pub(super) fn role_of(&self, token: &TokenDigest) -> Option<Role> {
+        self.table.borrow().get(token).copied()
+    }
+
+    pub(super) fn tokens(&self) -> Tokens {
+        self.table.subscribe()
     }
 }
 

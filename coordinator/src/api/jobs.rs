@@ -1,6 +1,7 @@
 //! JobService: what a client says to the coordinator.
 
 use super::{Api, at_most, id, no_nul, store_failed};
+use crate::access::{Pass, Passing};
 use crate::actor::{Command, SubmitError};
 use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
 use crate::record::{JobId, JobRecord, JobState, ended};
@@ -149,7 +150,7 @@ fn other_body(request_id: &str, job: &JobId) -> Status {
 
 #[tonic::async_trait]
 impl JobService for Api {
-    type WatchJobStream = ReceiverStream<Result<JobEvent, Status>>;
+    type WatchJobStream = Passing<ReceiverStream<Result<JobEvent, Status>>>;
 
     async fn submit_job(&self, request: Request<SubmitJobRequest>) -> Result<Response<SubmitJobResponse>, Status> {
         let request = request.into_inner();
@@ -222,6 +223,7 @@ impl JobService for Api {
     }
 
     async fn watch_job(&self, request: Request<WatchJobRequest>) -> Result<Response<Self::WatchJobStream>, Status> {
+        let pass = Pass::of(request.extensions());
         let WatchJobRequest { id, after } = request.into_inner();
         let (record, _) = self.stored(&id).await?;
         if after > record.last_event {
@@ -230,7 +232,7 @@ impl JobService for Api {
                 record.last_event
             )));
         }
-        Ok(Response::new(self.watch(record.id, after, self.gates.watchers.pass()?)))
+        Ok(Response::new(pass.over(self.watch(record.id, after, self.gates.watchers.pass()?))))
     }
 
     async fn cancel_job(&self, request: Request<CancelJobRequest>) -> Result<Response<CancelJobResponse>, Status> {

@@ -1,6 +1,7 @@
 //! WorkerService: what a worker says to the coordinator.
 
 use super::{Api, hello, id};
+use crate::access::Pass;
 use crate::actor::Command;
 use crate::limits::{HELLO_WITHIN, MAX_RUNNING};
 use crate::record::JobId;
@@ -29,6 +30,7 @@ impl WorkerService for Api {
     ) -> Result<Response<Self::SessionStream>, Status> {
         let waiting = self.gates.hellos.pass()?;
         let address = request.remote_addr().map(|a| a.to_string()).unwrap_or_default();
+        let pass = Pass::of(request.extensions());
         let mut inbound = request.into_inner();
         let first = tokio::time::timeout(HELLO_WITHIN, inbound.message()).await.map_err(|_| {
             Status::deadline_exceeded(format!("the worker did not say Hello within {} s", HELLO_WITHIN.as_secs()))
@@ -42,12 +44,13 @@ impl WorkerService for Api {
         drop(waiting);
         let (outbox, messages) = mpsc::unbounded_channel();
         let session = self.ask(|reply| Command::Connect { greeting, outbox, reply }).await?;
+        let messages = pass.clone().over(UnboundedReceiverStream::new(messages).map(Ok));
         let api = self.clone();
         tokio::spawn(async move {
-            api.listen(inbound, worker, session).await;
+            api.listen(inbound, pass, worker, session).await;
             drop(place);
         });
-        Ok(Response::new(Box::pin(UnboundedReceiverStream::new(messages).map(Ok))))
+        Ok(Response::new(Box::pin(messages)))
     }
 
     async fn complete(&self, request: Request<CompleteRequest>) -> Result<Response<CompleteResponse>, Status> {
@@ -66,13 +69,29 @@ impl WorkerService for Api {
 }
 
 impl Api {
-    /// Passes on what a worker says, until its connection ends.
-    async fn listen(&self, mut inbound: Streaming<WorkerMessage>, worker: WorkerId, session: SessionId) {
+    /// Passes on what a worker says, until its connection ends or its token is taken away.
+    async fn listen(
+        &self,
+        mut inbound: Streaming<WorkerMessage>,
+        mut pass: Pass,
+        worker: WorkerId,
+        session: SessionId,
+    ) {
         let mut stop = self.stopping.clone();
         loop {
             let received = tokio::select! {
-                received = inbound.message() => received,
+                received = inbound.message() => Ok(received),
+                status = pass.ended() => Err(status),
                 _ = stop.wait_for(|stop| *stop) => return,
+            };
+            let received = match received {
+                Ok(received) => received,
+                Err(status) => {
+                    tracing::warn!(%worker, reason = status.message(), "a session is closed");
+                    // If the actor has gone there is nothing to take back.
+                    let _ = self.commands.send(Command::Expel { worker, session }).await;
+                    return;
+                }
             };
             let worker = worker.clone();
             let command = match received {

@@ -1,8 +1,9 @@
-//! Machines that go away at a time that is known: they get what fits before it, and are told to stop in time.
+//! Workers that have to go: machines that go away at a time that is known get what fits before it, and are told to stop in
+//! time; who may not stay goes at once.
 
 use super::fair::UNKNOWN_COST;
 use super::notes::LeaseEnd;
-use super::worker::{Worker, WorkerId};
+use super::worker::{SessionId, Worker, WorkerId};
 use super::{Action, Message, Now, Scheduler};
 use std::time::Duration;
 
@@ -17,6 +18,17 @@ impl Scheduler {
     /// When a worker is told to stop: early enough to deliver what it has.
     pub(super) fn stops(&self, worker: &Worker) -> Option<Duration> {
         worker.ends.map(|ends| ends.saturating_sub(self.settings.farewell()))
+    }
+
+    /// A worker may not go on in this session: what it has goes to others at once, and nothing is to blame.
+    pub fn expel(&mut self, now: Now, id: &WorkerId, session: SessionId) {
+        let Some(worker) = self.session(id, session) else { return };
+        for assignment in worker.held.clone() {
+            self.release(assignment, LeaseEnd::Drained);
+        }
+        self.workers.remove(id);
+        self.room.workers_changed();
+        self.dispatch(now);
     }
 
     /// Drains the workers whose machines are about to go away. What they compute may still be delivered.

@@ -65,7 +65,7 @@ pub enum LeaseEnd {
     Lost,
     /// Its worker does not know of it.
     Undelivered,
-    /// Its worker will stop.
+    /// Its worker will stop, or may not go on.
     Drained,
     /// Its worker can't run it.
     Rejected,

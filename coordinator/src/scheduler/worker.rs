@@ -287,7 +287,7 @@ impl Scheduler {
         }
     }
 
-    fn session(&self, id: &WorkerId, session: SessionId) -> Option<&Worker> {
+    pub(super) fn session(&self, id: &WorkerId, session: SessionId) -> Option<&Worker> {
         self.workers.get(id).filter(|w| w.session == Some(session))
     }
 }

@@ -50,6 +50,7 @@ enum Step {
         moves: bool,
     },
     Drain(u8),
+    Expel(u8),
     Reject(usize),
     Fail(usize),
     Pass(u64),
@@ -77,7 +78,8 @@ fn step() -> impl Strategy<Value = Step> {
         2 => worker.clone().prop_map(Step::Disconnect),
         3 => worker.clone().prop_map(Step::Reconnect),
         8 => (worker.clone(), any::<bool>()).prop_map(|(worker, moves)| Step::Heartbeat { worker, moves }),
-        1 => worker.prop_map(Step::Drain),
+        1 => worker.clone().prop_map(Step::Drain),
+        1 => worker.prop_map(Step::Expel),
         1 => any::<usize>().prop_map(Step::Reject),
         1 => any::<usize>().prop_map(Step::Fail),
         5 => (1u64..6).prop_map(Step::Pass),
@@ -228,6 +230,11 @@ impl World {
             Step::Drain(worker) => {
                 if let Some(session) = self.sessions.get(&worker) {
                     self.rig.scheduler.drain(now, &worker_id(worker), *session, &[]);
+                }
+            }
+            Step::Expel(worker) => {
+                if let Some(session) = self.sessions.get(&worker) {
+                    self.rig.scheduler.expel(now, &worker_id(worker), *session);
                 }
             }
             Step::Reject(pick) => {

@@ -1,0 +1,143 @@
+//! What a call was let in with, for as long as it lasts: a stream ends when its token is taken away.
+
+use super::judge;
+use super::rules::Rule;
+use super::tokens::{TokenDigest, Tokens};
+use std::future::pending;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+use tokio_stream::Stream;
+use tonic::{Extensions, Status};
+
+/// Vouches for a call. One without a token, where none is asked for, is good for ever.
+#[derive(Clone, Default)]
+pub(crate) struct Pass(Option<Held>);
+
+#[derive(Clone)]
+struct Held {
+    token: TokenDigest,
+    rule: Rule,
+    path: Arc<str>,
+    tokens: Tokens,
+}
+
+impl Pass {
+    pub(super) fn new(token: TokenDigest, rule: Rule, path: &str, tokens: Tokens) -> Self {
+        Self(Some(Held { token, rule, path: path.into(), tokens }))
+    }
+
+    /// That of a request.
+    pub fn of(extensions: &Extensions) -> Self {
+        extensions.get::<Self>().cloned().unwrap_or_default()
+    }
+
+    /// Waits until it is good no more, and says why; for ever if that never happens.
+    pub async fn ended(&mut self) -> Status {
+        let Some(Held { token, rule, path, tokens }) = &mut self.0 else { return pending().await };
+        loop {
+            let role = tokens.borrow_and_update().get(token).copied();
+            if let Err(status) = judge(role, *rule, path) {
+                return status;
+            }
+            if tokens.changed().await.is_err() {
+                return pending().await;
+            }
+        }
+    }
+
+    /// A stream that ends with this pass.
+    pub fn over<S>(mut self, stream: S) -> Passing<S> {
+        Passing { stream, ended: Some(Box::pin(async move { self.ended().await })) }
+    }
+}
+
+/// A stream that ends when its [`Pass`] does, with the reason.
+pub(crate) struct Passing<S> {
+    stream: S,
+    /// `None` once it has.
+    ended: Option<Pin<Box<dyn Future<Output = Status> + Send>>>,
+}
+
+impl<S, T> Stream for Passing<S>
+where
+    S: Stream<Item = Result<T, Status>> + Unpin,
+{
+    type Item = Result<T, Status>;
+
+    fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        let Some(ended) = &mut self.ended else { return Poll::Ready(None) };
+        if let Poll::Ready(status) = ended.as_mut().poll(cx) {
+            self.ended = None;
+            return Poll::Ready(Some(Err(status)));
+        }
+        let next = ready!(Pin::new(&mut self.stream).poll_next(cx));
+        Poll::Ready(next)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Access, Caller, admit};
+    use super::*;
+    use http::HeaderMap;
+    use http::header::AUTHORIZATION;
+    use std::time::Duration;
+    use tokio_stream::StreamExt as _;
+    use tonic::Code;
+
+    const OLD: &str = "worker old-token-0123456789\n";
+    const NEW: &str = "worker new-token-0123456789\n";
+
+    fn session(access: &Access) -> Pass {
+        let headers: HeaderMap =
+            [(AUTHORIZATION, "Bearer old-token-0123456789".parse().unwrap())].into_iter().collect();
+        match admit(Some(access), "/evogait.v1.WorkerService/Session", &headers) {
+            Ok(Caller::Holder(pass)) => pass,
+            _ => panic!("it is a worker's token"),
+        }
+    }
+
+    #[tokio::test]
+    async fn a_stream_ends_when_its_token_goes_and_not_before() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let write = |text: String| std::fs::write(file.path(), text).unwrap();
+        write(OLD.to_owned());
+        let access = Access::read(file.path()).unwrap();
+        let (said, heard) = tokio::sync::mpsc::unbounded_channel::<Result<u8, Status>>();
+        let mut stream = session(&access).over(tokio_stream::wrappers::UnboundedReceiverStream::new(heard));
+        let silent = Duration::from_millis(20);
+
+        // Another one beside it, and a file that can't be read: nothing happens.
+        write(format!("{OLD}{NEW}"));
+        access.reload().unwrap();
+        write("worker".to_owned());
+        access.reload().unwrap_err();
+        assert!(tokio::time::timeout(silent, stream.next()).await.is_err());
+        said.send(Ok(7)).unwrap();
+        assert_eq!(stream.next().await.unwrap().unwrap(), 7);
+
+        write(NEW.to_owned());
+        access.reload().unwrap();
+        said.send(Ok(8)).unwrap();
+        assert_eq!(stream.next().await.unwrap().unwrap_err().code(), Code::Unauthenticated);
+        assert!(stream.next().await.is_none());
+    }
+
+    #[tokio::test]
+    async fn a_token_of_another_role_is_good_for_nothing_of_its_old_one() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), OLD).unwrap();
+        let access = Access::read(file.path()).unwrap();
+        let mut pass = session(&access);
+        std::fs::write(file.path(), OLD.replace("worker", "client")).unwrap();
+        access.reload().unwrap();
+        assert_eq!(pass.ended().await.code(), Code::PermissionDenied);
+    }
+
+    #[tokio::test]
+    async fn without_tokens_nothing_ends() {
+        let mut pass = Pass::of(&Extensions::default());
+        assert!(tokio::time::timeout(Duration::from_millis(20), pass.ended()).await.is_err());
+    }
+}
