@@ -57,6 +57,9 @@ impl Journal {
                 let (generation, candidate) = (range.round, range.first);
                 tracing::warn!(%job, generation, candidate, attempts, why, epoch, "task charged with an attempt");
             }
+            Note::TakenBack { worker, job, charges } => {
+                tracing::info!(%job, %worker, charges, epoch, "worker was only cut off: its charges are taken back");
+            }
         }
     }
 

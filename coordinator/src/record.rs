@@ -1,12 +1,15 @@
 //! What is known of a job, as scheduler, store and API share it.
 
+mod charge;
 mod dispute;
 mod outcome;
 
+pub use charge::Charge;
 pub use dispute::{Claim, Dispute, Ruling, Source, Subject};
 pub(crate) use outcome::StoredOutcome;
 pub use proto::v1::JobState;
 
+use charge::{StoredCharge, charges_of};
 use dispute::StoredDispute;
 use proto::{ConvertError, v1};
 use sim_core::identity::{Digest, ResultDigest};
@@ -79,6 +82,10 @@ pub struct JobRecord {
     pub job_digest: Digest,
     /// The engine it needs.
     pub engine_digest: Digest,
+    /// The version of evogait that took it in; empty if that did not say.
+    pub version: String,
+    /// [`sim_core::optimise::REVISION`] of that version.
+    pub search_revision: u32,
     /// Candidates a generation.
     pub population: u32,
     /// Generations sealed.
@@ -108,9 +115,9 @@ pub struct JobRecord {
     /// Tasks of which workers gave different bits: all that are not decided, those of the round at hand, and the newest
     /// of the others.
     pub disputes: Vec<Dispute>,
-    /// Tasks of the round at hand that are worked on alone, since they were part of a range that crashed or failed, and
-    /// how often each did so alone.
-    pub suspects: BTreeMap<u32, u32>,
+    /// What is held against tasks of the round at hand. Those are worked on alone, and those that failed alone too often
+    /// end the job.
+    pub charges: Vec<Charge>,
     /// The task that ended it by failing too often.
     pub poisoned: Option<v1::Poisoned>,
     /// Unix time, ms.
@@ -177,7 +184,10 @@ impl JobRecord {
             scores_digest: self.scores_digest.value().0.to_vec(),
             result_digest: self.result_digest.map(|d| d.0.to_vec()).unwrap_or_default(),
             disputes: self.disputes.iter().map(Dispute::to_stored).collect(),
-            suspects: self.suspects.clone(),
+            charges: self.charges.iter().map(Into::into).collect(),
+            suspects: BTreeMap::new(),
+            version: self.version.clone(),
+            search_revision: self.search_revision,
         }
     }
 
@@ -193,6 +203,9 @@ impl JobRecord {
             job_digest: proto::digest("job_digest", &job.job_digest)?,
             engine_digest: proto::digest("engine_digest", &job.engine_digest)?,
             name: job.name,
+            version: stored.version,
+            // Before it was stored there was only one.
+            search_revision: stored.search_revision.max(1),
             population: job.population,
             generations_done: job.generations_done,
             generations_total: job.generations_total,
@@ -209,7 +222,7 @@ impl JobRecord {
                 .restarted_from
                 .map(|origin| Origin { job: origin.job_id.as_str().into(), generations: origin.generations }),
             disputes: stored.disputes.into_iter().map(Dispute::from_stored).collect::<Result<_, _>>()?,
-            suspects: stored.suspects,
+            charges: charges_of(&stored.suspects).chain(stored.charges.into_iter().map(Into::into)).collect(),
             poisoned: job.poisoned,
             submitted_at_ms: job.submitted_at_ms,
             started_at_ms: job.started_at_ms,
@@ -245,6 +258,13 @@ pub(crate) struct StoredRecord {
     winner: Option<v1::ScoredCandidate>,
     #[prost(message, repeated, tag = "9")]
     disputes: Vec<StoredDispute>,
+    /// Of older versions.
     #[prost(btree_map = "uint32, uint32", tag = "10")]
     suspects: BTreeMap<u32, u32>,
+    #[prost(string, tag = "11")]
+    version: String,
+    #[prost(uint32, tag = "12")]
+    search_revision: u32,
+    #[prost(message, repeated, tag = "13")]
+    charges: Vec<StoredCharge>,
 }

@@ -15,7 +15,6 @@ use sim_core::optimise::archive::Archive;
 use sim_core::optimise::{BadState, Optimiser};
 use sim_core::report::{Traces, report};
 use sim_core::score::{Counts, Genome, Scored};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -109,6 +108,8 @@ impl ActiveJob {
             state: JobState::Queued,
             job_digest: new.job_digest,
             engine_digest: new.engine_digest,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            search_revision: sim_core::optimise::REVISION,
             population: genomes.len() as u32,
             generations_done: 0,
             generations_total: new.generations,
@@ -123,7 +124,7 @@ impl ActiveJob {
             paused: false,
             restarted_from: None,
             disputes: Vec::new(),
-            suspects: BTreeMap::new(),
+            charges: Vec::new(),
             poisoned: None,
             submitted_at_ms: now.unix_ms,
             started_at_ms: 0,
@@ -192,7 +193,7 @@ impl ActiveJob {
         }
         take_up(&mut job.round, &mut results)?;
         job.apply_rulings();
-        job.round.suspect(&job.record.suspects);
+        job.round.suspect(&job.record.charges);
         match results.first() {
             None => Ok(job),
             Some(StoredRange { round, first, .. }) => {
@@ -326,7 +327,7 @@ impl ActiveJob {
             }
         }
         record.generations_done = number + 1;
-        record.suspects.clear();
+        record.charges.clear();
         self.optimiser.tell(scores);
         self.last = Some(sealed);
     }
@@ -352,7 +353,7 @@ impl ActiveJob {
     /// The archive is examined: the winner follows, and the questions about it.
     fn choose_winner(&mut self, now: Now, found: &Found, answers: &[Done]) -> Write {
         self.fold(answers);
-        self.record.suspects.clear();
+        self.record.charges.clear();
         let before = self.round.clone();
         let state = self.report_on(found, answers);
         self.examined = Some(before);

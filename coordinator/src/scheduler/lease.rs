@@ -4,7 +4,7 @@ use super::notes::{LeaseEnd, Note};
 use super::round::Range;
 use super::worker::WorkerId;
 use super::{Action, Message, Now, Scheduler};
-use crate::record::{JobId, JobState};
+use crate::record::{Charge, JobId, JobState};
 use crate::store::Write;
 use sim_core::finish::Examination;
 use sim_core::score::Genome;
@@ -143,17 +143,19 @@ impl Scheduler {
         }
     }
 
-    /// A crash or failure while this was worked on: its tasks are suspects. If it was one task, and it is `sure` that
-    /// nothing else was the reason, that is an attempt; too many of them fail the job.
-    pub(super) fn blame(&mut self, now: Now, lease: &Lease, sure: bool, why: &str) {
+    /// A failure while this was worked on, or the crash of the worker that was `lost` with it: its tasks are suspects. If
+    /// it was one task, and it is `sure` that nothing else was the reason, that is an attempt; too many of them fail the job.
+    pub(super) fn blame(&mut self, now: Now, lease: &Lease, sure: bool, lost: Option<&WorkerId>, why: &str) {
         let Some(job) = self.jobs.get_mut(&lease.job) else { return };
         let range = &lease.range;
         // Done meanwhile by somebody else: not to blame.
         if !job.round.contains(range) || job.round.is_done(range) {
             return;
         }
-        let attempts = job.round.blame(range, sure);
-        job.record.suspects = job.round.suspects();
+        let Range { first, count, .. } = *range;
+        let attempt = sure && count == 1;
+        job.charge(Charge { first, count, attempt, lost: lost.map(|worker| worker.0.clone()) });
+        let attempts = if attempt { job.round.attempts_of(first) } else { 0 };
         if attempts > 0 {
             let (job, range, why) = (lease.job.clone(), *range, why.to_owned());
             self.notes.push(Note::Attempt { job, range, attempts, why });

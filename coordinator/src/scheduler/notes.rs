@@ -56,6 +56,15 @@ pub enum Note {
         /// What happened.
         why: String,
     },
+    /// A worker that was taken for dead lives: what its death was blamed on is not to blame.
+    TakenBack {
+        /// Which.
+        worker: WorkerId,
+        /// Of which job.
+        job: JobId,
+        /// So many charges were taken back: suspicions and attempts.
+        charges: u32,
+    },
 }
 
 /// Why an assignment ended without a result.

@@ -97,6 +97,9 @@ impl Scheduler {
         if self.quarantined.contains_key(&worker) {
             return Verdict::Quarantined;
         }
+        if !self.workers.contains_key(&worker) {
+            self.clear_of_blame(&worker);
+        }
         let lease = self.leases.get(&assignment).filter(|l| l.worker == worker && l.job == id);
         let (own, decides) = (lease.is_some(), lease.is_some_and(|l| l.kind == Kind::Decides));
         let Some(job) = self.jobs.get(&id) else {
@@ -115,7 +118,7 @@ impl Scheduler {
                         // Two others could do it: somebody else, for a while.
                         worker.refused.insert(id.clone(), now.since_start + self.settings.lease);
                     }
-                    self.blame(now, &lease, true, &reason);
+                    self.blame(now, &lease, true, None, &reason);
                 }
                 Verdict::Accepted
             }

@@ -1,11 +1,11 @@
 //! A round of tasks, each pending, leased or done: a generation's candidates, or the examinations that follow the search.
 
 use super::lease::{AssignmentId, Task};
+use crate::record::Charge;
 use proto::limits::MAX_ASSIGNMENT_GENOMES;
 use proto::v1;
 use sim_core::finish::{Done, Examination};
 use sim_core::score::{Counts, Genome};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Tasks `first .. first + count` of a round.
@@ -149,7 +149,7 @@ pub(super) struct Round {
     done: u32,
     /// No task below this one is pending, suspects aside.
     cursor: usize,
-    /// Whether any task was ever suspected.
+    /// Whether any task is suspected.
     suspected: bool,
 }
 
@@ -331,19 +331,32 @@ impl Round {
     }
 
     /// Tasks that are worked on alone, and how often each failed so.
-    pub fn suspects(&self) -> BTreeMap<u32, u32> {
+    #[cfg(test)]
+    pub fn suspects(&self) -> std::collections::BTreeMap<u32, u32> {
         let suspect = |(i, t): (usize, &Entry)| t.alone.then_some((i as u32, t.attempts));
         self.tasks.iter().enumerate().filter_map(suspect).collect()
     }
 
-    /// Takes up what was known of suspects.
-    pub fn suspect(&mut self, suspects: &BTreeMap<u32, u32>) {
-        for (&index, &attempts) in suspects {
-            if let Some(task) = self.tasks.get_mut(index as usize) {
-                self.suspected = true;
-                (task.alone, task.attempts) = (true, attempts);
+    /// Holds this against its tasks, and nothing else.
+    pub fn suspect(&mut self, charges: &[Charge]) {
+        for task in &mut self.tasks {
+            (task.alone, task.attempts) = (false, 0);
+        }
+        for charge in charges {
+            let span = charge.first as usize..charge.first.saturating_add(charge.count) as usize;
+            for task in self.tasks.get_mut(span).unwrap_or_default() {
+                task.alone = true;
+                task.attempts += u32::from(charge.attempt);
             }
         }
+        self.suspected = !charges.is_empty();
+        // Who is no suspect any more may lie below it.
+        self.cursor = 0;
+    }
+
+    /// How often a task crashed or failed alone.
+    pub fn attempts_of(&self, index: u32) -> u32 {
+        self.tasks.get(index as usize).map_or(0, |task| task.attempts)
     }
 
     /// Whether all of a range is done.
@@ -361,20 +374,5 @@ impl Round {
         let Work::Examinations(examinations) = &self.work else { return None };
         let outcomes = self.outcomes()?;
         Some(examinations.iter().cloned().zip(outcomes.into_iter().map(|o| o.scores.clone())).collect())
-    }
-
-    /// A crash or failure while this range was worked on: its tasks are suspects from now on. If it is one task and
-    /// nothing else can be to blame (`sure`), that is an attempt. Returns how many attempts it has had.
-    pub fn blame(&mut self, range: &Range, sure: bool) -> u32 {
-        self.suspected = true;
-        for i in range.indexes() {
-            self.tasks[i as usize].alone = true;
-        }
-        if range.count > 1 || !sure {
-            return 0;
-        }
-        let attempts = &mut self.tasks[range.first as usize].attempts;
-        *attempts += 1;
-        *attempts
     }
 }

@@ -53,6 +53,6 @@ impl Scheduler {
             worker.refused.insert(lease.job.clone(), now.since_start + self.settings.lease);
             name.clone_from(&worker.name);
         }
-        self.blame(now, &lease, true, &format!("worker {name} made no progress with it for {seconds} s"));
+        self.blame(now, &lease, true, None, &format!("worker {name} made no progress with it for {seconds} s"));
     }
 }

@@ -1,10 +1,13 @@
 //! Suspects: tasks that a worker died with. Which of them it was is not known, so each is worked on with nothing beside it
 //! on its worker: only then is the next crash its own, and the innocent are not charged.
 
+use super::job::ActiveJob;
 use super::lease::{Kind, Lease};
+use super::notes::Note;
 use super::worker::{Worker, WorkerId};
-use super::{Now, Scheduler};
-use crate::record::JobId;
+use super::{Action, Now, Scheduler};
+use crate::record::{Charge, JobId};
+use crate::store::Write;
 use std::collections::BTreeSet;
 
 impl Scheduler {
@@ -27,6 +30,18 @@ impl Scheduler {
             }
         }
         kept_free
+    }
+
+    /// A worker lives that may have been taken for dead: it was only cut off, and what its death was blamed on is not to
+    /// blame. A job that has failed by then stays failed.
+    pub(super) fn clear_of_blame(&mut self, worker: &WorkerId) {
+        for (id, job) in &mut self.jobs {
+            let charges = job.take_back(worker);
+            if charges > 0 {
+                self.actions.push(Action::Write(Box::new(Write::Note { record: job.record.clone() })));
+                self.notes.push(Note::TakenBack { worker: worker.clone(), job: id.clone(), charges });
+            }
+        }
     }
 
     /// An idle worker for a suspect, or the one that will be so first.
@@ -54,5 +69,27 @@ impl Scheduler {
         if let Some(worker) = self.workers.get_mut(worker) {
             worker.suspect = Some(assignment);
         }
+    }
+}
+
+impl ActiveJob {
+    /// Holds something against tasks of the round at hand.
+    pub(super) fn charge(&mut self, charge: Charge) {
+        // A suspicion that is there already adds nothing.
+        if charge.attempt || !self.record.charges.contains(&charge) {
+            self.record.charges.push(charge);
+            self.round.suspect(&self.record.charges);
+        }
+    }
+
+    /// Takes back what rests on this worker's death, and tells how much that was.
+    fn take_back(&mut self, worker: &WorkerId) -> u32 {
+        let before = self.record.charges.len();
+        self.record.charges.retain(|charge| charge.lost.as_ref() != Some(&worker.0));
+        let taken_back = before - self.record.charges.len();
+        if taken_back > 0 {
+            self.round.suspect(&self.record.charges);
+        }
+        taken_back as u32
     }
 }

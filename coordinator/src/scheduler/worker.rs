@@ -118,6 +118,9 @@ impl Scheduler {
         let held = before.as_ref().map(|w| w.held.clone()).unwrap_or_default();
         let worker = Worker {
             session: Some(session),
+        if before.is_none() {
+            self.clear_of_blame(&greeting.worker);
+        }
             name: greeting.name,
             address: greeting.address,
             slots: greeting.slots,
@@ -269,8 +272,8 @@ impl Scheduler {
             .collect()
     }
 
-    /// A worker is gone. If its connection broke it crashed, and what it did is suspected of having crashed it; if it
-    /// only fell silent (a network that swallows everything), nothing is to blame.
+    /// A worker is gone. If its connection broke it crashed, and what it did is suspected of having crashed it, until it
+    /// should come back; if it only fell silent (a network that swallows everything), nothing is to blame.
     pub(super) fn lose_worker(&mut self, now: Now, id: &WorkerId) {
         let Some(worker) = self.workers.remove(id) else { return };
         self.room.workers_changed();
@@ -282,7 +285,7 @@ impl Scheduler {
             if let Some(lease) = self.release(assignment, LeaseEnd::Lost)
                 && crashed
             {
-                self.blame(now, &lease, alone, &format!("worker {} died with it", worker.name));
+                self.blame(now, &lease, alone, Some(id), &format!("worker {} died with it", worker.name));
             }
         }
     }

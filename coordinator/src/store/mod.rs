@@ -67,7 +67,7 @@ pub enum Write {
         /// What is told.
         event: v1::JobEvent,
     },
-    /// What nobody watches of a job changed: suspects.
+    /// What nobody watches of a job changed: what is held against its tasks.
     Note {
         /// The job after it.
         record: JobRecord,

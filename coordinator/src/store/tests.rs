@@ -3,7 +3,7 @@
 pub(crate) mod places;
 
 use super::*;
-use crate::record::{Claim, Dispute, Origin, Ruling, Source, Subject};
+use crate::record::{Charge, Claim, Dispute, Origin, Ruling, Source, Subject};
 use places::{Database, File, Reopen, open_file};
 use proto::v1::job_event::Event;
 use sim_core::finish::{Examination, Question};
@@ -25,6 +25,8 @@ pub(crate) fn record(number: u64) -> JobRecord {
         state: JobState::Queued,
         job_digest: digest,
         engine_digest: Digest([2; 32]),
+        version: "0.9.9".to_owned(),
+        search_revision: 4,
         population: 4,
         generations_done: 0,
         generations_total: 2,
@@ -39,7 +41,7 @@ pub(crate) fn record(number: u64) -> JobRecord {
         paused: false,
         restarted_from: None,
         disputes: Vec::new(),
-        suspects: Default::default(),
+        charges: Vec::new(),
         poisoned: None,
         submitted_at_ms: 1_000,
         started_at_ms: 0,
@@ -194,7 +196,10 @@ on_every_store! {
             paused: true,
             restarted_from: Some(Origin { job: "j0-x".into(), generations: 4 }),
             disputes: vec![dispute, asked],
-            suspects: [(0, 2), (7, 0)].into(),
+            charges: vec![
+                Charge { first: 0, count: 1, attempt: true, lost: Some("w".into()) },
+                Charge { first: 3, count: 5, attempt: false, lost: None },
+            ],
             poisoned: Some(poisoned),
             ..job.clone()
         };

@@ -14,6 +14,11 @@ pub use spec::OptimiserSpec;
 use crate::random::{Purpose, Stream};
 use crate::score::{Direction, Genome};
 
+/// Raised by hand when a change of ours alters what a coordinator computes for a job: candidates, archive, what is
+/// examined and who wins. Raise the engines' revision with it: that one makes it another job, this one tells a coordinator
+/// that it can't go on with a job of an older one.
+pub const REVISION: u32 = 1;
+
 /// The box that genomes live in: one (low, high) a parameter, low < high.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bounds(pub Vec<(f64, f64)>);

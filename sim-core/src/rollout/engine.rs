@@ -40,7 +40,8 @@ pub fn engine(kind: EngineKind) -> &'static dyn Engine {
     }
 }
 
-/// Raised by hand when a change of ours alters results: rollouts, planner, fitness or optimisers.
+/// Raised by hand when a change of ours alters results: rollouts, planner, fitness or optimisers; for the latter raise
+/// `optimise::REVISION`, too.
 const REVISION: u32 = 2;
 
 /// The exact versions of the crates whose arithmetic enters results; `tests/versions.rs` holds them to `Cargo.lock`.

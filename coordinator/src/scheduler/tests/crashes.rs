@@ -32,6 +32,11 @@ fn run_until_poisoned(rig: &mut Rig, job: &JobId, slots: u32, poison: u32, resta
     panic!("the job does not end");
 }
 
+/// Tasks that are worked on alone, and how often each failed so.
+fn suspects(rig: &Rig, job: &JobId) -> BTreeMap<u32, u32> {
+    rig.scheduler.jobs[job].round.suspects()
+}
+
 #[test]
 fn a_crash_beside_others_charges_nobody_and_the_culprit_is_found_alone() {
     for restarts in [false, true] {
@@ -55,9 +60,9 @@ fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
     rig.scheduler.disconnect(rig.now, &WorkerId("dies".into()), session);
     rig.given.clear();
     rig.advance(LEASE);
-    let suspects = rig.stored(&job).suspects.len() + rig.stored(&other).suspects.len();
+    let suspects = suspects(&rig, &job).len() + suspects(&rig, &other).len();
     assert!(suspects > 8, "{suspects}");
-    assert!(rig.stored(&job).suspects.values().all(|attempts| *attempts == 0), "in company nobody is charged");
+    assert!(rig.stored(&job).charges.iter().all(|charge| !charge.attempt), "in company nobody is charged");
 
     rig.connect("x", 4);
     rig.connect("y", 4);
@@ -82,13 +87,91 @@ fn attempts_and_suspicions_survive_a_restart_and_end_with_the_round() {
     rig.complete(given.completed(Delivery::Failure("why".to_owned())));
     rig.given.clear();
     rig.restart(|_| 2);
-    assert_eq!(rig.stored(&job).suspects, [(0, 1)].into());
-    assert_eq!(rig.scheduler.jobs[&job].round.suspects(), [(0, 1)].into());
+    assert_eq!(suspects(&rig, &job), [(0, 1)].into());
     rig.connect("v", 1);
     while rig.stored(&job).generations_done == 0 {
         let given = rig.take().unwrap();
         let delivery = given.delivery();
         rig.complete(given.completed(delivery));
     }
-    assert!(rig.stored(&job).suspects.is_empty(), "another generation is another matter");
+    assert!(rig.stored(&job).charges.is_empty(), "another generation is another matter");
+}
+
+/// The worker's connection breaks, and its lease runs out before it is back.
+fn cut_off(rig: &mut Rig, id: &str, session: SessionId) {
+    rig.scheduler.disconnect(rig.now, &WorkerId(id.into()), session);
+    rig.advance(LEASE);
+    assert!(!rig.scheduler.workers.contains_key(&WorkerId(id.into())), "it is taken for dead");
+}
+
+/// The same worker is back, and says what it still works on.
+fn back(rig: &mut Rig, id: &str, slots: u32) -> SessionId {
+    let mine = rig.given.iter().filter(|g| &*g.worker.0 == id);
+    let running = mine.map(|g| (g.assignment, g.job.clone(), g.range())).collect();
+    let welcome = rig.scheduler.connect(rig.now, Greeting { running, ..greeting(id, slots) });
+    rig.given.retain(|g| !welcome.drop.contains(&g.assignment));
+    rig.settle();
+    welcome.session
+}
+
+#[test]
+fn a_worker_that_was_only_cut_off_blames_nobody_however_often() {
+    for restarts in [false, true] {
+        let mut rig = Rig::new();
+        let job = rig.submit("a", 1, 2);
+        let mut session = rig.connect("w", 1);
+        for _ in 0..2 * MAX_ATTEMPTS {
+            cut_off(&mut rig, "w", session);
+            assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "for all that is known it died with it");
+            if restarts {
+                rig.restart(|_| 1);
+                assert_eq!(suspects(&rig, &job), [(0, 1)].into());
+            }
+            session = back(&mut rig, "w", 1);
+            assert_eq!(suspects(&rig, &job), [].into());
+            assert!(rig.stored(&job).charges.is_empty(), "that is stored, too");
+            assert_eq!(leased(&rig, &job), 1, "it goes on with what it had");
+        }
+        rig.work_off();
+        assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 1, 2)), "restarts: {restarts}");
+    }
+}
+
+#[test]
+fn a_late_result_tells_that_its_worker_lives() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 20, 1);
+    let session = rig.connect("w", 4);
+    cut_off(&mut rig, "w", session);
+    assert!(suspects(&rig, &job).len() > 4, "{:?}", suspects(&rig, &job));
+    let late = rig.take().unwrap();
+    let delivery = late.delivery();
+    assert_eq!(rig.complete(late.completed(delivery)), Verdict::Accepted);
+    assert_eq!(suspects(&rig, &job), [].into(), "what it had beside is not to blame either");
+    rig.given.clear();
+    // Nothing is forgotten, nor handed out one by one.
+    rig.connect("v", 4);
+    assert!(rig.given.iter().any(|g| g.range().count > 1), "{:?}", rig.given);
+    rig.work_off();
+    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 20, 1)));
+}
+
+#[test]
+fn who_comes_back_takes_back_nothing_but_its_own() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 1, 1);
+    let session = rig.connect("dies", 1);
+    cut_off(&mut rig, "dies", session);
+    rig.given.clear();
+    let session = rig.connect("w", 1);
+    cut_off(&mut rig, "w", session);
+    assert_eq!(suspects(&rig, &job), [(0, 2)].into());
+    let session = back(&mut rig, "w", 1);
+    assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "another one did die with it");
+    // What a worker itself tells stays, whatever becomes of it.
+    let given = rig.take_of("w").unwrap();
+    rig.complete(given.completed(Delivery::Failure("why".to_owned())));
+    cut_off(&mut rig, "w", session);
+    back(&mut rig, "w", 1);
+    assert_eq!(suspects(&rig, &job), [(0, 2)].into());
 }

@@ -72,8 +72,13 @@ impl World {
             "a complete round is sealed at once, unless it is in doubt"
         );
         // Only crashes and failures are attempts.
-        assert_eq!(job.record.suspects, round.suspects(), "attempts are stored");
-        let attempts: u32 = job.record.suspects.values().sum();
+        let mut again = round.clone();
+        again.suspect(&job.record.charges);
+        assert_eq!(again.suspects(), round.suspects(), "attempts are stored");
+        let lost = job.record.charges.iter().filter_map(|charge| charge.lost.clone());
+        let back: Vec<_> = lost.filter(|w| scheduler.workers.contains_key(&WorkerId(w.clone()))).collect();
+        assert!(back.is_empty(), "{back:?} came back, and their deaths are held against tasks");
+        let attempts: u32 = round.suspects().values().sum();
         assert!(attempts <= self.faults, "{attempts} attempts after {} faults", self.faults);
         // Free slots are used when there is work that may go there.
         let suspect = round.has_pending_suspect();
