@@ -174,6 +174,7 @@ impl Progress {
             Some(Event::StateChanged(state)) if *state == i32::from(JobState::Reporting) => {
                 self.say("winner chosen: scoring it on fresh seeds, tracing its gaits");
             }
+            Some(Event::Waits(reason)) => self.say(reason),
             _ => {}
         }
     }

@@ -13,6 +13,7 @@ use crate::scheduler::{
 };
 use crate::store::{Store, StoreError};
 use proto::v1::{self, assign, coordinator_message};
+use sim_core::identity::Digest;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -58,6 +59,11 @@ pub(crate) enum Command {
     Detail {
         id: JobId,
         reply: oneshot::Sender<Option<v1::Standing>>,
+    },
+    /// Whether a job that has not ended needs one of these engines.
+    Needs {
+        engines: Vec<Digest>,
+        reply: oneshot::Sender<bool>,
     },
     Census {
         reply: oneshot::Sender<Census>,
@@ -212,6 +218,7 @@ impl Actor {
                 later(replies, reply, ids.iter().map(standing).collect());
             }
             Command::Detail { id, reply } => later(replies, reply, self.scheduler.standing(now, &id)),
+            Command::Needs { engines, reply } => later(replies, reply, self.scheduler.needs(&engines)),
             Command::Census { reply } => later(replies, reply, self.scheduler.census()),
             Command::Connect { greeting, outbox, reply } => {
                 let worker = greeting.worker.clone();

@@ -91,6 +91,9 @@ impl Journal {
                     let what = if *paused { "job paused" } else { "job resumed" };
                     tracing::info!(job = %record.id, generation = record.generations_done, epoch = self.epoch, "{what}");
                 }
+                Some(Event::Waits(reason)) => {
+                    tracing::warn!(job = %record.id, reason, epoch = self.epoch, "job of another build");
+                }
                 Some(Event::Dispute(dispute)) => self.disputed(&record.id, dispute),
                 _ => self.stands(record),
             },

@@ -3,13 +3,11 @@
 use crate::api;
 use crate::store;
 use proto::v1;
-use sim_core::identity::Digest;
 
 /// A worker's introduction.
 pub fn hello(bytes: &[u8]) {
     if let Ok(hello) = <v1::Hello as prost::Message>::decode(bytes) {
-        let own = hello.engine_digests.first().and_then(|d| proto::digest("engine", d).ok()).unwrap_or(Digest([0; 32]));
-        let _ = api::check_hello(hello, String::new(), &[("rapier", own)]);
+        let _ = api::check_hello(hello, String::new());
     }
 }
 

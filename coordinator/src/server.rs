@@ -114,12 +114,12 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
         commands: commands.clone(),
         events: events.clone(),
         stopping: stopping.clone(),
-        engines,
+        engines: engines.clone(),
         gates: Gates::default(),
     };
     let secure = config.tls.is_some();
     let doors = Doors { listener, tls: config.tls, access: config.access, gate };
-    let lead = lead::lead(store, config.standby, config.lease, events, metrics);
+    let lead = lead::lead(store, config.standby, config.lease, engines, events, metrics);
     let to_actor = commands.clone();
     let work = if config.standby {
         tokio::spawn(async move {

@@ -5,18 +5,20 @@ use proto::v1::complete_request::Result as Outcome;
 use proto::v1::complete_response::Verdict;
 use proto::v1::worker_service_client::WorkerServiceClient;
 use proto::v1::{
-    Assign, CompleteRequest, CoordinatorMessage, EvaluateResult, EvaluateTask, Heartbeat, Hello, WorkerMessage, assign,
-    coordinator_message, worker_message,
+    Assign, CompleteRequest, CoordinatorMessage, EvaluateResult, EvaluateTask, ExamineResult, Heartbeat, Hello,
+    WorkerMessage, assign, coordinator_message, worker_message,
 };
 use sim_core::evaluate::evaluate;
+use sim_core::finish::{Answer, examine};
+use sim_core::identity::Digest;
 use sim_core::job::Job;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::UnboundedReceiverStream;
-use tonic::Streaming;
 use tonic::transport::{Channel, Endpoint};
+use tonic::{Status, Streaming};
 
 /// See the module. Its connection breaks when it is dropped.
 pub struct Scripted {
@@ -25,6 +27,8 @@ pub struct Scripted {
     heard: Streaming<CoordinatorMessage>,
     /// What it was ever given: it says that it still works on it.
     given: Arc<Mutex<Vec<u64>>>,
+    /// The engine that it says it computes on, if it plays a worker of another build.
+    other_build: Option<Digest>,
     /// Gives signs of life.
     heart: JoinHandle<()>,
 }
@@ -41,25 +45,37 @@ const HEARTBEAT: Duration = Duration::from_millis(300);
 impl Scripted {
     /// Connects with one slot.
     pub async fn join(sandbox: &Sandbox, id: &str) -> Self {
+        Self::connect(sandbox, id, None).await.expect("it is let in")
+    }
+
+    /// Connects as a worker of another build, which has this engine and no other.
+    pub async fn of_another_build(sandbox: &Sandbox, id: &str, engine: Digest) -> Result<Self, Status> {
+        Self::connect(sandbox, id, Some(engine)).await
+    }
+
+    async fn connect(sandbox: &Sandbox, id: &str, other_build: Option<Digest>) -> Result<Self, Status> {
         let channel = Endpoint::from_shared(sandbox.url()).expect("an address").connect().await.expect("it is there");
         let mut client = WorkerServiceClient::new(channel);
-        let engines = sim_core::engine_digests();
+        let engines: Vec<Digest> = match other_build {
+            Some(engine) => vec![engine],
+            None => sim_core::engine_digests().into_iter().map(|(_, digest)| digest).collect(),
+        };
         let hello = Hello {
             protocol: proto::PROTOCOL,
             worker_id: id.to_owned(),
             name: id.to_owned(),
             slots: 1,
-            engine_digests: engines.into_iter().map(|(_, digest)| digest.0.to_vec()).collect(),
+            engine_digests: engines.iter().map(|digest| digest.0.to_vec()).collect(),
             version: "scripted".to_owned(),
             ..Hello::default()
         };
         let (said, outgoing) = unbounded_channel();
         said.send(WorkerMessage { message: Some(worker_message::Message::Hello(hello)) }).expect("nobody closed it");
         let stream = UnboundedReceiverStream::new(outgoing);
-        let heard = client.session(stream).await.expect("it is let in").into_inner();
+        let heard = client.session(stream).await?.into_inner();
         let given = Arc::new(Mutex::new(Vec::new()));
         let heart = tokio::spawn(beat(said, given.clone()));
-        Self { id: id.to_owned(), client, heard, given, heart }
+        Ok(Self { id: id.to_owned(), client, heard, given, other_build, heart })
     }
 
     /// The next thing it is told.
@@ -80,6 +96,32 @@ impl Scripted {
         }
     }
 
+    /// Does honestly all that it is given of a job, for as long as it is let.
+    pub async fn works(mut self, job: Job) {
+        loop {
+            let coordinator_message::Message::Assign(assign) = self.hears().await else { continue };
+            self.given.lock().expect("nobody panics with it").push(assign.assignment_id);
+            let outcome = match assign.task.clone().expect("an assignment has a task") {
+                assign::Task::Evaluate(task) => honest(&job, &task),
+                assign::Task::Examine(task) => {
+                    let (round, index) = (task.round, task.index);
+                    let examination = proto::examination(task).expect("a question");
+                    let Answer { scores, counts, traces } =
+                        examine(&job, &examination, &|| false).expect("nobody stops it");
+                    let traces_json = traces.map(|t| serde_json::to_vec(&t).expect("traces are JSON"));
+                    Outcome::Examine(ExamineResult {
+                        round,
+                        index,
+                        scores: proto::scores(&scores),
+                        counts: Some(counts.into()),
+                        traces_json: traces_json.unwrap_or_default(),
+                    })
+                }
+            };
+            self.delivers(&assign, &job, outcome).await;
+        }
+    }
+
     /// Delivers in its own name.
     pub async fn delivers(&mut self, assign: &Assign, job: &Job, outcome: Outcome) -> Verdict {
         let id = self.id.clone();
@@ -92,7 +134,7 @@ impl Scripted {
             worker_id: worker.to_owned(),
             assignment_id: assign.assignment_id,
             job_id: assign.job_id.clone(),
-            engine_digest: job.engine_digest().0.to_vec(),
+            engine_digest: self.other_build.unwrap_or_else(|| job.engine_digest()).0.to_vec(),
             result: Some(outcome),
             compute_us: 1000,
         };

@@ -31,6 +31,7 @@ enum What {
     Paused,
     Resumed,
     Dispute(DisputeView),
+    Waits { reason: String },
 }
 
 /// Follows the job to its end.
@@ -98,6 +99,7 @@ fn view(event: &JobEvent) -> Option<EventView> {
         Event::Paused(true) => What::Paused,
         Event::Paused(false) => What::Resumed,
         Event::Dispute(dispute) => What::Dispute(DisputeView::new(dispute)),
+        Event::Waits(reason) => What::Waits { reason: reason.clone() },
     };
     Some(EventView { sequence: event.sequence, at_ms: event.at_ms, what })
 }

@@ -195,12 +195,22 @@ pub struct Versions {
     pub crates: BTreeMap<String, String>,
 }
 
+/// What identifies a job and its result, as the coordinator tells it.
+pub struct Digests {
+    /// Of the job.
+    pub job: Digest,
+    /// Of its result.
+    pub result: Digest,
+    /// Of the engine that computed it.
+    pub engine: Digest,
+}
+
 impl ResultFile {
     /// Puts a coordinator's answer into words; the report has the scores on fresh seeds.
     pub fn new(
         job: &Job,
         status: &v1::Job,
-        (job_digest, result_digest): (Digest, Digest),
+        Digests { job: job_digest, result: result_digest, engine: engine_digest }: Digests,
         (winner, first): (Option<Scored>, Option<Scored>),
         report: Option<&Report>,
     ) -> Self {
@@ -235,7 +245,7 @@ impl ResultFile {
             seed: job.spec().seed,
             job_digest,
             result_digest,
-            engine_digest: job.engine_digest(),
+            engine_digest,
             engines: Engines {
                 search: Setting::of(job).to_string(),
                 reference: job.reference().map(|reference| Setting::of(reference).to_string()),

@@ -1,5 +1,6 @@
 //! Everything that a finished job leaves behind, derived from the coordinator's answer alone.
 
+use super::result::Digests;
 use super::{Folder, JOB, REPORT, RESULT, ResultFile, atomic::Batch, csv, gaits, pictures};
 use crate::client::Url;
 use crate::console;
@@ -16,13 +17,16 @@ pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &
     let wrong = |e: ConvertError| unreadable(e.to_string());
     let job_digest = proto::digest("the job digest", &status.job_digest).map_err(wrong)?;
     let result_digest = proto::digest("the result digest", &answer.result_digest).map_err(wrong)?;
+    // That of the build that computed it, which need not be this one.
+    let engine_digest = proto::digest("the engine digest", &status.engine_digest).map_err(wrong)?;
+    let digests = Digests { job: job_digest, result: result_digest, engine: engine_digest };
     let scored = |wire: &Option<v1::ScoredCandidate>| wire.clone().map(Scored::try_from).transpose().map_err(wrong);
     let best = (scored(&answer.winner)?, scored(&answer.first)?);
     let report: Option<Report> = match answer.report_json.as_slice() {
         [] => None,
         bytes => Some(serde_json::from_slice(bytes).map_err(|e| unreadable(format!("the report: {e}")))?),
     };
-    let result = ResultFile::new(job, status, (job_digest, result_digest), best, report.as_ref());
+    let result = ResultFile::new(job, status, digests, best, report.as_ref());
 
     let mut batch = Batch::new(folder.path());
     batch.add(JOB, answer.job_toml.as_bytes())?;

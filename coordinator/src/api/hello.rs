@@ -12,8 +12,11 @@ use tonic::Status;
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// Checks a worker's introduction. `engines` are those of this build: results of others could not be compared.
-pub(crate) fn check(hello: v1::Hello, address: String, engines: &[(&'static str, Digest)]) -> Result<Greeting, Status> {
+/// The engines of a build, by name.
+type Engines = [(&'static str, Digest)];
+
+/// Checks a worker's introduction. What its engines are good for is another matter: [`is_of_build`].
+pub(crate) fn check(hello: v1::Hello, address: String) -> Result<Greeting, Status> {
     at_most("version", &hello.version, MAX_WORKER_NAME)?;
     printable("version", &hello.version)?;
     if hello.protocol != PROTOCOL {
@@ -45,15 +48,6 @@ pub(crate) fn check(hello: v1::Hello, address: String, engines: &[(&'static str,
         .map(|bytes| proto::digest("engine_digests", bytes))
         .collect::<Result<Vec<_>, _>>()
         .map_err(|e| Status::failed_precondition(e.to_string()))?;
-    if !offered.iter().any(|digest| engines.iter().any(|(_, own)| own == digest)) {
-        let theirs = offered.iter().map(Digest::short).collect::<Vec<_>>().join(", ");
-        let ours = engines.iter().map(|(name, d)| format!("{name} {}", d.short())).collect::<Vec<_>>().join(", ");
-        return Err(Status::failed_precondition(format!(
-            "the worker's engines ({theirs}; evogait {}) compute other bits than the coordinator's ({ours}; evogait \
-             {VERSION}): run the same build on both",
-            hello.version
-        )));
-    }
     if hello.running.len() > MAX_RUNNING {
         return Err(Status::failed_precondition(format!(
             "the worker says that it works on {} assignments: at most {MAX_RUNNING} are allowed",
@@ -72,12 +66,29 @@ pub(crate) fn check(hello: v1::Hello, address: String, engines: &[(&'static str,
     Ok(Greeting {
         worker: WorkerId(hello.worker_id.into()),
         name: hello.name,
+        version: hello.version,
         address,
         slots: hello.slots,
         engines: offered,
         running,
         time_left: (hello.seconds_left > 0).then(|| Duration::from_secs(hello.seconds_left)),
     })
+}
+
+/// Whether a worker has an engine of this build.
+pub(crate) fn is_of_build(greeting: &Greeting, engines: &Engines) -> bool {
+    greeting.engines.iter().any(|digest| engines.iter().any(|(_, own)| own == digest))
+}
+
+/// Why a worker is refused that has none, unless a job needs one of its engines.
+pub(crate) fn other_build(greeting: &Greeting, engines: &Engines) -> Status {
+    let theirs = greeting.engines.iter().map(Digest::short).collect::<Vec<_>>().join(", ");
+    let ours = engines.iter().map(|(name, d)| format!("{name} {}", d.short())).collect::<Vec<_>>().join(", ");
+    Status::failed_precondition(format!(
+        "the worker's engines ({theirs}; evogait {}) compute other bits than the coordinator's ({ours}; evogait {VERSION}), \
+         and no job that has not ended needs them: run the same build on both",
+        greeting.version
+    ))
 }
 
 #[cfg(test)]
@@ -100,15 +111,18 @@ mod tests {
     #[test]
     fn refusals_name_both_sides() {
         let engines = [("rapier", Digest([7; 32]))];
-        let refused = |hello| check(hello, String::new(), &engines).unwrap_err().message().to_owned();
-        assert!(check(hello(), String::new(), &engines).is_ok());
+        let refused = |hello| check(hello, String::new()).unwrap_err().message().to_owned();
+        assert!(is_of_build(&check(hello(), String::new()).unwrap(), &engines));
 
         let message = refused(v1::Hello { protocol: PROTOCOL + 1, ..hello() });
         assert!(message.contains("evogait 9.9.9") && message.contains(VERSION), "{message}");
         assert!(message.contains("protocol 3") && message.contains("protocol 2"), "{message}");
 
-        let message = refused(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() });
-        assert!(message.contains("080808080808") && message.contains("rapier 070707070707"), "{message}");
+        let other = check(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() }, String::new()).unwrap();
+        assert!(!is_of_build(&other, &engines));
+        let message = other_build(&other, &engines).message().to_owned();
+        assert!(message.contains("080808080808; evogait 9.9.9"), "{message}");
+        assert!(message.contains("rapier 070707070707") && message.contains(VERSION), "{message}");
 
         assert!(refused(v1::Hello { engine_digests: vec![vec![8; 3]], ..hello() }).contains("3 bytes"));
         assert!(refused(v1::Hello { slots: 0, ..hello() }).contains("slots = 0"));

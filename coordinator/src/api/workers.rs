@@ -38,8 +38,16 @@ impl WorkerService for Api {
         let Some(WorkerMessage { message: Some(worker_message::Message::Hello(hello)) }) = first else {
             return Err(Status::failed_precondition("a session starts with Hello"));
         };
-        let greeting = hello::check(hello, address, &self.engines)?;
+        let greeting = hello::check(hello, address)?;
         let worker = greeting.worker.clone();
+        if !hello::is_of_build(&greeting, &self.engines) {
+            // Whoever upgrades in mid-job leaves some workers as they were.
+            let engines = greeting.engines.clone();
+            if !self.ask(|reply| Command::Needs { engines, reply }).await? {
+                return Err(hello::other_build(&greeting, &self.engines));
+            }
+            tracing::info!(%worker, version = greeting.version, "a worker of another build: a job needs its engine");
+        }
         let place = self.gates.sessions.pass()?;
         drop(waiting);
         let (outbox, messages) = mpsc::unbounded_channel();

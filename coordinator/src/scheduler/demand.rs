@@ -3,11 +3,13 @@
 use super::Scheduler;
 use super::job::ActiveJob;
 use super::round::Work;
+use sim_core::identity::Digest;
 
 /// Slots at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Demand {
-    /// That the jobs that have not ended could use side by side; those that are paused use none.
+    /// That the jobs that have not ended could use side by side; those that are paused use none, nor do those that were
+    /// submitted to another build, unless a worker of that one is connected.
     pub wanted: u32,
     /// Of the workers that take work.
     pub slots: u32,
@@ -18,7 +20,13 @@ pub struct Demand {
 impl Scheduler {
     /// Counts; takes time in proportion to jobs and workers.
     pub fn demand(&self) -> Demand {
-        let wanted = self.jobs.values().filter(|job| !job.record.paused).map(wanted).fold(0, u32::saturating_add);
+        // Whoever starts workers starts those of this build.
+        let connected = |digest: &Digest| self.workers.values().any(|w| w.takes_work() && w.engines.contains(digest));
+        let can_be_done = |job: &&ActiveJob| {
+            let engine = &job.record.engine_digest;
+            !job.record.paused && (self.is_of_this_build(engine) || connected(engine))
+        };
+        let wanted = self.jobs.values().filter(can_be_done).map(wanted).fold(0, u32::saturating_add);
         let workers = || self.workers.values().filter(|w| w.takes_work());
         let busy = workers().map(|w| w.slots.min(u32::try_from(w.held.len()).unwrap_or(u32::MAX))).sum();
         Demand { wanted, slots: workers().map(|w| w.slots).sum(), busy }

@@ -1,10 +1,16 @@
 //! Why a job gets nothing done, or a worker no work: sentences for people.
 
-use super::job::ActiveJob;
+use super::job::{ActiveJob, event};
 use super::lease::Kind;
 use super::worker::{Worker, WorkerId};
-use super::{Scheduler, stuck};
-use crate::record::JobId;
+use super::{Action, Now, Scheduler, stuck};
+use crate::record::{JobId, JobRecord};
+use crate::store::Write;
+use proto::v1::job_event::Event;
+use std::collections::BTreeSet;
+
+/// Builds of workers that are told one by one.
+const MOST_OFFERS: usize = 3;
 
 impl Scheduler {
     /// Why a job gets nothing done, or less than it might; `None` if there is nothing to say.
@@ -53,14 +59,21 @@ impl Scheduler {
         let engine = &job.record.engine_digest;
         let connected = || self.workers.values().filter(|w| w.session.is_some());
         let able = || connected().filter(|w| w.engines.contains(engine));
+        let needed = if self.is_of_this_build(engine) { "a worker".to_owned() } else { worker_of(&job.record) };
         if self.workers.is_empty() {
-            return Some("waits for a worker: none is connected".to_owned());
+            return Some(format!("waits for {needed}: none is connected"));
         }
         if connected().next().is_none() {
-            return Some("waits for a worker: all have lost their connection".to_owned());
+            return Some(format!("waits for {needed}: all have lost their connection"));
         }
         if able().next().is_none() {
-            return Some(format!("waits for a worker with engine {}: none of those connected has it", engine.short()));
+            let offered: BTreeSet<String> = connected().map(offer).collect();
+            let offered = offered.into_iter().take(MOST_OFFERS).collect::<Vec<_>>().join("; ");
+            let needed = match self.is_of_this_build(engine) {
+                true => format!("a worker with engine {}", engine.short()),
+                false => needed,
+            };
+            return Some(format!("waits for {needed}: none of those connected has it (they have {offered})"));
         }
         let willing = || able().filter(|w| w.takes_work());
         if willing().next().is_none() {
@@ -83,6 +96,19 @@ impl Scheduler {
             );
         }
         Some("waits: what is left does not fit into the time that the workers have".to_owned())
+    }
+
+    /// Tells those who watch a job if it was submitted to another build than this one.
+    pub(super) fn tell_other_build(&mut self, now: Now, id: &JobId) {
+        let Some(record) = self.jobs.get(id).map(|job| &job.record) else { return };
+        if self.is_of_this_build(&record.engine_digest) {
+            return;
+        }
+        let waits = Event::Waits(format!("waits for {}", worker_of(record)));
+        if let Some(job) = self.jobs.get_mut(id) {
+            let event = event(&mut job.record, now, waits);
+            self.actions.push(Action::Write(Box::new(Write::Change { record: job.record.clone(), event })));
+        }
     }
 
     fn about_stragglers(&self, id: &JobId, job: &ActiveJob) -> Option<String> {
@@ -116,6 +142,23 @@ impl Scheduler {
             None
         }
     }
+}
+
+/// The kind of worker that a job needs that was submitted to another build.
+fn worker_of(record: &JobRecord) -> String {
+    let (engine, version) = (record.engine_digest.short(), &record.version);
+    let version = if version.is_empty() { "of an unknown version" } else { version };
+    let own = env!("CARGO_PKG_VERSION");
+    format!(
+        "a worker of the build that the job was submitted to (evogait {version} with engine {engine}), since this one \
+         (evogait {own}) computes other bits"
+    )
+}
+
+/// What a worker computes on.
+fn offer(worker: &Worker) -> String {
+    let engines: Vec<String> = worker.engines.iter().map(|digest| digest.short()).collect();
+    format!("evogait {} with {}", worker.version, engines.join(", "))
 }
 
 fn ranges(n: usize) -> String {

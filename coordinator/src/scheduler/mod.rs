@@ -50,6 +50,7 @@ use fair::Room;
 use job::ActiveJob;
 use lease::Lease;
 use proto::v1;
+use sim_core::identity::Digest;
 use sim_core::optimise::BadState;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -139,6 +140,8 @@ pub struct Scheduler {
     /// Second copies of leases, by the first.
     copies: BTreeMap<AssignmentId, AssignmentId>,
     quarantined: BTreeMap<WorkerId, Quarantined>,
+    /// The engines of this build, by name.
+    engines: Arc<[(&'static str, Digest)]>,
     next_job: u64,
     next_assignment: u64,
     next_session: u64,
@@ -160,6 +163,7 @@ impl Scheduler {
             leases: BTreeMap::new(),
             copies: BTreeMap::new(),
             quarantined: BTreeMap::new(),
+            engines: Arc::new([]),
             next_job,
             // Unique over all epochs of a store.
             next_assignment: settings.epoch << 32,
@@ -175,6 +179,22 @@ impl Scheduler {
     pub fn with_quarantined(mut self, quarantined: Vec<Quarantined>) -> Self {
         self.quarantined = quarantined.into_iter().map(|q| (WorkerId(q.worker.clone()), q)).collect();
         self
+    }
+
+    /// The engines of this build, by name: jobs of others wait for workers of others.
+    pub fn with_engines(mut self, engines: Arc<[(&'static str, Digest)]>) -> Self {
+        self.engines = engines;
+        self
+    }
+
+    /// Whether a job that has not ended needs one of these engines.
+    pub fn needs(&self, engines: &[Digest]) -> bool {
+        self.jobs.values().any(|job| engines.contains(&job.record.engine_digest))
+    }
+
+    /// Whether workers of this build have an engine; taken for granted where nothing is known of the build.
+    fn is_of_this_build(&self, engine: &Digest) -> bool {
+        self.engines.is_empty() || self.engines.iter().any(|(_, own)| own == engine)
     }
 
     /// What is to be done since the last call.
@@ -222,6 +242,7 @@ impl Scheduler {
         match ActiveJob::resumed(resumed, self.virtual_time) {
             Ok(job) => {
                 self.jobs.insert(id.clone(), job);
+                self.tell_other_build(now, &id);
                 self.seal(now, &id);
                 Ok(())
             }

@@ -33,6 +33,8 @@ pub struct Greeting {
     pub worker: WorkerId,
     /// For people.
     pub name: String,
+    /// Of evogait, for people.
+    pub version: String,
     /// Where it calls from, for people.
     pub address: String,
     /// Evaluations at once, at least 1.
@@ -61,6 +63,7 @@ pub(super) struct Worker {
     /// `None` while its connection is broken.
     pub session: Option<SessionId>,
     pub name: String,
+    pub version: String,
     pub address: String,
     pub slots: u32,
     pub engines: Vec<Digest>,
@@ -115,13 +118,14 @@ impl Scheduler {
         let session = SessionId(self.next_session);
         self.next_session += 1;
         let before = self.workers.remove(&greeting.worker);
-        let held = before.as_ref().map(|w| w.held.clone()).unwrap_or_default();
-        let worker = Worker {
-            session: Some(session),
         if before.is_none() {
             self.clear_of_blame(&greeting.worker);
         }
+        let held = before.as_ref().map(|w| w.held.clone()).unwrap_or_default();
+        let worker = Worker {
+            session: Some(session),
             name: greeting.name,
+            version: greeting.version,
             address: greeting.address,
             slots: greeting.slots,
             engines: greeting.engines,
@@ -164,7 +168,8 @@ impl Scheduler {
             return false;
         }
         let Some(active) = self.jobs.get_mut(job) else { return false };
-        if !active.round.take(&range, id) {
+        let able = self.workers.get(worker).is_some_and(|w| w.engines.contains(&active.record.engine_digest));
+        if !able || !active.round.take(&range, id) {
             return false;
         }
         self.leases.insert(id, Lease::new(now, worker, job, range, Kind::Ordinary));

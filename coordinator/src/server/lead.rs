@@ -9,12 +9,17 @@ use crate::scheduler::{Resumed, Scheduler, Settings};
 use crate::standby;
 use crate::store::{Loaded, Store, StoreError, StoredJob};
 use sim_core::finish::Plan;
+use sim_core::identity::Digest;
 use sim_core::job::Job;
+use sim_core::optimise;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{broadcast, mpsc};
 use tokio::task::JoinSet;
+
+/// The engines of this build, by name.
+type Engines = Arc<[(&'static str, Digest)]>;
 
 /// A coordinator whose turn it is.
 pub(super) struct Lead {
@@ -28,6 +33,7 @@ pub(super) async fn lead(
     store: Arc<dyn Store>,
     standby: bool,
     lease: Duration,
+    engines: Engines,
     events: broadcast::Sender<LiveEvent>,
     metrics: Arc<Metrics>,
 ) -> Result<Lead, Error> {
@@ -35,7 +41,7 @@ pub(super) async fn lead(
     // Before the jobs are taken up, which takes a while.
     let mut touch = JoinSet::new();
     touch.spawn(standby::stay_in_touch(store.clone(), loaded.epoch));
-    Ok(Lead { actor: take_up(store, loaded, lease, events, metrics).await?, touch })
+    Ok(Lead { actor: take_up(store, loaded, lease, engines, events, metrics).await?, touch })
 }
 
 impl Lead {
@@ -58,6 +64,7 @@ async fn take_up(
     store: Arc<dyn Store>,
     loaded: Loaded,
     lease: Duration,
+    engines: Engines,
     events: broadcast::Sender<LiveEvent>,
     metrics: Arc<Metrics>,
 ) -> Result<Actor, Error> {
@@ -66,7 +73,8 @@ async fn take_up(
     let clock = Clock::start();
     let settings = Settings::new(loaded.epoch, lease);
     let mut scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect())
-        .with_quarantined(loaded.quarantined);
+        .with_quarantined(loaded.quarantined)
+        .with_engines(engines);
     for stored in loaded.active {
         let id = stored.record.id.clone();
         let read = tokio::task::spawn_blocking(move || read_again(stored)).await;
@@ -101,7 +109,15 @@ async fn take_up(
 fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
     let StoredJob { record, toml, search, results, last_scores } = stored;
     match Job::from_toml(&toml) {
-        Ok(job) if job.digest() == record.job_digest => {
+        Ok(_) if record.search_revision != optimise::REVISION => {
+            let reason = format!(
+                "it was submitted to evogait {}, whose search differs from that of this version: submit it again",
+                record.version
+            );
+            Err(Box::new((record, reason)))
+        }
+        // The engine may be another build's: then workers of that one go on with it.
+        Ok(job) if job.digest_on(record.engine_digest) == record.job_digest => {
             let (at_once, optimiser, finish) = (job.candidates_at_once(), job.optimiser(), Plan::of(&job));
             Ok(Resumed { record, toml, at_once, optimiser, finish, search, results, last_scores })
         }
@@ -110,10 +126,84 @@ fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
                 "it was submitted to another version of evogait, which reads it differently (job digest then {}, now \
                  {}): submit it again",
                 record.job_digest.short(),
-                job.digest().short()
+                job.digest_on(record.engine_digest).short()
             );
             Err(Box::new((record, reason)))
         }
         Err(error) => Err(Box::new((record, format!("this version of evogait can't read it: {error}")))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{JobId, JobState};
+    use sim_core::identity::ResultDigest;
+    use sim_core::score::Counts;
+
+    const OLD: Digest = Digest([7; 32]);
+
+    /// A job as a build with this engine took it in.
+    fn stored(job: &Job, engine: Digest) -> StoredJob {
+        let digest = job.digest_on(engine);
+        let record = JobRecord {
+            id: JobId::new(1, &digest),
+            number: 1,
+            name: "t".to_owned(),
+            request_id: "r".to_owned(),
+            request_digest: Digest([1; 32]),
+            state: JobState::Queued,
+            job_digest: digest,
+            engine_digest: engine,
+            version: "0.0.9".to_owned(),
+            search_revision: optimise::REVISION,
+            population: 5,
+            generations_done: 0,
+            generations_total: 2,
+            priority: 10,
+            best: None,
+            first: None,
+            winner: None,
+            counts: Counts::default(),
+            evaluations: 0,
+            failed_evaluations: 0,
+            reason: String::new(),
+            paused: false,
+            restarted_from: None,
+            disputes: Vec::new(),
+            charges: Vec::new(),
+            poisoned: None,
+            submitted_at_ms: 1,
+            started_at_ms: 0,
+            ended_at_ms: 0,
+            last_event: 1,
+            scores_digest: ResultDigest::start(&digest),
+            result_digest: None,
+        };
+        let (toml, search) = (job.to_toml().into(), Vec::new());
+        StoredJob { record, toml, search, results: Vec::new(), last_scores: None }
+    }
+
+    #[test]
+    fn a_stored_job_goes_on_as_it_was_or_not_at_all() {
+        let text = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
+                    [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n\
+                    [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = 2\n[finish]\nkind = \"none\"\n";
+        let job = Job::from_toml(text).expect("a valid job");
+        let own = job.engine_digest();
+        let engine = |stored| read_again(stored).ok().expect("it goes on").record.engine_digest;
+        assert_eq!(engine(stored(&job, own)), own);
+        assert_eq!(engine(stored(&job, OLD)), OLD, "its workers are another build's");
+
+        let reason = |stored| read_again(stored).err().expect("it can't go on").1;
+        let as_if = |toml: String| StoredJob { toml: toml.into(), ..stored(&job, OLD) };
+        let said = reason(as_if(job.to_toml().replace("particles = 5", "particles = 6")));
+        assert!(said.contains("reads it differently") && said.contains("submit it again"), "{said}");
+        let said = reason(as_if(format!("later = 1\n{}", job.to_toml())));
+        assert!(said.contains("can't read it") && said.contains("later"), "{said}");
+        let mut other_search = stored(&job, own);
+        other_search.record.search_revision += 1;
+        let said = reason(other_search);
+        assert!(said.contains("evogait 0.0.9") && said.contains("submit it again"), "{said}");
     }
 }

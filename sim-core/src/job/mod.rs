@@ -117,6 +117,11 @@ impl Job {
 
     /// The job digest: resolved job, robot, environment, optimiser and engine; not names or descriptions.
     pub fn digest(&self) -> Digest {
+        self.digest_on(self.engine_digest())
+    }
+
+    /// The digest that the same job has where its engine has another digest, as in another build of evogait.
+    pub fn digest_on(&self, engine: Digest) -> Digest {
         #[derive(Serialize)]
         struct Identity<'a> {
             spec: &'a JobSpec,
@@ -131,7 +136,7 @@ impl Job {
             environment.name.clear();
             environment.description.clear();
         }
-        Digest::of("evogait job 1", &Identity { spec: &spec, engine: self.engine_digest() })
+        Digest::of("evogait job 1", &Identity { spec: &spec, engine })
     }
 
     /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting is another
