@@ -208,6 +208,26 @@ fn every_line_of_dispatch_is_a_process_that_did_its_work() {
 }
 
 #[test]
+fn a_fleet_works_for_every_number_of_jobs_and_leaves_nothing_behind() {
+    let folder = folder();
+    let found = bench(
+        folder.path(),
+        "fleet job.toml --workers 4 --slots 2 --jobs 0,1,6 --population 4 --median 0.05 --warm-up 1 --seconds 1",
+    );
+    let [idle, one, six] = list(&found["lines"]) else { panic!("{found}") };
+    assert_eq!((&idle["evaluations"], &idle["generations"], &idle["efficiency"]), (&0.into(), &0.into(), &0.0.into()));
+    for line in [one, six] {
+        let (efficiency, ideal) = (number(&line["efficiency"]), number(&line["ideal"]));
+        assert!(0.0 < efficiency && efficiency < ideal + 0.1 && ideal <= 1.0, "{line}");
+        assert!(number(&line["evaluations"]) >= number(&line["generations"]), "{line}");
+        assert!(number(&line["commits_per_s"]) > 0.0 && number(&line["changes_per_s"]) > 0.0, "{line}");
+    }
+    assert!(number(&one["efficiency"]) <= number(&one["fill"]) && one["fill"] == 0.5, "{one}");
+    assert!(number(&six["ideal"]) > number(&one["ideal"]) && six["fill"] == 1.0, "{six}");
+    assert_eq!(listing(folder.path()), ["job.toml"]);
+}
+
+#[test]
 fn what_can_not_be_measured_is_said() {
     let folder = folder();
     let said = [
@@ -229,6 +249,9 @@ fn what_can_not_be_measured_is_said() {
         "evaluate job.toml --evaluations 0",
         "plan lizard-stairs",
         "dispatch job.toml --slots 0",
+        "fleet job.toml --workers 9000",
+        "fleet job.toml --median -1",
+        "fleet job.toml --fail often",
     ]
     .map(|arguments| {
         let seen = run(folder.path(), &["bench"].into_iter().chain(arguments.split(' ')).collect::<Vec<_>>());

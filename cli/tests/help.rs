@@ -36,7 +36,7 @@ fn help_teaches() {
         assert!(help.contains("Example"), "{command} has an example");
         insta::assert_snapshot!(command, help);
     }
-    for what in ["rollout", "evaluate", "fidelity", "fitness", "plan", "dispatch", "reuse", "soundness"] {
+    for what in ["rollout", "evaluate", "fidelity", "fitness", "plan", "dispatch", "fleet", "reuse", "soundness"] {
         let help = run(folder.path(), &["bench", what, "--help"]).success();
         assert!(help.contains("Example"), "bench {what} has an example");
         insta::assert_snapshot!(format!("bench_{what}"), help);

@@ -10,6 +10,7 @@ pub enum Bench {
     Fitness(raw::BenchFitness),
     Plan(raw::BenchPlan),
     Dispatch(raw::BenchDispatch),
+    Fleet(raw::BenchFleet),
     Reuse(raw::BenchReuse),
     Soundness(raw::BenchSoundness),
 }
@@ -23,6 +24,7 @@ impl From<raw::Bench> for Bench {
             raw::BenchCommand::Fitness(args) => Self::Fitness(args),
             raw::BenchCommand::Plan(args) => Self::Plan(args),
             raw::BenchCommand::Dispatch(args) => Self::Dispatch(args),
+            raw::BenchCommand::Fleet(args) => Self::Fleet(args),
             raw::BenchCommand::Reuse(args) => Self::Reuse(args),
             raw::BenchCommand::Soundness(args) => Self::Soundness(args),
         }

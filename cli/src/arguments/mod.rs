@@ -5,8 +5,8 @@ mod raw;
 
 pub use bench::Bench;
 pub use raw::{
-    BenchDispatch, BenchEvaluate, BenchFidelity, BenchFitness, BenchPlan, BenchReuse, BenchRollout, BenchSoundness,
-    Load, State, Subject,
+    BenchDispatch, BenchEvaluate, BenchFidelity, BenchFitness, BenchFleet, BenchPlan, BenchReuse, BenchRollout,
+    BenchSoundness, Load, State, Subject,
 };
 
 use crate::certs::Host;

@@ -3,7 +3,7 @@
 mod bench;
 
 pub use bench::{
-    Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchFitness, BenchPlan, BenchReuse,
+    Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchFitness, BenchFleet, BenchPlan, BenchReuse,
     BenchRollout, BenchSoundness, Load, Subject,
 };
 

@@ -1,5 +1,9 @@
 //! `evogait bench` as it is typed.
 
+mod fleet;
+
+pub use fleet::BenchFleet;
+
 use super::JobFile;
 use crate::setting::Setting;
 use clap::{Args, Subcommand, ValueEnum};
@@ -88,22 +92,18 @@ twice the iterations of the one before.")]
 Examples:
   evogait bench dispatch quadropod-quick
   evogait bench dispatch my-job.toml --slots 1,2,4,8 --evaluations 500
-  evogait bench dispatch quadropod-empty --workers 100
-  evogait bench dispatch quadropod-empty --workers 1000 --idle-seconds 60
 
 Each line is a process of its own with a coordinator, a store on disk and one
 worker of so many slots, over a loopback connection. The job has one generation
 of --evaluations candidates, timed from its submission to the seal of the
 generation, so that slots wait for each other only once. `plain` is the job with
 reuse_tolerance = 0; `trivial` is a job of almost no work, which shows what
-dispatching alone costs. Memory is the process' peak resident set.
-
-With --workers there is one coordinator in a process of its own, with a store on
-disk, and so many light workers, which speak the protocol and simulate nothing.
-Generations of --population candidates and of 20 are timed from seal to seal,
-with ranges as the coordinator sizes them for such workers, and then with each
-candidate alone, as it sizes them for evaluations of a minute.")]
+dispatching alone costs. Memory is the process' peak resident set.")]
     Dispatch(BenchDispatch),
+
+    /// A coordinator and thousands of light workers: what it bears, and how busy it keeps them
+    #[command(after_help = fleet::FLEET_HELP)]
+    Fleet(BenchFleet),
 
     /// What transition reuse changes: the same genomes with and without it
     #[command(after_help = "\
@@ -342,38 +342,6 @@ pub struct BenchDispatch {
     /// Evaluations of almost no work; 0 leaves them out
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(0..=10_000))]
     pub trivial: u32,
-
-    /// Measure a coordinator with so many light workers instead
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub workers: Option<u32>,
-
-    /// Candidates of a generation
-    #[arg(long, value_name = "N", requires = "workers", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub population: u32,
-
-    /// Generations that are timed
-    #[arg(long, value_name = "N", requires = "workers", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub generations: u32,
-
-    /// What an evaluation takes in a light worker, ms
-    #[arg(long, value_name = "MS", requires = "workers", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=600_000))]
-    pub sleep_ms: u64,
-
-    /// Share of assignments that light workers fail, 0 to 1
-    #[arg(long, value_name = "SHARE", requires = "workers", default_value_t = 0.0)]
-    pub fail: f64,
-
-    /// Share of assignments at which a light worker dies, and another one comes, 0 to 1
-    #[arg(long, value_name = "SHARE", requires = "workers", default_value_t = 0.0)]
-    pub die: f64,
-
-    /// Watch the coordinator for so long while its workers are idle; 0 leaves it out
-    #[arg(long, value_name = "S", requires = "workers", default_value_t = 30, value_parser = clap::value_parser!(u32).range(0..=3600))]
-    pub idle_seconds: u32,
-
-    /// Be the coordinator that is measured, with its store in this folder
-    #[arg(long, hide = true, value_name = "DIR")]
-    pub host: Option<PathBuf>,
 
     /// Measure this one line, in this process
     #[arg(long, value_enum, hide = true)]

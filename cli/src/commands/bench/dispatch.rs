@@ -2,7 +2,6 @@
 //!
 //! Every line is measured in a process of its own, so that its peak memory is its own, too.
 
-use super::fleet;
 use super::subject::Machine;
 use crate::arguments::{self, BenchDispatch, Load};
 use crate::client::Client;
@@ -84,12 +83,6 @@ impl Line {
 
 /// Measures and tells.
 pub fn run(args: BenchDispatch, quiet: bool) -> Result<(), Error> {
-    if let Some(folder) = args.host {
-        return fleet::host(folder);
-    }
-    if let Some(workers) = args.workers {
-        return fleet::run(&args, workers);
-    }
     let slots = if args.slots.is_empty() { doublings(arguments::cores()) } else { args.slots.clone() };
     let job = load::job(&args.file.clone().into())?;
     if let Some(load) = args.line {

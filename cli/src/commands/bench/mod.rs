@@ -36,6 +36,7 @@ pub fn run(what: Bench, quiet: bool) -> Result<(), Error> {
         Bench::Fitness(args) => fitness::run(args, quiet),
         Bench::Plan(args) => plan::run(args, quiet),
         Bench::Dispatch(args) => dispatch::run(args, quiet),
+        Bench::Fleet(args) => fleet::run(args, quiet),
         Bench::Reuse(args) => reuse::run(args, quiet),
         Bench::Soundness(args) => soundness::run(args, quiet),
     }

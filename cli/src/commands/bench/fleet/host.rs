@@ -1,5 +1,6 @@
 //! A coordinator in a process of its own, so that what it takes is known from what its workers take.
 
+use super::scrape::{Numbers, scrape};
 use crate::client::Url;
 use crate::error::Error;
 use std::fs;
@@ -15,6 +16,7 @@ const TICK: Duration = Duration::from_millis(10);
 /// The process.
 pub struct Host {
     child: Child,
+    metrics: SocketAddr,
     /// Where it listens.
     pub url: Url,
 }
@@ -26,7 +28,7 @@ impl Host {
         let program = std::env::current_exe().map_err(|e| failed(e.to_string()))?;
         let mut command = Command::new(program);
         command
-            .args(["bench", "dispatch", "quadropod-quick", "--host"])
+            .args(["bench", "fleet", "quadropod-quick", "--host"])
             .arg(folder)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped());
@@ -35,23 +37,24 @@ impl Host {
         if let Some(stdout) = child.stdout.take() {
             BufReader::new(stdout).read_line(&mut line).map_err(|e| failed(e.to_string()))?;
         }
-        let address = line.trim().parse::<SocketAddr>();
-        let url = address.map(Url::of_socket).map_err(|_| failed("it does not start".to_owned()))?;
-        Ok(Self { child, url })
+        let addresses = line.trim().split_once(' ').and_then(|(a, m)| Some((a.parse().ok()?, m.parse().ok()?)));
+        let (address, metrics) = addresses.ok_or_else(|| failed("it does not start".to_owned()))?;
+        Ok(Self { child, metrics, url: Url::of_socket(address) })
     }
 
     /// CPU time it has taken; zero where the system does not tell.
     pub fn cpu(&self) -> Duration {
-        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap_or_default();
-        // After the name, which may contain anything: state, then ten numbers, then user and system time.
-        let fields = stat.rsplit_once(") ").map_or("", |(_, fields)| fields);
-        let ticks = fields.split(' ').skip(11).take(2).filter_map(|ticks| ticks.parse::<u32>().ok());
-        TICK * ticks.sum()
+        cpu(&self.child.id().to_string())
     }
 
     /// Its greatest resident set so far, MiB.
     pub fn peak_mib(&self) -> Option<f64> {
         super::super::dispatch::peak_mib(&self.child.id().to_string())
+    }
+
+    /// What it counts.
+    pub async fn numbers(&self) -> Result<Numbers, Error> {
+        scrape(self.metrics).await.map_err(|e| Error::LocalCoordinator { reason: format!("no metrics: {e}") })
     }
 }
 
@@ -63,15 +66,28 @@ impl Drop for Host {
     }
 }
 
+/// CPU time of a process (`self`: this one); zero where the system does not tell.
+pub fn cpu(process: &str) -> Duration {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    // After the name, which may contain anything: state, then ten numbers, then user and system time.
+    let fields = stat.rsplit_once(") ").map_or("", |(_, fields)| fields);
+    let ticks = fields.split(' ').skip(11).take(2).filter_map(|ticks| ticks.parse::<u32>().ok());
+    TICK * ticks.sum()
+}
+
 /// What the process does: serves until nobody holds its standard input any more.
 pub async fn serve(folder: PathBuf) -> Result<(), Error> {
     let failed = |e: coordinator::Error| Error::LocalCoordinator { reason: e.to_string() };
     #[cfg(unix)]
     coordinator::open_files::raise();
     let store = coordinator::StoreUrl::Sqlite(folder.join("store.sqlite"));
-    let mut running = coordinator::serve(coordinator::Config::embedded(store)).await.map_err(failed)?;
-    // If nobody reads it nobody needs it.
-    let _ = writeln!(std::io::stdout(), "{}", running.local_addr());
+    let metrics = telemetry::Bind { addr: SocketAddr::from(([127, 0, 0, 1], 0)), beyond_loopback: false };
+    let config = coordinator::Config { metrics: Some(metrics), ..coordinator::Config::embedded(store) };
+    let mut running = coordinator::serve(config).await.map_err(failed)?;
+    if let Some(metrics) = running.metrics_addr() {
+        // If nobody reads it nobody needs it.
+        let _ = writeln!(std::io::stdout(), "{} {metrics}", running.local_addr());
+    }
     let orphaned = tokio::task::spawn_blocking(|| std::io::stdin().read_to_end(&mut Vec::new()));
     tokio::select! {
         error = running.failed() => Err(failed(error)),

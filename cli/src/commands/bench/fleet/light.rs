@@ -1,8 +1,11 @@
 //! A light worker: it speaks the protocol of a real one and simulates nothing, so that thousands fit into a process.
 //!
-//! Its scores are made from the genomes alone, so that any two of them agree on every bit. It takes as long as it is
-//! told to, and fails or dies as often as it is told to.
+//! Its scores are made from the genomes alone, so that any two of them agree on every bit. It takes as long as is drawn for
+//! what it does, and fails or dies as often as it is told to.
 
+use super::slots::Slots;
+use super::tally::{Busy, Tally};
+use super::times::{Times, lifetime};
 use crate::client::Url;
 use proto::PROTOCOL;
 use proto::dial::Way;
@@ -18,81 +21,72 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
-use tokio::sync::Semaphore;
 use tokio::sync::mpsc::unbounded_channel;
-use tokio::task::JoinSet;
-use tokio::time::{interval, sleep};
+use tokio::task::{AbortHandle, JoinSet};
+use tokio::time::{MissedTickBehavior, interval, sleep, sleep_until};
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::{Code, Status};
 
 /// Before a broken session is opened again, and before an unanswered result is sent again.
 const PAUSE: Duration = Duration::from_millis(200);
+/// From a worker's death to the start of the one that takes its place, as whoever keeps workers running needs.
+const REPLACED_AFTER: Duration = Duration::from_secs(1);
 
 /// How light workers behave.
 #[derive(Clone, Debug)]
 pub struct Behaviour {
     /// Evaluations at once, at least 1.
     pub slots: u32,
-    /// An evaluation takes so long.
-    pub each: Duration,
+    /// What evaluations take.
+    pub times: Times,
     /// An evaluation is said to have taken so long, where that is something else: it decides how long ranges are.
     pub claim: Option<Duration>,
-    /// Share of assignments that fail, 0 to 1.
+    /// Share of ranges that fail, 0 to 1.
     pub fails: f64,
-    /// Share of assignments at which the worker dies without a word, 0 to 1; another one takes its place.
-    pub dies: f64,
+    /// How long a worker lives on the average; then it dies without a word, and another one takes its place.
+    pub lifetime: Option<Duration>,
+    /// Seed of the lives.
+    pub seed: u64,
     /// What it offers.
     pub engines: Vec<Vec<u8>>,
     /// The engine that it says has run.
     pub engine: Vec<u8>,
 }
 
-/// What all of them did.
-#[derive(Debug, Default)]
-pub struct Tally {
-    /// Sessions that stand.
-    pub connected: AtomicU64,
-    /// Assignments worked off.
-    pub assignments: AtomicU64,
-    /// Deaths.
-    pub deaths: AtomicU64,
-}
-
 /// Works until it is dropped.
-pub async fn work(url: Url, number: u64, behaviour: Arc<Behaviour>, tally: Arc<Tally>) {
-    for life in 0u64.. {
+pub async fn work(url: Url, number: u32, behaviour: Arc<Behaviour>, tally: Arc<Tally>) {
+    for life in 0u32.. {
         let id = format!("light-{number}-{life}");
-        while !matches!(session(&url, &id, &behaviour, &tally).await, Ok(End::Died)) {
-            sleep(PAUSE).await;
+        let dies = async {
+            match behaviour.lifetime {
+                Some(mean) => sleep(lifetime(mean, behaviour.seed, number, life)).await,
+                None => std::future::pending().await,
+            }
+        };
+        let lives = async {
+            loop {
+                // Whether it was hung up or broke: a real one connects again.
+                let _ = session(&url, &id, &behaviour, &tally).await;
+                sleep(PAUSE).await;
+            }
+        };
+        tokio::select! {
+            () = dies => {}
+            () = lives => {}
         }
         tally.deaths.fetch_add(1, Ordering::Relaxed);
-        sleep(PAUSE).await;
+        sleep(REPLACED_AFTER).await;
     }
 }
 
-/// How a session ends in an orderly way.
-enum End {
-    HungUp,
-    Died,
+/// Work that was assigned.
+struct Assigned {
+    task: AbortHandle,
+    /// Grows with every heartbeat once a slot has it; 0 before.
+    progress: Arc<AtomicU64>,
 }
 
-/// Counts a session for as long as it stands.
-struct Connected<'a>(&'a Tally);
-
-impl<'a> Connected<'a> {
-    fn new(tally: &'a Tally) -> Self {
-        tally.connected.fetch_add(1, Ordering::Relaxed);
-        Self(tally)
-    }
-}
-
-impl Drop for Connected<'_> {
-    fn drop(&mut self) {
-        self.0.connected.fetch_sub(1, Ordering::Relaxed);
-    }
-}
-
-async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Tally>) -> Result<End, Status> {
+async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Tally>) -> Result<(), Status> {
     let mut client = WorkerServiceClient::new(url.way())
         .max_decoding_message_size(MAX_MESSAGE)
         .max_encoding_message_size(MAX_MESSAGE);
@@ -113,10 +107,11 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
     let Some(coordinator_message::Message::Welcome(welcome)) = first else {
         return Err(Status::unavailable("it did not say Welcome"));
     };
-    let _connected = Connected::new(tally);
+    tally.sessions.fetch_add(1, Ordering::Relaxed);
     let mut heartbeat = interval(Duration::from_millis(u64::from(welcome.heartbeat_ms).max(10)));
-    let slots = Arc::new(Semaphore::new(behaviour.slots as usize));
-    let mut running = BTreeMap::new();
+    heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let slots = Arc::new(Slots::new(behaviour.slots));
+    let mut running: BTreeMap<u64, Assigned> = BTreeMap::new();
     let mut working = JoinSet::new();
     loop {
         let message = tokio::select! {
@@ -126,39 +121,37 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
                 continue;
             }
             _ = heartbeat.tick() => {
-                let running = running.keys().copied().collect();
-                say(worker_message::Message::Heartbeat(Heartbeat { running, ..Heartbeat::default() }));
+                say(worker_message::Message::Heartbeat(alive(&running)));
                 continue;
             }
         };
         match message.map(|m| m.message) {
-            None => return Ok(End::HungUp),
+            None => return Ok(()),
             Some(Some(coordinator_message::Message::Assign(assigned))) => {
                 let assignment_id = assigned.assignment_id;
-                if chance(id, assignment_id, "dies") < behaviour.dies {
-                    return Ok(End::Died);
-                }
                 let Some(assign::Task::Evaluate(task)) = assigned.task.clone() else {
                     let reason = "a light worker only pretends to evaluate".to_owned();
                     say(worker_message::Message::Reject(Reject { assignment_id, reason }));
                     continue;
                 };
-                let (client, behaviour, slots, id, tally) =
-                    (client.clone(), behaviour.clone(), slots.clone(), id.to_owned(), tally.clone());
+                let progress = Arc::new(AtomicU64::new(0));
+                // Here, where assignments come in order: only a job's first one to a session has its text.
+                let seed = tally.seed(&assigned.job_id, &assigned.job_toml);
+                let range = Range { id: id.to_owned(), seed, assigned, task, progress: progress.clone() };
+                let (client, behaviour, slots, tally) =
+                    (client.clone(), behaviour.clone(), slots.clone(), tally.clone());
                 let task = working.spawn(async move {
-                    // Never closed.
-                    let _slot = slots.acquire().await;
-                    let result = evaluate(&id, &behaviour, &assigned, &task).await;
+                    let result = range.evaluate(&behaviour, &slots, &tally).await;
                     deliver(client, result).await;
-                    tally.assignments.fetch_add(1, Ordering::Relaxed);
+                    tally.ranges.fetch_add(1, Ordering::Relaxed);
                     assignment_id
                 });
-                running.insert(assignment_id, task);
+                running.insert(assignment_id, Assigned { task, progress });
             }
             Some(Some(coordinator_message::Message::Cancel(cancel))) => {
                 for assignment in cancel.assignment_ids {
-                    if let Some(task) = running.remove(&assignment) {
-                        task.abort();
+                    if let Some(assigned) = running.remove(&assignment) {
+                        assigned.task.abort();
                     }
                 }
             }
@@ -167,28 +160,59 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
     }
 }
 
-/// Pretends.
-async fn evaluate(id: &str, behaviour: &Behaviour, assigned: &Assign, task: &EvaluateTask) -> CompleteRequest {
-    let count = task.genomes.len() as u32;
-    if !behaviour.each.is_zero() {
-        sleep(behaviour.each * count).await;
-    }
-    let result = if chance(id, assigned.assignment_id, "fails") < behaviour.fails {
-        Outcome::Failure("a light worker was told to fail".to_owned())
-    } else {
-        let counts = Some(Counts { rollouts: 1, nodes: 1, ..Counts::default() });
-        let score = |genome: &proto::v1::Genome| EvaluationResult { score: Some(score(&genome.values)), counts };
-        let evaluations = task.genomes.iter().map(score).collect();
-        Outcome::Evaluate(EvaluateResult { generation: task.generation, first: task.first, evaluations })
+/// A sign of life.
+fn alive(running: &BTreeMap<u64, Assigned>) -> Heartbeat {
+    let grown = |assigned: &Assigned| match assigned.progress.load(Ordering::Relaxed) {
+        0 => 0,
+        _ => assigned.progress.fetch_add(1, Ordering::Relaxed),
     };
-    let claim = behaviour.claim.unwrap_or(behaviour.each).max(Duration::from_micros(1)) * count;
-    CompleteRequest {
-        worker_id: id.to_owned(),
-        assignment_id: assigned.assignment_id,
-        job_id: assigned.job_id.clone(),
-        engine_digest: behaviour.engine.clone(),
-        result: Some(result),
-        compute_us: claim.as_micros() as u64,
+    let (running, progress) = running.iter().map(|(id, assigned)| (*id, grown(assigned))).unzip();
+    Heartbeat { running, progress }
+}
+
+/// A range of candidates that a worker was given.
+struct Range {
+    /// The worker.
+    id: String,
+    /// That of its job.
+    seed: u64,
+    assigned: Assign,
+    task: EvaluateTask,
+    progress: Arc<AtomicU64>,
+}
+
+impl Range {
+    /// Pretends.
+    async fn evaluate(self, behaviour: &Behaviour, slots: &Slots, tally: &Tally) -> CompleteRequest {
+        let Self { id, seed, assigned, task, progress } = self;
+        let count = task.genomes.len() as u32;
+        let drawn = behaviour.times.of_range(seed, task.generation, task.first, count);
+        let slot = slots.take().await;
+        progress.store(1, Ordering::Relaxed);
+        let busy = Busy::begin(tally);
+        if !drawn.is_zero() {
+            sleep_until((busy.begun() + drawn).into()).await;
+        }
+        let spell = busy.done(drawn, slot.free_since);
+        tally.chains().done(seed, task.generation, spell);
+        drop(slot);
+        let result = if chance(&id, assigned.assignment_id) < behaviour.fails {
+            Outcome::Failure("a light worker was told to fail".to_owned())
+        } else {
+            let counts = Some(Counts { rollouts: 1, nodes: 1, ..Counts::default() });
+            let score = |genome: &proto::v1::Genome| EvaluationResult { score: Some(score(&genome.values)), counts };
+            let evaluations = task.genomes.iter().map(score).collect();
+            Outcome::Evaluate(EvaluateResult { generation: task.generation, first: task.first, evaluations })
+        };
+        let claim = behaviour.claim.map_or(drawn, |each| each * count).max(Duration::from_micros(count.into()));
+        CompleteRequest {
+            worker_id: id,
+            assignment_id: assigned.assignment_id,
+            job_id: assigned.job_id,
+            engine_digest: behaviour.engine.clone(),
+            result: Some(result),
+            compute_us: claim.as_micros() as u64,
+        }
     }
 }
 
@@ -211,9 +235,9 @@ fn score(genome: &[f64]) -> f64 {
 }
 
 /// 0 to 1, for what a worker does with an assignment.
-fn chance(worker: &str, assignment: u64, what: &str) -> f64 {
+fn chance(worker: &str, assignment: u64) -> f64 {
     let mut hasher = DefaultHasher::new();
-    (worker, assignment, what).hash(&mut hasher);
+    (worker, assignment).hash(&mut hasher);
     unit(hasher.finish())
 }
 
