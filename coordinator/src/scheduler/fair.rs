@@ -39,7 +39,7 @@ pub(super) struct Room {
     in_advance: BTreeSet<WorkerId>,
     /// Slots of the workers that take work, by engine; nothing while it is not known.
     slots: Option<BTreeMap<Digest, u32>>,
-    /// Workers looked at and jobs weighed for them, ever: what dispatching costs.
+    /// Workers and leases looked at, and jobs weighed for them, ever: what dispatching costs.
     #[cfg(test)]
     pub steps: u64,
 }
@@ -69,10 +69,20 @@ impl Room {
         }
     }
 
+    /// Workers that may have a free slot.
+    pub fn with_free_slots(&self) -> &BTreeSet<WorkerId> {
+        &self.free_slots
+    }
+
     fn step(&mut self) {
+        self.count(1);
+    }
+
+    /// So many workers or leases were looked at.
+    pub fn count(&mut self, _looks: usize) {
         #[cfg(test)]
         {
-            self.steps += 1;
+            self.steps += _looks as u64;
         }
     }
 }

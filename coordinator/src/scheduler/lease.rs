@@ -115,6 +115,7 @@ impl Scheduler {
     /// Ends a lease; what it covers and is not done becomes pending again.
     pub(super) fn drop_lease(&mut self, id: AssignmentId) -> Option<Lease> {
         let lease = self.leases.remove(&id)?;
+        self.solos.remove(&id);
         self.let_go(&lease.worker, id);
         let copy = self.copies.remove(&id);
         if let Kind::Copy(original) = lease.kind {

@@ -148,6 +148,14 @@ pub struct Scheduler {
     /// Virtual time of the fair queue: the tag of the work handed out last.
     virtual_time: f64,
     room: Room,
+    /// No deadline is before this: looking at all workers after every event would cost as much as there are.
+    wake: Option<Duration>,
+    /// There was no straggler when it was looked for last, and it is not looked for before this.
+    look_again: Duration,
+    /// Suspects that are worked on, and of which jobs.
+    solos: BTreeMap<AssignmentId, JobId>,
+    /// Workers that are kept free for the suspects of a job.
+    cells: BTreeMap<JobId, WorkerId>,
     actions: Vec<Action>,
     notes: Vec<Note>,
 }
@@ -170,6 +178,10 @@ impl Scheduler {
             next_session: 1,
             virtual_time: 0.0,
             room: Room::default(),
+            wake: None,
+            look_again: Duration::ZERO,
+            solos: BTreeMap::new(),
+            cells: BTreeMap::new(),
             actions: Vec::new(),
             notes: Vec::new(),
         }
@@ -282,10 +294,21 @@ impl Scheduler {
         for id in self.workers.keys().cloned().collect::<Vec<_>>() {
             self.copy_stragglers(now, &id);
         }
+        self.wake = self.earliest();
     }
 
-    /// When the next lease ends unless a sign of life comes.
+    /// When the time has to be told, if nothing happens before; there may be nothing to do then.
     pub fn next_deadline(&self) -> Option<Duration> {
+        self.wake
+    }
+
+    /// There is a deadline that may be the next. One that moves back needs no telling.
+    fn wake_by(&mut self, deadline: Duration) {
+        self.wake = Some(self.wake.map_or(deadline, |wake| wake.min(deadline)));
+    }
+
+    /// When the next lease ends unless a sign of life comes, or a worker is spared a job no more, or has to be told to stop.
+    fn earliest(&self) -> Option<Duration> {
         let expiry = self.workers.values().map(|w| w.expires);
         let refusal = self.workers.values().flat_map(|w| w.refused.values().copied());
         let leaving = self.workers.values().filter(|w| !w.draining).filter_map(|w| self.stops(w));

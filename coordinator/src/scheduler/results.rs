@@ -9,6 +9,7 @@ use super::{Action, Now, Scheduler};
 use crate::record::{JobId, JobState};
 use crate::store::Write;
 use sim_core::identity::Digest;
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 /// What a worker delivers.
@@ -117,6 +118,7 @@ impl Scheduler {
                     if decides && let Some(worker) = self.workers.get_mut(&worker) {
                         // Two others could do it: somebody else, for a while.
                         worker.refused.insert(id.clone(), now.since_start + self.settings.lease);
+                        self.wake_by(now.since_start + self.settings.lease);
                     }
                     self.blame(now, &lease, true, None, &reason);
                 }
@@ -169,12 +171,17 @@ impl Scheduler {
         // What is new, in ranges without a break; and what may contradict what is there, or decide a dispute.
         let mut ranges: Vec<(u32, Vec<Outcome>)> = Vec::new();
         let mut there: Vec<(u32, Outcome)> = Vec::new();
+        // Others that were given some of it.
+        let mut holders: BTreeSet<AssignmentId> = BTreeSet::new();
         for (index, outcome) in range.indexes().zip(outcomes) {
             match job.round.record(index, &outcome, &worker.0) {
-                Recorded::New => match ranges.last_mut() {
-                    Some((first, run)) if *first + run.len() as u32 == index => run.push(outcome),
-                    _ => ranges.push((index, vec![outcome])),
-                },
+                Recorded::New(holder) => {
+                    holders.extend(holder);
+                    match ranges.last_mut() {
+                        Some((first, run)) if *first + run.len() as u32 == index => run.push(outcome),
+                        _ => ranges.push((index, vec![outcome])),
+                    }
+                }
                 Recorded::Same if !job.is_disputed(range.round, index) => {}
                 Recorded::Same | Recorded::Other => there.push((index, outcome)),
             }
@@ -192,17 +199,10 @@ impl Scheduler {
                 evaluations: job.round.is_generation(),
                 count: accepted as u32,
             });
-            let needless: Vec<AssignmentId> = self
-                .leases
-                .iter()
-                .filter(|(_, l)| {
-                    l.job == *id
-                        && l.kind != Kind::Decides
-                        && job.round.contains(&l.range)
-                        && job.round.is_done(&l.range)
-                })
-                .map(|(a, _)| *a)
-                .collect();
+            let done = |a: &AssignmentId| self.leases.get(a).is_some_and(|l| job.round.is_done(&l.range));
+            let originals = holders.into_iter().filter(done);
+            let needless: Vec<AssignmentId> =
+                originals.flat_map(|a| [Some(a), self.copies.get(&a).copied()]).flatten().collect();
             self.cancel_leases(&needless);
         }
         // Before anything is sealed: what is in doubt is not.

@@ -122,8 +122,8 @@ enum State {
 /// What became of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Recorded {
-    /// It is the first.
-    New,
+    /// It is the first; who had the task, if anybody.
+    New(Option<AssignmentId>),
     /// The same bits were there.
     Same,
     /// Other bits were there.
@@ -278,15 +278,18 @@ impl Round {
     /// Takes a result in unless there is one: the first one wins.
     pub fn record(&mut self, index: u32, outcome: &Outcome, worker: &Arc<str>) -> Recorded {
         let state = &mut self.tasks[index as usize].state;
-        match state {
+        let holder = match state {
             State::Done(there, _) if there == outcome => return Recorded::Same,
             State::Done(..) => return Recorded::Other,
-            State::Pending => self.pending -= 1,
-            State::Leased(_) => {}
-        }
+            State::Pending => {
+                self.pending -= 1;
+                None
+            }
+            State::Leased(holder) => Some(*holder),
+        };
         *state = State::Done(outcome.clone(), worker.clone());
         self.done += 1;
-        Recorded::New
+        Recorded::New(holder)
     }
 
     /// Tasks that are not done and have crashed or failed while they were worked on alone, and how often.

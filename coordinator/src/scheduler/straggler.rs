@@ -11,31 +11,47 @@ use std::time::Duration;
 const SLOWER: f64 = 2.0;
 /// … and at least this long: a copy made sooner would hardly be done sooner.
 const LEAST: Duration = Duration::from_secs(1);
+/// Where there was none, they are looked for again after this time: looking costs as much as there is work out.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 impl Scheduler {
     /// Gives free slots of a worker that nobody else needs to stragglers, the oldest first; each gets one copy.
     pub(super) fn copy_stragglers(&mut self, now: Now, id: &WorkerId) {
-        while let Some(worker) = self.workers.get(id).filter(|w| w.is_open() && w.held.len() < w.slots as usize)
-            && let Some(original) = self.straggler(now, id, worker)
-        {
+        if now.since_start < self.look_again {
+            return;
+        }
+        let has_room = |w: &Worker| w.is_open() && w.held.len() < w.slots as usize;
+        while self.workers.get(id).is_some_and(has_room) {
+            let stragglers = self.stragglers(now);
+            if stragglers.is_empty() {
+                self.look_again = now.since_start + LOOK_EVERY;
+            }
+            let Some(original) = stragglers.into_iter().find(|a| self.may_copy(now, id, *a)) else { return };
             self.copy(now, id, original);
         }
     }
 
-    fn straggler(&self, now: Now, id: &WorkerId, worker: &Worker) -> Option<AssignmentId> {
-        let may_be_copied = |(original, lease): &(&AssignmentId, &Lease)| {
-            let Some(job) = self.jobs.get(&lease.job) else { return false };
+    /// Those that have no copy, the oldest first.
+    fn stragglers(&mut self, now: Now) -> Vec<AssignmentId> {
+        self.room.count(self.leases.len());
+        let lacks_copy = |(original, lease): &(&AssignmentId, &Lease)| {
             lease.kind == Kind::Ordinary
                 && !lease.solo
-                && lease.worker != *id
                 && !self.copies.contains_key(original)
-                && is_straggler(now, job, lease)
-                && worker.engines.contains(&job.record.engine_digest)
-                && !worker.refused.contains_key(&lease.job)
-                && self.time_for(now, worker, job.cost) >= lease.range.count
+                && self.jobs.get(&lease.job).is_some_and(|job| is_straggler(now, job, lease))
         };
-        let stragglers = self.leases.iter().filter(may_be_copied);
-        stragglers.min_by_key(|(original, lease)| (lease.since, **original)).map(|(original, _)| *original)
+        let mut found: Vec<_> = self.leases.iter().filter(lacks_copy).map(|(a, lease)| (lease.since, *a)).collect();
+        found.sort_unstable();
+        found.into_iter().map(|(_, original)| original).collect()
+    }
+
+    fn may_copy(&self, now: Now, id: &WorkerId, original: AssignmentId) -> bool {
+        let Some((lease, worker)) = self.leases.get(&original).zip(self.workers.get(id)) else { return false };
+        let Some(job) = self.jobs.get(&lease.job) else { return false };
+        lease.worker != *id
+            && worker.engines.contains(&job.record.engine_digest)
+            && !worker.refused.contains_key(&lease.job)
+            && self.time_for(now, worker, job.cost) >= lease.range.count
     }
 
     fn copy(&mut self, now: Now, id: &WorkerId, original: AssignmentId) {

@@ -53,6 +53,7 @@ impl Scheduler {
             worker.refused.insert(lease.job.clone(), now.since_start + self.settings.lease);
             name.clone_from(&worker.name);
         }
+        self.wake_by(now.since_start + self.settings.lease);
         self.blame(now, &lease, true, None, &format!("worker {name} made no progress with it for {seconds} s"));
     }
 }

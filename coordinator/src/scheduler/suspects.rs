@@ -14,22 +14,18 @@ impl Scheduler {
     /// Hands out suspects, each to an idle worker that gets nothing else meanwhile. Answers with the workers that are
     /// kept free for one: at most one a job, so that the others go on.
     pub(super) fn isolate_suspects(&mut self, now: Now) -> BTreeSet<WorkerId> {
-        let mut kept_free = BTreeSet::new();
-        let waiting = |s: &Self| -> Vec<JobId> {
-            let suspected = s.jobs.iter().filter(|(_, job)| !job.record.paused && job.round.has_pending_suspect());
-            suspected.map(|(id, _)| id.clone()).collect()
-        };
-        for id in waiting(self) {
-            while let Some(worker) = self.cell(now, &id, true) {
+        for id in self.jobs_with_suspects() {
+            while let Some(worker) = self.idle_cell(now, &id) {
                 self.isolate(now, &worker, &id);
             }
         }
-        for id in waiting(self) {
-            if !self.leases.values().any(|l| l.job == id && l.solo) {
-                kept_free.extend(self.cell(now, &id, false));
-            }
+        let mut waiting = self.jobs_with_suspects();
+        waiting.retain(|id| !self.solos.values().any(|job| job == id));
+        self.cells.retain(|id, _| waiting.contains(id));
+        for id in &waiting {
+            self.keep_a_cell(now, id);
         }
-        kept_free
+        self.cells.values().cloned().collect()
     }
 
     /// A worker lives that may have been taken for dead: it was only cut off, and what its death was blamed on is not to
@@ -44,18 +40,45 @@ impl Scheduler {
         }
     }
 
-    /// An idle worker for a suspect, or the one that will be so first.
-    fn cell(&self, now: Now, id: &JobId, idle: bool) -> Option<WorkerId> {
+    fn jobs_with_suspects(&self) -> Vec<JobId> {
+        let suspected = self.jobs.iter().filter(|(_, job)| !job.record.paused && job.round.has_pending_suspect());
+        suspected.map(|(id, _)| id.clone()).collect()
+    }
+
+    /// An idle worker for a suspect.
+    fn idle_cell(&mut self, now: Now, id: &JobId) -> Option<WorkerId> {
         let job = self.jobs.get(id).filter(|job| job.round.has_pending_suspect())?;
-        let may = |w: &Worker| {
-            w.is_open()
-                && w.engines.contains(&job.record.engine_digest)
-                && !w.refused.contains_key(id)
-                && (!idle || w.held.is_empty())
-                && self.time_for(now, w, job.cost) > 0
+        let mut looks = 0;
+        let idle = |worker: &&WorkerId| {
+            looks += 1;
+            self.workers.get(*worker).is_some_and(|w| w.held.is_empty() && self.may_be_cell(now, id, job, w))
         };
+        let found = self.room.with_free_slots().iter().find(idle).cloned();
+        self.room.count(looks);
+        found
+    }
+
+    /// Keeps the worker free that will be idle first. Once chosen it stays: it gets nothing more, so it will be.
+    fn keep_a_cell(&mut self, now: Now, id: &JobId) {
+        let Some(job) = self.jobs.get(id) else { return };
+        let may = |w: &Worker| self.may_be_cell(now, id, job, w);
+        if self.cells.get(id).and_then(|cell| self.workers.get(cell)).is_some_and(may) {
+            return;
+        }
         let able = self.workers.iter().filter(|(_, w)| may(w));
-        able.min_by_key(|(_, w)| w.held.len()).map(|(id, _)| id.clone())
+        let first = able.min_by_key(|(_, w)| w.held.len()).map(|(worker, _)| worker.clone());
+        self.room.count(self.workers.len());
+        match first {
+            Some(worker) => self.cells.insert(id.clone(), worker),
+            None => self.cells.remove(id),
+        };
+    }
+
+    fn may_be_cell(&self, now: Now, id: &JobId, job: &ActiveJob, worker: &Worker) -> bool {
+        worker.is_open()
+            && worker.engines.contains(&job.record.engine_digest)
+            && !worker.refused.contains_key(id)
+            && self.time_for(now, worker, job.cost) > 0
     }
 
     fn isolate(&mut self, now: Now, worker: &WorkerId, id: &JobId) {
@@ -66,6 +89,7 @@ impl Scheduler {
         let charged = self.charge(id, range.count);
         let lease = Lease { charged, solo: true, ..Lease::new(now, worker, id, range, Kind::Ordinary) };
         self.assign(now, assignment, lease, task);
+        self.solos.insert(assignment, id.clone());
         if let Some(worker) = self.workers.get_mut(worker) {
             worker.suspect = Some(assignment);
         }

@@ -157,6 +157,11 @@ impl Scheduler {
         }
         self.tell_quarantined(&greeting.worker);
         self.drain_leaving(now);
+        self.wake_by(now.since_start + self.settings.lease);
+        let stops = self.workers.get(&greeting.worker).filter(|w| !w.draining).and_then(|w| self.stops(w));
+        if let Some(at) = stops {
+            self.wake_by(at);
+        }
         self.dispatch(now);
         Welcome { session, keep, drop }
     }
@@ -224,6 +229,7 @@ impl Scheduler {
                 self.workers.remove(id);
             }
         }
+        self.wake_by(grace);
         self.dispatch(now);
     }
 
@@ -253,6 +259,7 @@ impl Scheduler {
             if let Some(worker) = self.workers.get_mut(id) {
                 worker.refused.insert(lease.job, until);
             }
+            self.wake_by(until);
         }
         self.dispatch(now);
     }
