@@ -137,9 +137,8 @@ async fn live(
     while !coordinator.has_ended() {
         assert!(start.elapsed() < PATIENCE, "neither death nor result: {:?}", told.job);
         // No answer: it is about to die, or not yet there.
-        match ask(sandbox, told, passed, toml, wish).await {
-            Ok(Some(end)) => return end,
-            Ok(None) | Err(_) => {}
+        if let Ok(Some(end)) = ask(sandbox, told, passed, toml, wish).await {
+            return end;
         }
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
