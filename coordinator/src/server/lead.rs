@@ -191,7 +191,10 @@ mod tests {
                     [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = 2\n[finish]\nkind = \"none\"\n";
         let job = Job::from_toml(text).expect("a valid job");
         let own = job.engine_digest();
-        let engine = |stored| read_again(stored).ok().expect("it goes on").record.engine_digest;
+        let engine = |stored| match read_again(stored) {
+            Ok(resumed) => resumed.record.engine_digest,
+            Err(unusable) => panic!("it can't go on: {}", unusable.1),
+        };
         assert_eq!(engine(stored(&job, own)), own);
         assert_eq!(engine(stored(&job, OLD)), OLD, "its workers are another build's");
 
