@@ -160,7 +160,8 @@ impl<S: Simd> Corners<S> {
         let both = |corner: &Corner<S>| {
             let (before, after) = (velocity(about, corner), velocity(after, corner));
             let flat = before.truncate();
-            let drag = carried(corner.depth[0], before) / (flat.dot(flat) + model.contact.slip * model.contact.slip).sqrt();
+            let drag =
+                carried(corner.depth[0], before) / (flat.dot(flat) + model.contact.slip * model.contact.slip).sqrt();
             (carried(corner.depth[0], after), model.friction * drag * after.truncate().length())
         };
         self.0.iter().map(both).collect()
