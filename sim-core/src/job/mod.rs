@@ -18,7 +18,7 @@ use crate::identity::Digest;
 use crate::limits;
 use crate::measure::known::Known;
 use crate::optimise::{self, Bounds, Optimiser};
-use crate::plan::{Metric, Place, Planner, Reuse, Setting, state_touches};
+use crate::plan::{Metric, Place, Planner, Reuse, Setting, laid_out, state_touches};
 use crate::robot::{Robot, RobotSpec, State};
 use crate::rollout::{Engine, Physics, engine, engines_digest, settle};
 use crate::score::Direction;
@@ -220,6 +220,15 @@ impl Job {
     /// The settled start in the canonical frame.
     pub fn start(&self) -> &State {
         &self.0.start
+    }
+
+    /// The settled start as rollouts begin from it: in the canonical frame, with [`Place::ORIGIN`]; among terrain in the map,
+    /// with where that is.
+    pub fn start_among_terrain(&self) -> (State, Place) {
+        match self.environment().is_flat() {
+            true => (self.start().clone(), Place::ORIGIN),
+            false => (laid_out(self.start(), &self.root()), self.root()),
+        }
     }
 
     /// Where the pivot starts on the map.

@@ -47,15 +47,12 @@ pub struct Errors {
     pub p95: Estimate,
 }
 
-/// Where a rollout from the canonical start ends; `None` if it was unstable.
-pub fn arrival(rollout: &Rollout) -> Option<Place> {
+/// Where a rollout ends, in the frame of the place where it started; `None` if it was unstable.
+pub fn arrival(rollout: &Rollout, from: &Place) -> Option<Place> {
     let at = rollout.end.pivot.translation;
-    (rollout.outcome == Outcome::Completed).then(|| Place {
-        x: at.x.into(),
-        y: at.y.into(),
-        z: at.z.into(),
-        yaw: heading(rollout.end.pivot.rotation),
-    })
+    let yaw = heading(rollout.end.pivot.rotation);
+    let end = Place { x: at.x.into(), y: at.y.into(), z: at.z.into(), yaw };
+    (rollout.outcome == Outcome::Completed).then(|| from.seen(&end))
 }
 
 /// A start with every joint angle off by [`DISTURBANCE`] to one side or the other.
@@ -150,6 +147,16 @@ mod tests {
         let relative = found.relative.unwrap();
         assert!((relative.value - 0.5 * (1.0 / 10.0 + 1.0 / 11.0) / 2.0).abs() < 1e-12, "{relative:?}");
         assert!(relative.low < relative.value && relative.value < relative.high);
+    }
+
+    #[test]
+    fn a_place_is_seen_from_another_as_it_was_laid_out_there() {
+        let frame = Place { x: 3.0, y: -2.0, z: 0.5, yaw: 2.5 };
+        for place in places().into_iter().flatten() {
+            let seen = frame.seen(&frame.then(&place));
+            assert!(seen.planar_distance(&place) < 1e-12 && seen.z == place.z, "{seen:?}");
+            assert!(wrap(seen.yaw - place.yaw).abs() < 1e-12, "{seen:?}");
+        }
     }
 
     #[test]

@@ -35,6 +35,13 @@ impl Place {
         Place { x, y, z: inner.z, yaw: wrap(self.yaw + inner.yaw) }
     }
 
+    /// A place of the map, in this place's frame: `frame.seen(&frame.then(&p))` is p but for rounding.
+    pub fn seen(&self, outer: &Place) -> Place {
+        let (dx, dy) = (outer.x - self.x, outer.y - self.y);
+        let (s, c) = (libm::sin(self.yaw), libm::cos(self.yaw));
+        Place { x: c * dx + s * dy, y: c * dy - s * dx, z: outer.z, yaw: wrap(outer.yaw - self.yaw) }
+    }
+
     /// The frame that rollouts simulated in the canonical frame are laid out in: this place's x, y and heading.
     pub fn frame(&self) -> Pose {
         Pose::from_parts(Vector::new(self.x as f32, self.y as f32, 0.0), about_z(self.yaw))

@@ -50,6 +50,7 @@ Examples:
   evogait bench fidelity --gaits runs/quadropod-empty-3f2a9c01d4e5 --random 0
   evogait bench fidelity lizard --random 10 --evolved 10 --duration 2
   evogait bench fidelity quadropod --settings 30x8,200x2-lockstep
+  evogait bench fidelity lizard --environment stairs --settings 200x2-lockstep
   evogait bench fidelity quadropod --table scenarios/fidelity.toml
 
 The same gaits, from the same settled start, with every setting and with the
@@ -258,6 +259,10 @@ pub struct BenchFidelity {
     #[command(flatten)]
     pub subject: Subject,
 
+    /// On this environment's terrain, from its start [default: flat ground]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub environment: Option<String>,
+
     /// Engine settings to compare [default: that of the scale, on the reference's engine]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
     pub settings: Vec<Setting>,
@@ -276,7 +281,7 @@ pub struct BenchFidelity {
     pub evolved: u32,
 
     /// Take robot, physics, gait duration and evolved gaits from this run's folder
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["robot", "variant", "scale", "duration"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["robot", "variant", "scale", "duration", "environment"])]
     pub gaits: Option<PathBuf>,
 
     /// How long each is applied, s
@@ -296,7 +301,7 @@ pub struct BenchFidelity {
     pub out: Option<PathBuf>,
 
     /// Keep the settings of the lockstep engine as rows of this file
-    #[arg(long, value_name = "FILE", conflicts_with = "gaits")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["gaits", "environment"])]
     pub table: Option<PathBuf>,
 
     /// Print JSON

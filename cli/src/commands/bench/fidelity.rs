@@ -10,11 +10,13 @@ use crate::arguments::BenchFidelity;
 use crate::clock::Spent;
 use crate::console;
 use crate::error::Error;
+use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use crate::setting::Setting;
 use sim_core::control::Targets;
+use sim_core::environment::Environment;
 use sim_core::job::{EngineKind, Job, Scale};
 use sim_core::measure::fidelity::{arrival, compare, disturbed};
 use sim_core::plan::Place;
@@ -90,6 +92,7 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     drop(progress);
     let view = View {
         robot: job.robot_spec().name.clone(),
+        environment: job.environment().name.clone(),
         gravity: job.physics().gravity,
         duration,
         seed: args.seed,
@@ -125,7 +128,8 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genome>>
     let Some(folder) = &args.gaits else {
         let reference = args.reference.unwrap_or_else(|| finest(meant, args.subject.scale.into()));
         subject::check(&[reference], args.duration)?;
-        let job = subject::job(&args.subject, reference, args.duration, args.seed)?;
+        let ground = ground(args)?;
+        let job = subject::job(&args.subject, ground, reference, args.duration, args.seed)?;
         return Ok((job, subject::own(&args.subject, meant), None));
     };
     let stored = Stored::read(folder)?;
@@ -138,6 +142,11 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genome>>
     let genome: Vec<f64> = winner.genome.iter().map(|p| p.value).collect();
     let gaits = genome.chunks(gaits::length(&job)).map(<[f64]>::to_vec).collect();
     Ok((job, Setting::of(&stored.job), Some(gaits)))
+}
+
+/// The environment that was asked for, if any.
+fn ground(args: &BenchFidelity) -> Result<Option<Environment>, Error> {
+    args.environment.as_deref().map(|name| Ok(load::environment(name)?.0)).transpose()
 }
 
 /// What is fine enough to be a reference, as a rule; the halved steps tell whether it is.
@@ -176,10 +185,14 @@ fn evolved(
     }
     // A search finds the weak points of the engine that it runs on.
     let own = subject::own(&args.subject, job.chosen().engine);
-    let first = subject::job(&args.subject, own, EVOLVED_DURATION, args.seed)?;
+    let ground = ground(args)?;
+    let first = subject::job(&args.subject, ground.clone(), own, EVOLVED_DURATION, args.seed)?;
     debug_assert_eq!(gaits::length(&first), gaits::length(job));
     // The first was checked; other seeds change nothing that could be refused.
-    let again = |run: u64| subject::job(&args.subject, own, EVOLVED_DURATION, (args.seed + run) & i64::MAX as u64).ok();
+    let again = |run: u64| {
+        let seed = (args.seed + run) & i64::MAX as u64;
+        subject::job(&args.subject, ground.clone(), own, EVOLVED_DURATION, seed).ok()
+    };
     let jobs = std::iter::once(first).chain((1..MOST_EVOLUTIONS).map_while(again));
     Ok((gaits::evolved(jobs, args.evolved, quiet), "the last generations of short evolutions".to_owned()))
 }
@@ -187,15 +200,16 @@ fn evolved(
 /// Every gait with every variant, by turns, so that all variants see the same machine. By gait, then by variant.
 fn simulate(job: &Job, variants: &[Variant], gaits: &[Targets], threads: u32, progress: &Pieces) -> Vec<Vec<Run>> {
     let turns = turns(gaits.len(), variants.iter().any(|v| v.engine.lanes() > 1));
+    let (start, from) = job.start_among_terrain();
     let next = AtomicUsize::new(0);
     let found = Mutex::new(vec![Vec::new(); gaits.len()]);
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
                 while let Some(turn) = turns.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let off: Vec<State> = turn.clone().map(|gait| disturbed(job.start(), gait as u32)).collect();
+                    let off: Vec<State> = turn.clone().map(|gait| disturbed(&start, gait as u32)).collect();
                     let runs: Vec<Vec<Run>> =
-                        variants.iter().map(|v| all(job, v, &gaits[turn.clone()], &off)).collect();
+                        variants.iter().map(|v| all(job, v, &gaits[turn.clone()], (&start, &off, &from))).collect();
                     let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
                     for (i, gait) in turn.clone().enumerate() {
                         found[gait] = runs.iter().map(|runs| runs[i]).collect();
@@ -209,16 +223,22 @@ fn simulate(job: &Job, variants: &[Variant], gaits: &[Targets], threads: u32, pr
 }
 
 /// Some gaits with one variant, each from the start or from its disturbed one.
-fn all(job: &Job, variant: &Variant, gaits: &[Targets], disturbed: &[State]) -> Vec<Run> {
-    let start = |i: usize| if variant.disturbed { &disturbed[i] } else { job.start() };
+fn all(
+    job: &Job,
+    variant: &Variant,
+    gaits: &[Targets],
+    (start, disturbed, from): (&State, &[State], &Place),
+) -> Vec<Run> {
+    let start = |i: usize| if variant.disturbed { &disturbed[i] } else { start };
     let requests: Vec<Request<'_>> =
         gaits.iter().enumerate().map(|(i, targets)| Request { start: start(i), targets }).collect();
     let run = |(rollout, spent): (Rollout, Spent)| Run {
-        end: arrival(&rollout),
+        end: arrival(&rollout, from),
         simulated: rollout.simulated_ms as f64 / 1000.0,
         spent,
     };
-    rollouts(variant.engine, job.robot(), &variant.physics, &requests).into_iter().map(run).collect()
+    let terrain = &job.environment().terrain;
+    rollouts(variant.engine, job.robot(), &variant.physics, terrain, &requests).into_iter().map(run).collect()
 }
 
 fn set(name: &'static str, settings: &[Setting], halved: &[Setting], runs: &[Vec<Run>]) -> Set {

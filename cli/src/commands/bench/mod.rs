@@ -16,6 +16,7 @@ mod subject;
 use crate::arguments::Bench;
 use crate::clock::{Spent, timed};
 use crate::error::Error;
+use sim_core::environment::Block;
 use sim_core::measure::statistics::{Estimate, bootstrap};
 use sim_core::random::{Purpose, Stream};
 use sim_core::robot::Robot;
@@ -52,11 +53,17 @@ fn turns(gaits: usize, lanes: bool) -> Vec<Range<usize>> {
     (0..turns).map(|i| i * BATCH..if i + 1 == turns { gaits } else { (i + 1) * BATCH }).collect()
 }
 
-/// Rollouts on flat ground and what each took. An engine with lanes gets all at once, and each takes an equal share.
-fn rollouts(engine: &dyn Engine, robot: &Robot, physics: &Physics, requests: &[Request<'_>]) -> Vec<(Rollout, Spent)> {
+/// Rollouts and what each took. An engine with lanes gets all at once, and each takes an equal share.
+fn rollouts(
+    engine: &dyn Engine,
+    robot: &Robot,
+    physics: &Physics,
+    terrain: &[Block],
+    requests: &[Request<'_>],
+) -> Vec<(Rollout, Spent)> {
     let together = if engine.lanes() > 1 { requests.len().max(1) } else { 1 };
     let run = |batch: &[Request<'_>]| {
-        let (rollouts, Spent { wall, cpu }) = timed(|| engine.run(robot, physics, &[], batch));
+        let (rollouts, Spent { wall, cpu }) = timed(|| engine.run(robot, physics, terrain, batch));
         let n = rollouts.len() as f64;
         rollouts.into_iter().map(move |rollout| (rollout, Spent { wall: wall / n, cpu: cpu / n })).collect::<Vec<_>>()
     };

@@ -43,7 +43,7 @@ pub fn run(args: BenchRollout, quiet: bool) -> Result<(), Error> {
     let settings = if args.settings.is_empty() { vec![own] } else { args.settings };
     subject::check(&[own], args.duration)?;
     subject::check(&settings, args.duration)?;
-    let job = subject::job(&args.subject, own, args.duration, args.seed)?;
+    let job = subject::job(&args.subject, None, own, args.duration, args.seed)?;
     subject::supported(&settings, &job)?;
     let physics: Vec<(&dyn Engine, Physics)> =
         settings.iter().map(|s| (engine(s.engine), s.apply(job.physics()))).collect();
@@ -55,7 +55,7 @@ pub fn run(args: BenchRollout, quiet: bool) -> Result<(), Error> {
         let requests: Vec<Request<'_>> =
             targets[turn.clone()].iter().map(|targets| Request { start: job.start(), targets }).collect();
         for (i, (engine, physics)) in physics.iter().enumerate() {
-            for (rollout, time) in rollouts(*engine, job.robot(), physics, &requests) {
+            for (rollout, time) in rollouts(*engine, job.robot(), physics, &[], &requests) {
                 spent[i].push((rollout.simulated_ms as f64 / 1000.0, time));
                 unstable[i] += u32::from(rollout.outcome != Outcome::Completed);
             }

@@ -1,10 +1,12 @@
-//! What physics is measured on: a robot on flat ground, as a job, so that it is checked and settled like any other.
+//! What physics is measured on: a robot on flat ground or in an environment, as a job, so that it is checked and settled
+//! like any other.
 
 use crate::arguments::Subject;
 use crate::error::Error;
 use crate::load;
 use crate::setting::Setting;
 use serde::Serialize;
+use sim_core::environment::Environment;
 use sim_core::job::{EngineKind, Job, JobSpec, Reference};
 use sim_core::lockstep;
 
@@ -26,12 +28,21 @@ population = 17
 generations = 8
 "#;
 
-/// A subject as a job with gaits of so many s; its start is the one settled with `setting`.
-pub fn job(subject: &Subject, setting: Setting, duration: f64, seed: u64) -> Result<Job, Error> {
+/// A subject as a job with gaits of so many s, on flat ground unless it is said; its start is the one settled with `setting`.
+pub fn job(
+    subject: &Subject,
+    environment: Option<Environment>,
+    setting: Setting,
+    duration: f64,
+    seed: u64,
+) -> Result<Job, Error> {
     let (robot, label) = load::robot(&subject.robot)?;
     let refused = |source| Error::Invalid { file: label.clone(), source };
     let mut spec: JobSpec = toml::from_str(FRAME).map_err(|e| refused(e.into()))?;
     spec.robot = Reference::Inline(Box::new(robot));
+    if let Some(environment) = environment {
+        spec.environment = Reference::Inline(Box::new(environment));
+    }
     spec.variant.clone_from(&subject.variant);
     spec.seed = seed;
     spec.gaits.duration = duration;
@@ -45,10 +56,10 @@ pub fn own(subject: &Subject, engine: EngineKind) -> Setting {
     Setting::own(engine, subject.scale.into())
 }
 
-/// Refuses settings of an engine that can't simulate the job's robot.
+/// Refuses settings of an engine that can't simulate the job's robot or terrain.
 pub fn supported(settings: &[Setting], job: &Job) -> Result<(), Error> {
     let lockstep = settings.iter().find(|s| s.engine == EngineKind::Lockstep);
-    match (lockstep, lockstep::supports(job.robot(), &[])) {
+    match (lockstep, lockstep::supports(job.robot(), &job.environment().terrain)) {
         (Some(setting), Err(why)) => Err(Error::Usage { message: format!("{setting} is not possible: {why}") }),
         _ => Ok(()),
     }

@@ -76,10 +76,11 @@ fn ends(estimate: Estimate) -> [f64; 3] {
 
 fn heading(view: &View) -> String {
     format!(
-        "{} under {} mu/s², gaits of {} s from the settled start, seed {}; {} thread{} on {}. Intervals are 95 % bootstrap \
+        "{} under {} mu/s² in environment {}, gaits of {} s from the settled start, seed {}; {} thread{} on {}. Intervals are 95 % bootstrap \
          intervals over the gaits.",
         view.robot,
         view.gravity,
+        view.environment,
         view.duration,
         view.seed,
         view.threads,

@@ -9,6 +9,8 @@ use sim_core::measure::statistics::Estimate;
 #[derive(Serialize)]
 pub struct View {
     pub robot: String,
+    /// What it stands on and among.
+    pub environment: String,
     /// mu/s².
     pub gravity: f32,
     /// Of a gait, s.
