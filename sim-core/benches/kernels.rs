@@ -44,7 +44,7 @@ fn rollout(c: &mut Criterion) {
     }
     for (name, level) in levels {
         c.bench_function(&format!("lockstep: 16 rollouts of 1 s, {name}"), |b| {
-            b.iter(|| run_at(level, job.robot(), &physics, black_box(&[request; 16])))
+            b.iter(|| run_at(level, job.robot(), &physics, &[], black_box(&[request; 16])))
         });
     }
 }

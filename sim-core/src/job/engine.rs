@@ -25,7 +25,7 @@ pub enum Why {
     Asked,
     /// Lockstep's fidelity on this robot is in the table that ships, and stands in so many steps a second and substeps.
     Measured((u32, u32)),
-    /// There is terrain.
+    /// There is terrain: of stairs lockstep's fidelity is not in the table that ships, other terrain it does not know.
     Terrain,
     /// The robot has capsules.
     Capsules,
@@ -74,6 +74,9 @@ pub(super) fn choose(
             reason: format!("\"lockstep\" can't run this job: {reason}; use \"rapier\" or \"auto\""),
         }),
         (EngineChoice::Auto, Some((why, _))) => Ok(Chosen { engine: EngineKind::Rapier, why }),
+        (EngineChoice::Auto, None) if !environment.is_flat() => {
+            Ok(Chosen { engine: EngineKind::Rapier, why: Why::Terrain })
+        }
         (EngineChoice::Auto, None) => Ok(by_fidelity(spec, robot, known)),
     }
 }
@@ -233,15 +236,16 @@ mod tests {
 
     #[test]
     fn lockstep_is_refused_by_field_and_reason_where_it_does_not_serve() {
-        let refused = |robot: &Robot, environment: &str, more: &str| {
+        let mut pillar = environment("stairs");
+        pillar.terrain[0].size[1] = 1.0;
+        let refused = |robot: &Robot, environment: &Environment, more: &str| {
             let spec = physics(&format!("engine = \"lockstep\"\n{more}"));
-            let environment = super::tests::environment(environment);
-            choose(&spec, robot, &environment, &Known::default()).unwrap_err().to_string()
+            choose(&spec, robot, environment, &Known::default()).unwrap_err().to_string()
         };
         for (said, reason) in [
-            (refused(&quadropod(), "stairs", ""), "there is terrain"),
-            (refused(&with_capsules(), "empty", ""), "the robot has capsules"),
-            (refused(&quadropod(), "empty", "joints = \"multibody\""), "physics.joints = \"multibody\""),
+            (refused(&quadropod(), &pillar, ""), "stairs only"),
+            (refused(&with_capsules(), &environment("empty"), ""), "the robot has capsules"),
+            (refused(&quadropod(), &environment("empty"), "joints = \"multibody\""), "physics.joints = \"multibody\""),
         ] {
             assert!(said.starts_with("physics.engine: \"lockstep\" can't run this job: "), "{said}");
             assert!(said.contains(reason) && said.ends_with("use \"rapier\" or \"auto\""), "{said}");
@@ -253,8 +257,10 @@ mod tests {
         let robot = quadropod();
         for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
             let spec = PhysicsSpec { engine: engine.into(), ..PhysicsSpec::default() };
-            for known in [Known::default(), knows(&robot, 0.99)] {
-                let chosen = choose(&spec, &robot, &environment("empty"), &known).unwrap();
+            for (known, name) in
+                [(Known::default(), "empty"), (knows(&robot, 0.99), "empty"), (Known::default(), "stairs")]
+            {
+                let chosen = choose(&spec, &robot, &environment(name), &known).unwrap();
                 assert_eq!((chosen.engine, chosen.why), (engine, Why::Asked));
                 assert_eq!(chosen.to_string(), engine.name());
             }

@@ -242,7 +242,7 @@ pub enum EngineChoice {
 pub enum EngineKind {
     /// rapier3d: any terrain.
     Rapier,
-    /// Many rollouts side by side: flat ground, boxes.
+    /// Many rollouts side by side: flat ground, stairs, boxes.
     Lockstep,
 }
 

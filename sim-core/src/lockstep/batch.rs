@@ -1,5 +1,6 @@
 //! Lanes filled with rollouts, and their outcomes taken out.
 
+use super::contact::Surface;
 use super::kinematics::{Motion, Spatial, Velocity};
 use super::lanes::{Lanes, Mask, V3, all, fma};
 use super::model::Model;
@@ -11,13 +12,19 @@ use fearless_simd::prelude::*;
 
 /// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes.
 #[inline(always)]
-pub(super) fn run<S: Simd>(simd: S, model: &Model, physics: &Physics, batch: &[Request<'_>]) -> Vec<Rollout> {
+pub(super) fn run<S: Simd, G: Surface<S>>(
+    simd: S,
+    model: &Model,
+    physics: &Physics,
+    ground: G,
+    batch: &[Request<'_>],
+) -> Vec<Rollout> {
     let width = Lanes::<S>::LEN;
     let steps = |i: usize| physics.steps(batch[i].targets.duration());
     let mut order: Vec<usize> = (0..batch.len()).collect();
     order.sort_by_key(|&i| steps(i));
     let mut rollouts: Vec<Option<Rollout>> = batch.iter().map(|_| None).collect();
-    let mut stepper = Stepper::new(simd, model);
+    let mut stepper = Stepper::new(simd, model, ground);
     let mut rest = &order[..];
     while let Some(&first) = rest.first() {
         let alike = rest.iter().take(width).take_while(|&&i| steps(i) == steps(first)).count();
@@ -41,11 +48,11 @@ struct Lane {
 
 /// Simulates up to a lane each, all of the same number of steps.
 #[inline(always)]
-fn roll<S: Simd>(
+fn roll<S: Simd, G: Surface<S>>(
     simd: S,
     model: &Model,
     physics: &Physics,
-    stepper: &mut Stepper<'_, S>,
+    stepper: &mut Stepper<'_, S, G>,
     requests: &[Request<'_>],
 ) -> Vec<Rollout> {
     let rate = physics.steps_per_second;
@@ -142,10 +149,10 @@ fn start<S: Simd>(simd: S, model: &Model, requests: &[Request<'_>]) -> Motion<S>
 
 /// Writes the motion down, with the box around the robot.
 #[inline(always)]
-fn sample<S: Simd>(
+fn sample<S: Simd, G: Surface<S>>(
     simd: S,
     model: &Model,
-    stepper: &Stepper<'_, S>,
+    stepper: &Stepper<'_, S, G>,
     motion: &Motion<S>,
     time: f32,
     lanes: &mut [Lane],
@@ -184,11 +191,11 @@ impl<S: Simd> Ledger<S> {
 
 /// Finds lanes that left the bounds of a sound simulation.
 #[inline(always)]
-fn check<S: Simd>(
+fn check<S: Simd, G: Surface<S>>(
     simd: S,
     model: &Model,
     step: u32,
-    stepper: &Stepper<'_, S>,
+    stepper: &Stepper<'_, S, G>,
     ledger: &mut Ledger<S>,
     lanes: &mut [Lane],
 ) {

@@ -1,11 +1,14 @@
 //! The engine against closed forms, on worlds that a rollout can't be asked for: with velocities, without motors, on slopes.
 
-use super::inertia::Inertia;
+use super::contact::{Corners, Surface};
+use super::inertia::{Composite, Inertia};
 use super::kinematics::{Motion, Spatial};
 use super::lanes::{V3, all};
 use super::model::Model;
 use super::step::Stepper;
+use super::terrain::Layer;
 use super::tests::{at, gaits, physics, robot};
+use super::uneven::Uneven;
 use crate::control::Targets;
 use crate::math::Vector;
 use crate::random::{Purpose, Stream};
@@ -51,7 +54,7 @@ fn swing() -> Robot {
 }
 
 /// A robot in a world of its own, whatever the lanes are.
-trait World {
+pub(super) trait World {
     fn step(&mut self);
     /// Sets the joint targets, rad.
     fn tell(&mut self, targets: &[f32]);
@@ -74,33 +77,43 @@ trait World {
 }
 
 fn world<'a>(model: &'a Model, start: &State) -> Box<dyn World + 'a> {
-    at_level!(Level::new(), simd => in_lanes(simd, model, start))
+    at_level!(Level::new(), simd => in_lanes(simd, model, Corners::new(model), start))
 }
 
-fn seconds(world: &mut dyn World, time: f32) {
+/// A world with blocks on the ground.
+pub(super) fn world_on<'a>(model: &'a Model, layers: &'a [Layer], start: &State) -> Box<dyn World + 'a> {
+    at_level!(Level::new(), simd => in_lanes(simd, model, Uneven::new(layers), start))
+}
+
+pub(super) fn seconds(world: &mut dyn World, time: f32) {
     for _ in 0..(time / world.dt()).round() as u32 {
         world.step();
     }
 }
 
-struct InLanes<'a, S: Simd> {
+struct InLanes<'a, S: Simd, G: Surface<S>> {
     simd: S,
     model: &'a Model,
-    stepper: Stepper<'a, S>,
+    stepper: Stepper<'a, S, G>,
     motion: Motion<S>,
     targets: Vec<S::f32s>,
 }
 
-fn in_lanes<'a, S: Simd>(simd: S, model: &'a Model, start: &State) -> Box<dyn World + 'a> {
+fn in_lanes<'a, S: Simd, G: Surface<S> + 'a>(
+    simd: S,
+    model: &'a Model,
+    ground: G,
+    start: &State,
+) -> Box<dyn World + 'a> {
     let targets = vec![all(simd, 0.0); model.hinges.len()];
-    Box::new(InLanes { simd, model, stepper: Stepper::new(simd, model), motion: at(simd, start), targets })
+    Box::new(InLanes { simd, model, stepper: Stepper::new(simd, model, ground), motion: at(simd, start), targets })
 }
 
 fn first<S: Simd>(v: V3<S>) -> Vector {
     Vector::new(v.x[0], v.y[0], v.z[0])
 }
 
-impl<S: Simd> World for InLanes<'_, S> {
+impl<S: Simd, G: Surface<S>> World for InLanes<'_, S, G> {
     fn step(&mut self) {
         self.stepper.place(&self.motion);
         self.stepper.step(&mut self.motion, &self.targets);

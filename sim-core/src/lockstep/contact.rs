@@ -7,7 +7,7 @@
 //! A spring whose force is that at the step's end brings a damper k·dt with it. r is what the damper should be in all, but
 //! never less than that: so the bounce hardly depends on the step, and the spring holds at any.
 
-use super::inertia::Inertia;
+use super::inertia::{Composite, Inertia};
 use super::kinematics::{Frames, Spatial};
 use super::lanes::{Lanes, Mask, V3, all, fma, fnma, three};
 use super::model::{Model, Part};
@@ -18,6 +18,26 @@ use fearless_simd::prelude::*;
 const NEAR: f32 = 0.1;
 /// Farther from the ground than any corner that could touch it, mu.
 const FAR: f32 = 1e6;
+
+/// What robots stand on.
+pub(super) trait Surface<S: Simd> {
+    /// What bodies are while they touch it.
+    type Inertia: Composite<S>;
+
+    /// Finds where it may be touched within a step; `position` is the base's origin.
+    fn find(&mut self, simd: S, model: &Model, frames: &Frames<S>, position: V3<S>);
+
+    /// Adds what it does, linearised about the motion of the bodies: dt times its resistance to the inertias, dt times the
+    /// springs' forces to the impulses.
+    fn press(
+        &self,
+        simd: S,
+        model: &Model,
+        motion: &[Spatial<S>],
+        inertias: &mut [Self::Inertia],
+        impulses: &mut [Spatial<S>],
+    );
+}
 
 /// A corner that may touch the ground.
 #[derive(Clone, Copy)]
@@ -54,10 +74,14 @@ impl<S: Simd> Corners<S> {
     pub fn new(model: &Model) -> Self {
         Self(Vec::with_capacity(4 * model.boxes.len()))
     }
+}
 
-    /// Finds them; `height` is that of the base's origin.
+impl<S: Simd> Surface<S> for Corners<S> {
+    type Inertia = Inertia<S>;
+
     #[inline(never)]
-    pub fn find(&mut self, simd: S, model: &Model, frames: &Frames<S>, height: Lanes<S>) {
+    fn find(&mut self, simd: S, model: &Model, frames: &Frames<S>, position: V3<S>) {
+        let height = position.z;
         simd.vectorize(
             #[inline(always)]
             || {
@@ -101,10 +125,8 @@ impl<S: Simd> Corners<S> {
         )
     }
 
-    /// Adds what the corners do, linearised about the motion of the bodies: dt times their resistance to the inertias, dt
-    /// times the springs' forces to the impulses.
     #[inline(never)]
-    pub fn press(
+    fn press(
         &self,
         simd: S,
         model: &Model,

@@ -3,7 +3,7 @@
 //! Composite rigid bodies: Featherstone (2008), section 6.2. H = LᵀDL keeps the tree's zeros: section 6.4. Hinges are
 //! eliminated from the leaves, what remains is the dense 6 × 6 of the base.
 
-use super::inertia::Inertia;
+use super::inertia::Composite;
 use super::kinematics::{Frames, Spatial, Velocity};
 use super::lanes::{Lanes, V3, all, fnma};
 use super::model::Model;
@@ -28,7 +28,7 @@ impl<S: Simd> System<S> {
 
     /// The mass matrix. `inertias` become those of the subtrees.
     #[inline(never)]
-    pub fn assemble(&mut self, simd: S, model: &Model, frames: &Frames<S>, inertias: &mut [Inertia<S>]) {
+    pub fn assemble<I: Composite<S>>(&mut self, simd: S, model: &Model, frames: &Frames<S>, inertias: &mut [I]) {
         simd.vectorize(
             #[inline(always)]
             || {

@@ -26,6 +26,18 @@ pub(super) struct Inertia<S: Simd> {
     pub second: Symmetric<S>,
 }
 
+/// An inertia with contacts in it, as the mass matrix is made of.
+pub(super) trait Composite<S: Simd>: Copy {
+    /// Of a body that nothing touches.
+    fn rigid(simd: S, body: &Inertia<S>) -> Self;
+    /// The sum.
+    fn add(&self, other: &Self) -> Self;
+    /// Momentum of a motion.
+    fn times(&self, motion: Spatial<S>) -> Spatial<S>;
+    /// As a matrix over (angular, linear); rows and columns 0 to 5, the lower triangle filled.
+    fn matrix(&self, simd: S) -> [[Lanes<S>; 6]; 6];
+}
+
 #[inline(always)]
 fn dot<S: Simd>(a: [Lanes<S>; 3], b: [Lanes<S>; 3]) -> Lanes<S> {
     fma::<S>(a[0], b[0], fma::<S>(a[1], b[1], a[2] * b[2]))
@@ -100,8 +112,21 @@ impl<S: Simd> Inertia<S> {
         ];
     }
 
+    /// As for [`Spatial::without_negative_zeros`].
     #[inline(always)]
-    pub fn add(&self, o: &Self) -> Self {
+    pub fn without_negative_zeros(&self, simd: S) -> Self {
+        self.add(&Self::zero(simd))
+    }
+}
+
+impl<S: Simd> Composite<S> for Inertia<S> {
+    #[inline(always)]
+    fn rigid(_: S, body: &Self) -> Self {
+        *body
+    }
+
+    #[inline(always)]
+    fn add(&self, o: &Self) -> Self {
         let mut second = self.second;
         for i in 0..6 {
             second[i] += o.second[i];
@@ -115,15 +140,8 @@ impl<S: Simd> Inertia<S> {
         }
     }
 
-    /// As for [`Spatial::without_negative_zeros`].
     #[inline(always)]
-    pub fn without_negative_zeros(&self, simd: S) -> Self {
-        self.add(&Self::zero(simd))
-    }
-
-    /// Momentum of a motion.
-    #[inline(always)]
-    pub fn times(&self, m: Spatial<S>) -> Spatial<S> {
+    fn times(&self, m: Spatial<S>) -> Spatial<S> {
         let (w, v, h) = (m.a, m.l, self.first);
         let [nx, ny] = self.first_upright;
         let [xx, yy, zz, xy, xz, yz] = self.second;
@@ -142,9 +160,8 @@ impl<S: Simd> Inertia<S> {
         }
     }
 
-    /// As a matrix over (angular, linear); rows and columns 0 to 5, the lower triangle filled.
     #[inline(always)]
-    pub fn matrix(&self, simd: S) -> [[Lanes<S>; 6]; 6] {
+    fn matrix(&self, simd: S) -> [[Lanes<S>; 6]; 6] {
         let zero = all(simd, 0.0);
         let h = self.first;
         let [nx, ny] = self.first_upright;

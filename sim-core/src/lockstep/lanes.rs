@@ -102,6 +102,12 @@ impl<S: Simd> V3<S> {
         Self { x: fma::<S>(k, o.x, self.x), y: fma::<S>(k, o.y, self.y), z: fma::<S>(k, o.z, self.z) }
     }
 
+    /// Its number along a horizontal axis, and along the other one.
+    #[inline(always)]
+    pub fn split(self, axis: usize) -> (Lanes<S>, Lanes<S>) {
+        if axis == 0 { (self.x, self.y) } else { (self.y, self.x) }
+    }
+
     #[inline(always)]
     pub fn select(mask: Mask<S>, a: Self, b: Self) -> Self {
         Self { x: mask.select(a.x, b.x), y: mask.select(a.y, b.y), z: mask.select(a.z, b.z) }

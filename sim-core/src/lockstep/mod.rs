@@ -2,10 +2,10 @@
 //!
 //! Reduced coordinates (a floating base and hinges), contacts linearised so that they become inertia of the bodies they
 //! touch, implicit motors: the cost of a step hardly depends on what happens in it, so lanes never wait for each other.
-//! For flat ground; a robot is any tree of hinges that the project can compile.
+//! For flat ground and stairs; a robot is any tree of hinges that the project can compile.
 //!
-//! Where the method stands: `model` robot and constants, `kinematics`, `inertia`, `contact` (ground), `touch` (bodies among
-//! themselves), `factor` (mass matrix), `step`, `batch` (lanes filled, outcomes taken out).
+//! Where the method stands: `model` robot and constants, `kinematics`, `inertia`, `contact` (flat ground), `terrain`, `uneven`
+//! and `general` (stairs), `touch` (bodies among themselves), `factor` (mass matrix), `step`, `batch` (lanes filled, outcomes taken out).
 //!
 //! Lanes are f32. Every operation is one that IEEE 754 rounds correctly and no lane sees another, so results have the same
 //! bits at any width, on any instruction set, in any company.
@@ -16,12 +16,15 @@
 mod batch;
 mod contact;
 mod factor;
+mod general;
 mod inertia;
 mod kinematics;
 mod lanes;
 mod model;
 mod step;
+mod terrain;
 mod touch;
+mod uneven;
 
 use crate::environment::Block;
 use crate::robot::Robot;
@@ -40,8 +43,11 @@ pub struct LockstepEngine;
 /// Why the engine can't simulate something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsupported {
-    /// It knows flat ground only.
-    #[error("the lockstep engine knows flat ground only, and there is terrain")]
+    /// Of terrain it knows stairs only.
+    #[error(
+        "of terrain the lockstep engine knows stairs only: blocks on the ground, with sides along x and y, all between the \
+         same two lines, which are at least 10 mu apart"
+    )]
     Terrain,
     /// It knows boxes only.
     #[error("the lockstep engine knows boxes only, and the robot has capsules")]
@@ -50,7 +56,7 @@ pub enum Unsupported {
 
 /// Whether the engine can simulate this robot on this terrain.
 pub fn supports(robot: &Robot, terrain: &[Block]) -> Result<(), Unsupported> {
-    if !terrain.is_empty() {
+    if !terrain::known(terrain) {
         return Err(Unsupported::Terrain);
     }
     if robot.bodies.iter().any(|body| !body.capsules.is_empty()) {
@@ -66,7 +72,7 @@ impl Engine for LockstepEngine {
         if let Err(why) = supports(robot, terrain) {
             panic!("{why}");
         }
-        run_at(Level::new(), robot, physics, batch)
+        run_at(Level::new(), robot, physics, terrain, batch)
     }
 
     fn lanes(&self) -> usize {
@@ -74,10 +80,21 @@ impl Engine for LockstepEngine {
     }
 }
 
-/// Runs a batch on flat ground at a given instruction set.
-pub fn run_at(level: Level, robot: &Robot, physics: &Physics, batch: &[Request<'_>]) -> Vec<Rollout> {
+/// Runs a batch at a given instruction set.
+pub fn run_at(
+    level: Level,
+    robot: &Robot,
+    physics: &Physics,
+    terrain: &[Block],
+    batch: &[Request<'_>],
+) -> Vec<Rollout> {
     let model = model::Model::new(robot, physics);
-    at_level!(level, simd => batch::run(simd, &model, physics, batch))
+    let layers = terrain::layers(terrain);
+    if layers.is_empty() {
+        at_level!(level, simd => batch::run(simd, &model, physics, contact::Corners::new(&model), batch))
+    } else {
+        at_level!(level, simd => batch::run(simd, &model, physics, uneven::Uneven::new(&layers), batch))
+    }
 }
 
 /// Lanes of an instruction set.
@@ -90,5 +107,7 @@ fn width(level: Level) -> usize {
 
 #[cfg(test)]
 mod closed_form;
+#[cfg(test)]
+mod on_blocks;
 #[cfg(test)]
 mod tests;

@@ -3,9 +3,9 @@
 //! (M + dt·D) v⁺ = M v − dt·bias + dt·f. M v and the bias come from one pass over the tree (recursive Newton–Euler,
 //! Featherstone (2008), section 5.3), for what a body carries is its momentum less dt times its bias force.
 
-use super::contact::{Corners, box_axes, box_center};
+use super::contact::{Surface, box_axes, box_center};
 use super::factor::System;
-use super::inertia::Inertia;
+use super::inertia::{Composite, Inertia};
 use super::kinematics::{Frames, Motion, Spatial, Velocity};
 use super::lanes::{Lanes, Mask, V3, all, clamp, fma, fnma};
 use super::model::Model;
@@ -17,17 +17,17 @@ use fearless_simd::prelude::*;
 const LIMIT_STIFFNESS: f32 = 10.0;
 
 /// Everything a step needs, kept from step to step.
-pub(super) struct Stepper<'a, S: Simd> {
+pub(super) struct Stepper<'a, S: Simd, G: Surface<S>> {
     simd: S,
     model: &'a Model,
     pub frames: Frames<S>,
-    corners: Corners<S>,
+    ground: G,
     system: System<S>,
     /// Motions of the bodies.
     motions: Vec<Spatial<S>>,
     accelerations: Vec<Spatial<S>>,
     rigid: Vec<Inertia<S>>,
-    pressed: Vec<Inertia<S>>,
+    pressed: Vec<G::Inertia>,
     /// Momentum less dt·bias of every body, plus impulses of contacts among bodies.
     carried: Vec<Spatial<S>>,
     impulses: Vec<Spatial<S>>,
@@ -45,20 +45,20 @@ pub(super) struct Stepper<'a, S: Simd> {
     pub extremes: (Lanes<S>, Lanes<S>),
 }
 
-impl<'a, S: Simd> Stepper<'a, S> {
-    pub fn new(simd: S, model: &'a Model) -> Self {
+impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
+    pub fn new(simd: S, model: &'a Model, ground: G) -> Self {
         let (bodies, hinges) = (model.bodies.len(), model.hinges.len());
         let zero = Spatial::zero(simd);
         Self {
             simd,
             model,
             frames: Frames::new(simd, model),
-            corners: Corners::new(model),
+            ground,
             system: System::new(simd, model),
             motions: vec![zero; bodies],
             accelerations: vec![zero; bodies],
             rigid: vec![Inertia::zero(simd); bodies],
-            pressed: vec![Inertia::zero(simd); bodies],
+            pressed: vec![G::Inertia::rigid(simd, &Inertia::zero(simd)); bodies],
             carried: vec![zero; bodies],
             impulses: vec![zero; bodies],
             next: Velocity { base: zero, rates: vec![all(simd, 0.0); hinges] },
@@ -82,7 +82,7 @@ impl<'a, S: Simd> Stepper<'a, S> {
         let (simd, model) = (self.simd, self.model);
         self.measure(motion);
         touch::bodies(simd, model, &self.frames, &self.motions, &mut self.carried);
-        self.corners.find(simd, model, &self.frames, motion.position.z);
+        self.ground.find(simd, model, &self.frames, motion.position);
         self.next.base = motion.velocity.base;
         self.next.rates.copy_from_slice(&motion.velocity.rates);
         for iteration in 0..model.iterations {
@@ -157,9 +157,11 @@ impl<'a, S: Simd> Stepper<'a, S> {
             #[inline(always)]
             || {
                 let (simd, model) = (self.simd, self.model);
-                self.pressed.copy_from_slice(&self.rigid);
+                for i in 0..self.rigid.len() {
+                    self.pressed[i] = G::Inertia::rigid(simd, &self.rigid[i]);
+                }
                 self.impulses.copy_from_slice(&self.carried);
-                self.corners.press(simd, model, &self.motions, &mut self.pressed, &mut self.impulses);
+                self.ground.press(simd, model, &self.motions, &mut self.pressed, &mut self.impulses);
                 self.system.assemble(simd, model, &self.frames, &mut self.pressed);
                 for i in (0..model.hinges.len()).rev() {
                     let wrench = self.impulses[i + 1];

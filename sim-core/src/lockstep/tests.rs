@@ -1,5 +1,6 @@
 //! Laws of the engine: bits, the mass matrix, contact among bodies.
 
+use super::inertia::Composite;
 use super::kinematics::{Frames, Motion, Spatial, Velocity};
 use super::lanes::{Lanes, V3, all};
 use super::model::Model;
@@ -36,7 +37,7 @@ pub(super) fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
 
 fn run(robot: &Robot, physics: &Physics, start: &State, tables: &[Targets]) -> Vec<Rollout> {
     let requests: Vec<Request<'_>> = tables.iter().map(|targets| Request { start, targets }).collect();
-    run_at(Level::new(), robot, physics, &requests)
+    run_at(Level::new(), robot, physics, &[], &requests)
 }
 
 /// Equal as numbers are, and as text, which tells zeros of different sign apart.
@@ -51,7 +52,7 @@ fn every_instruction_set_gives_the_same_bits() {
         let (start, tables) = (robot.neutral(), gaits(&robot, 3, 1.0));
         let requests: Vec<Request<'_>> = tables.iter().map(|targets| Request { start: &start, targets }).collect();
         let runs: Vec<Vec<Rollout>> =
-            levels().into_iter().map(|level| run_at(level, &robot, &physics(), &requests)).collect();
+            levels().into_iter().map(|level| run_at(level, &robot, &physics(), &[], &requests)).collect();
         for other in &runs[1..] {
             assert_same_bits(&runs[0], other, name);
         }
@@ -86,7 +87,7 @@ fn a_lane_that_breaks_is_told_and_harms_no_other() {
     let starts = [&start, &broken, &start, &start];
     let requests: Vec<Request<'_>> =
         starts.iter().zip(&tables).map(|(&start, targets)| Request { start, targets }).collect();
-    let mixed = run_at(Level::new(), &robot, &physics(), &requests);
+    let mixed = run_at(Level::new(), &robot, &physics(), &[], &requests);
     assert!(matches!(mixed[1].outcome, Outcome::Unstable { .. }));
     for i in [0, 2, 3] {
         assert_same_bits(&sound[i..=i], &mixed[i..=i], "beside a broken lane");
