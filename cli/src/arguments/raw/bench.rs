@@ -259,8 +259,8 @@ pub struct BenchFidelity {
     #[command(flatten)]
     pub subject: Subject,
 
-    /// On this environment's terrain, from its start [default: flat ground]
-    #[arg(long, value_name = "NAME|FILE")]
+    /// On the terrain of this environment (name or file), from its start
+    #[arg(long, value_name = "NAME")]
     pub environment: Option<String>,
 
     /// Engine settings to compare [default: that of the scale, on the reference's engine]
