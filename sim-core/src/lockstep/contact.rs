@@ -74,6 +74,28 @@ impl<S: Simd> Corners<S> {
     pub fn new(model: &Model) -> Self {
         Self(Vec::with_capacity(4 * model.boxes.len()))
     }
+
+    /// Of every corner in the first lane: what the ground carries and what friction holds, kg·mu/s², with the motion that a
+    /// step's last linearisation was about and the one that it ended with.
+    #[cfg(test)]
+    pub fn forces(&self, model: &Model, about: &[Spatial<S>], after: &[Spatial<S>]) -> Vec<(f32, f32)> {
+        let velocity = |motion: &[Spatial<S>], corner: &Corner<S>| {
+            let v = motion[corner.body].l.add(motion[corner.body].a.cross(corner.at));
+            crate::math::Vector::new(v.x[0], v.y[0], v.z[0])
+        };
+        let carried = |depth: f32, v: crate::math::Vector| {
+            let force = model.contact.stiffness * depth - model.contact.resistance * v.z;
+            if depth > model.dt * v.z { force.max(0.0) } else { 0.0 }
+        };
+        let both = |corner: &Corner<S>| {
+            let (before, after) = (velocity(about, corner), velocity(after, corner));
+            let flat = before.truncate();
+            let drag =
+                carried(corner.depth[0], before) / (flat.dot(flat) + model.contact.slip * model.contact.slip).sqrt();
+            (carried(corner.depth[0], after), model.friction * drag * after.truncate().length())
+        };
+        self.0.iter().map(both).collect()
+    }
 }
 
 impl<S: Simd> Surface<S> for Corners<S> {
@@ -165,27 +187,5 @@ impl<S: Simd> Surface<S> for Corners<S> {
                 }
             },
         )
-    }
-
-    /// Of every corner in the first lane: what the ground carries and what friction holds, kg·mu/s², with the motion that a
-    /// step's last linearisation was about and the one that it ended with.
-    #[cfg(test)]
-    pub fn forces(&self, model: &Model, about: &[Spatial<S>], after: &[Spatial<S>]) -> Vec<(f32, f32)> {
-        let velocity = |motion: &[Spatial<S>], corner: &Corner<S>| {
-            let v = motion[corner.body].l.add(motion[corner.body].a.cross(corner.at));
-            crate::math::Vector::new(v.x[0], v.y[0], v.z[0])
-        };
-        let carried = |depth: f32, v: crate::math::Vector| {
-            let force = model.contact.stiffness * depth - model.contact.resistance * v.z;
-            if depth > model.dt * v.z { force.max(0.0) } else { 0.0 }
-        };
-        let both = |corner: &Corner<S>| {
-            let (before, after) = (velocity(about, corner), velocity(after, corner));
-            let flat = before.truncate();
-            let drag =
-                carried(corner.depth[0], before) / (flat.dot(flat) + model.contact.slip * model.contact.slip).sqrt();
-            (carried(corner.depth[0], after), model.friction * drag * after.truncate().length())
-        };
-        self.0.iter().map(both).collect()
     }
 }

@@ -221,15 +221,6 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         }
     }
 
-    /// What the ground did to every corner of the first lane in the last step, which gave `velocity`; see
-    /// [`Corners::forces`].
-    #[cfg(test)]
-    pub fn ground(&self, velocity: &Velocity<S>) -> Vec<(f32, f32)> {
-        let mut after = self.motions.clone();
-        self.frames.velocities(self.model, velocity, &mut after);
-        self.corners.forces(self.model, &self.motions, &after)
-    }
-
     /// The box around the robot, in the world.
     #[inline(never)]
     pub fn bounds(&self, simd: S, model: &Model, motion: &Motion<S>) -> (V3<S>, V3<S>) {
@@ -257,6 +248,17 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                 (low, high)
             },
         )
+    }
+}
+
+#[cfg(test)]
+impl<S: Simd> Stepper<'_, S, super::contact::Corners<S>> {
+    /// What flat ground did to every corner of the first lane in the last step, which gave `velocity`; see
+    /// [`super::contact::Corners::forces`].
+    pub fn corner_forces(&self, velocity: &Velocity<S>) -> Vec<(f32, f32)> {
+        let mut after = self.motions.clone();
+        self.frames.velocities(self.model, velocity, &mut after);
+        self.ground.forces(self.model, &self.motions, &after)
     }
 }
 
