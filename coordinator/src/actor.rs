@@ -5,6 +5,7 @@
 use crate::fail_point;
 use crate::journal::Journal;
 use crate::limits::GROUP;
+use crate::live::Live;
 use crate::metrics::Metrics;
 use crate::record::{JobId, JobRecord};
 use crate::scheduler::{
@@ -17,11 +18,8 @@ use sim_core::identity::Digest;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use tokio::sync::{broadcast, mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
-
-/// An event of a job, for those who watch.
-pub(crate) type LiveEvent = Arc<(JobId, v1::JobEvent)>;
 
 /// Why a job was not taken in.
 pub(crate) enum SubmitError {
@@ -143,7 +141,7 @@ pub(crate) struct Actor {
     pub lease: Duration,
     pub heartbeat: Duration,
     pub clock: Clock,
-    pub events: broadcast::Sender<LiveEvent>,
+    pub live: Live,
     pub sessions: HashMap<WorkerId, (SessionId, mpsc::UnboundedSender<v1::CoordinatorMessage>)>,
     pub metrics: Arc<Metrics>,
     pub journal: Journal,
@@ -311,14 +309,11 @@ impl Actor {
                     self.journal.written(&write);
                     for event in write.events() {
                         if let Some(job) = write.job() {
-                            // Nobody watching is no error.
-                            let _ = self.events.send(Arc::new((job.clone(), event.clone())));
+                            self.live.tell(job, event);
                         }
                     }
                 }
-                Action::Publish(job, event) => {
-                    let _ = self.events.send(Arc::new((job, *event)));
-                }
+                Action::Publish(job, event) => self.live.tell(&job, &event),
                 Action::Send(worker, session, content) => {
                     if let Some((_, outbox)) = self.sessions.get(&worker).filter(|(s, _)| *s == session) {
                         // A session that just broke reports itself.

@@ -10,6 +10,7 @@ mod door;
 mod fail_point;
 mod journal;
 pub mod limits;
+mod live;
 mod metrics;
 #[cfg(unix)]
 pub mod open_files;

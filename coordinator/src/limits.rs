@@ -23,8 +23,8 @@ pub const HELLO_WITHIN: Duration = Duration::from_secs(10);
 pub const GROUP: usize = 256;
 /// Events read from the store at once.
 pub const EVENTS_AT_ONCE: u32 = 256;
-/// Events a watcher may lag behind before it has to read them from the store.
-pub const LIVE_EVENTS: usize = 1024;
+/// Events of its job a watcher may lag behind before it has to read them from the store.
+pub const LIVE_EVENTS: usize = 128;
 /// Open calls have this long to end when the coordinator stops.
 pub const STOP_WITHIN: Duration = Duration::from_secs(3);
 /// KEDA is told of a change in demand within this time.

@@ -10,7 +10,7 @@ pub(crate) use doors::DESCRIPTORS;
 
 use crate::api::scaler::ScalerEndpoint;
 use crate::api::{Api, Gates};
-use crate::limits::LIVE_EVENTS;
+use crate::live::Live;
 use crate::metrics::{Metrics, Pulse};
 use crate::standby::Gate;
 use crate::store;
@@ -19,7 +19,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use tokio::net::TcpListener;
-use tokio::sync::{broadcast, mpsc, watch};
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 
 /// A coordinator that runs. Dropping it does not stop it in an orderly way: call [`Running::shutdown`].
@@ -104,7 +104,7 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
     let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
     metrics.engines(&engines);
 
-    let events = broadcast::channel(LIVE_EVENTS).0;
+    let live = Live::default();
     let (commands, inbox) = mpsc::channel(1024);
     let (stop, mut stopping) = watch::channel(false);
     let stopped = stopping.clone();
@@ -112,14 +112,14 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
     let api = Api {
         store: store.clone(),
         commands: commands.clone(),
-        events: events.clone(),
+        live: live.clone(),
         stopping: stopping.clone(),
         engines: engines.clone(),
         gates: Gates::default(),
     };
     let secure = config.tls.is_some();
     let doors = Doors { listener, tls: config.tls, access: config.access, gate };
-    let lead = lead::lead(store, config.standby, config.lease, engines, events, metrics);
+    let lead = lead::lead(store, config.standby, config.lease, engines, live, metrics);
     let to_actor = commands.clone();
     let work = if config.standby {
         tokio::spawn(async move {

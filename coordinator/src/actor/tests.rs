@@ -62,7 +62,7 @@ async fn results_that_come_together_are_committed_together() {
         lease,
         heartbeat: settings.heartbeat(),
         clock: Clock::start(),
-        events: broadcast::channel(16).0,
+        live: Live::default(),
         sessions: HashMap::new(),
         metrics: metrics.clone(),
         journal: Journal::new(epoch, metrics.clone()),

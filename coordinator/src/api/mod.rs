@@ -12,12 +12,13 @@ pub(crate) use gates::Gates;
 pub(crate) use hello::check as check_hello;
 pub(crate) use workers::completed as check_completed;
 
-use crate::actor::{Command, LiveEvent};
+use crate::actor::Command;
+use crate::live::Live;
 use crate::store::{Store, StoreError};
 use proto::limits::MAX_ID;
 use sim_core::identity::Digest;
 use std::sync::Arc;
-use tokio::sync::{broadcast, mpsc, oneshot, watch as watching};
+use tokio::sync::{mpsc, oneshot, watch as watching};
 use tonic::Status;
 
 /// What all services share.
@@ -25,7 +26,7 @@ use tonic::Status;
 pub(crate) struct Api {
     pub store: Arc<dyn Store>,
     pub commands: mpsc::Sender<Command>,
-    pub events: broadcast::Sender<LiveEvent>,
+    pub live: Live,
     /// Turns true when the coordinator stops.
     pub stopping: watching::Receiver<bool>,
     /// The engines of this build.

@@ -23,7 +23,9 @@ impl Api {
         let api = self.clone();
         tokio::spawn(async move {
             let _place = place;
-            if let Err(status) = api.feed(&id, after, &outbox).await {
+            let ended = api.feed(&id, after, &outbox).await;
+            api.live.forget(&id);
+            if let Err(status) = ended {
                 // If the watcher has gone there is nobody to tell.
                 let _ = outbox.send(Err(status)).await;
             }
@@ -33,7 +35,7 @@ impl Api {
 
     async fn feed(&self, id: &JobId, after: u64, outbox: &Outbox) -> Result<(), Status> {
         // Subscribed before the store is read: what is committed meanwhile comes at least once.
-        let mut live = self.events.subscribe();
+        let mut live = self.live.subscribe(id);
         let mut stop = self.stopping.clone();
         let mut last = after;
         loop {
@@ -61,8 +63,7 @@ impl Api {
                     () = outbox.closed() => return Ok(()),
                 };
                 let event = match received {
-                    Ok(event) if event.0 == *id => event.1.clone(),
-                    Ok(_) => continue,
+                    Ok(event) => (*event).clone(),
                     // Too slow for the live ones: read on in the store.
                     Err(RecvError::Lagged(_)) => break,
                     Err(RecvError::Closed) => return Err(stopping()),

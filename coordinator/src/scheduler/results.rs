@@ -5,7 +5,7 @@ use super::lease::{AssignmentId, Kind};
 use super::notes::{LeaseEnd, Note};
 use super::round::{Outcome, Range, Recorded};
 use super::worker::WorkerId;
-use super::{Action, Now, Scheduler};
+use super::{Action, Now, Scheduler, stuck};
 use crate::record::{JobId, JobState};
 use crate::store::Write;
 use sim_core::identity::Digest;
@@ -187,9 +187,12 @@ impl Scheduler {
             }
         }
         let accepted: usize = ranges.iter().map(|(_, run)| run.len()).sum();
-        if let Some(worker) = self.workers.get_mut(worker) {
-            worker.evaluations += accepted as u64;
-            worker.stuck = 0;
+        if let Some(finder) = self.workers.get_mut(worker) {
+            finder.evaluations += accepted as u64;
+            if std::mem::take(&mut finder.stuck) >= stuck::MOST_TIMES {
+                self.room.may_have(worker);
+                self.room.workers_changed();
+            }
         }
         if accepted > 0 {
             self.notes.push(Note::Taken {

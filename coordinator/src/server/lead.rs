@@ -1,8 +1,9 @@
 //! Taking over the work: waits for its turn, and takes up the jobs of the store.
 
 use super::Error;
-use crate::actor::{Actor, Clock, Command, LiveEvent};
+use crate::actor::{Actor, Clock, Command};
 use crate::journal::Journal;
+use crate::live::Live;
 use crate::metrics::Metrics;
 use crate::record::JobRecord;
 use crate::scheduler::{Resumed, Scheduler, Settings};
@@ -15,7 +16,7 @@ use sim_core::optimise;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::{broadcast, mpsc};
+use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
 /// The engines of this build, by name.
@@ -34,14 +35,14 @@ pub(super) async fn lead(
     standby: bool,
     lease: Duration,
     engines: Engines,
-    events: broadcast::Sender<LiveEvent>,
+    live: Live,
     metrics: Arc<Metrics>,
 ) -> Result<Lead, Error> {
     let loaded = standby::turn(&*store, standby).await?;
     // Before the jobs are taken up, which takes a while.
     let mut touch = JoinSet::new();
     touch.spawn(standby::stay_in_touch(store.clone(), loaded.epoch));
-    Ok(Lead { actor: take_up(store, loaded, lease, engines, events, metrics).await?, touch })
+    Ok(Lead { actor: take_up(store, loaded, lease, engines, live, metrics).await?, touch })
 }
 
 impl Lead {
@@ -65,7 +66,7 @@ async fn take_up(
     loaded: Loaded,
     lease: Duration,
     engines: Engines,
-    events: broadcast::Sender<LiveEvent>,
+    live: Live,
     metrics: Arc<Metrics>,
 ) -> Result<Actor, Error> {
     metrics.epoch.set(loaded.epoch as i64);
@@ -98,7 +99,7 @@ async fn take_up(
         lease,
         heartbeat: settings.heartbeat(),
         clock,
-        events,
+        live,
         sessions: HashMap::new(),
         journal: Journal::new(loaded.epoch, metrics.clone()),
         metrics,
