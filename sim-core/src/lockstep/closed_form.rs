@@ -9,7 +9,6 @@ use super::step::Stepper;
 use super::terrain::Layer;
 use super::tests::{at, gaits, physics, robot};
 use super::uneven::Uneven;
-use crate::control::Targets;
 use crate::math::Vector;
 use crate::random::{Purpose, Stream};
 use crate::robot::{JOINT_LIMIT, Robot, RobotSpec, State};
