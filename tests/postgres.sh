@@ -50,14 +50,14 @@ cp "$folder/certs/coordinator.pem" "$folder/certs/coordinator.key" "$folder/tls"
 cd "$folder"
 "${as_server[@]}" "$bin/initdb" --pgdata="$folder/data" --auth=trust --username=evogait --encoding=UTF8 --no-instructions \
     >"$folder/initdb.log" 2>&1 || { cat "$folder/initdb.log" >&2; fail "initdb failed"; }
-printf '%s\n' "local all all trust" "hostssl all all 127.0.0.1/32 trust" >"$folder/data/pg_hba.conf"
+printf '%s\n' "local all all trust" "hostssl all all 127.0.0.0/8 trust" >"$folder/data/pg_hba.conf"
 cd - >/dev/null
 
 # Which ports are free can't be known: it tries some.
 answers() { "$bin/pg_isready" --quiet --host="$folder/socket" --port="$port"; }
 start() {
     port=$((20000 + RANDOM % 10000))
-    "${as_server[@]}" "$bin/postgres" -D "$folder/data" -c listen_addresses=127.0.0.1 -c port="$port" \
+    "${as_server[@]}" "$bin/postgres" -D "$folder/data" -c listen_addresses=127.0.0.1,127.0.0.2 -c port="$port" \
         -c unix_socket_directories="$folder/socket" -c max_connections=200 -c ssl=on \
         -c ssl_cert_file="$folder/tls/coordinator.pem" -c ssl_key_file="$folder/tls/coordinator.key" \
         >"$folder/server.log" 2>&1 &

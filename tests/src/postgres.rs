@@ -17,7 +17,7 @@ fn set(variable: &str) -> String {
 }
 
 /// A way to a new database by TLS, without parameters, and the files of two CAs: that of the server's certificate, and
-/// another one. The certificate is for localhost.
+/// another one. The certificate is for localhost and 127.0.0.1, not for 127.0.0.2, where the server listens, too.
 pub fn new_database_by_tls() -> (String, String, String) {
     let name = new_name();
     ask(&on_server("postgres"), &format!("CREATE DATABASE {name}"));

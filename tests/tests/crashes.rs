@@ -28,6 +28,6 @@ async fn a_cancel_that_was_answered_stays_whatever_dies() {
 
 #[tokio::test]
 async fn a_pause_that_was_answered_holds_until_it_is_resumed_whatever_dies() {
-    let job = tiny_job(23, 3);
+    let job = tiny_job(23, 20);
     assert_eq!(paused_through_crashes(&mut Sandbox::new(), &[], &job).await, undisturbed(&job).await);
 }

@@ -49,9 +49,9 @@ impl PostgresUrl {
     /// The file with the CA that has to have signed the database's certificate, if one is named.
     pub(super) fn root_certificate(&self) -> Option<PathBuf> {
         let url = parse(&self.text).ok()?.to_url_lossy();
-        let file = url.query_pairs().find(|(key, _)| key == "sslrootcert")?.1.into_owned();
-        // The variable of the same name may hold the certificate itself.
-        (!file.trim_start().starts_with("-----BEGIN")).then(|| file.into())
+        let given = url.query_pairs().find(|(key, _)| key == "sslrootcert")?.1.into_owned();
+        // So the driver tells a file from the certificate itself, which the variable of the same name may hold.
+        given.strip_prefix("file: ").map(PathBuf::from)
     }
 
     /// Whether the way to the database leaves this machine without its other end being verified.
@@ -155,5 +155,13 @@ mod tests {
         assert!(!exposed("postgres://ann@db.example/gaits?sslmode=verify-full"));
         assert!(!exposed("postgres://ann@127.0.0.1/gaits") && !exposed("postgres://ann@localhost/gaits"));
         assert!(!exposed("postgres://ann@%2Frun%2Fpostgresql/gaits"));
+    }
+
+    #[test]
+    fn the_file_of_a_ca_is_the_one_that_was_named() {
+        let file = |text: &str| text.parse::<PostgresUrl>().unwrap().root_certificate();
+        let named = "postgres://ann@db.example/gaits?sslmode=verify-full&sslrootcert=/etc/evogait/ca.pem";
+        assert_eq!(file(named), Some(PathBuf::from("/etc/evogait/ca.pem")));
+        assert_eq!(file("postgres://ann@db.example/gaits?sslmode=verify-full"), None);
     }
 }
