@@ -4,7 +4,7 @@ mod fleet;
 
 pub use fleet::BenchFleet;
 
-use super::JobFile;
+use super::{JobFile, RobotScale};
 use crate::setting::Setting;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -175,25 +175,8 @@ pub struct Subject {
     pub variant: Option<String>,
 
     /// How big it is, which decides gravity and motors
-    #[arg(long, value_enum, default_value_t = BenchScale::Paper)]
-    pub scale: BenchScale,
-}
-
-/// `--scale`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[allow(missing_docs)]
-pub enum BenchScale {
-    Paper,
-    Real,
-}
-
-impl From<BenchScale> for sim_core::job::Scale {
-    fn from(scale: BenchScale) -> Self {
-        match scale {
-            BenchScale::Paper => Self::Paper,
-            BenchScale::Real => Self::Real,
-        }
-    }
+    #[arg(long, value_enum, default_value_t = RobotScale::Paper)]
+    pub scale: RobotScale,
 }
 
 /// Seeds are those of jobs.
@@ -486,8 +469,8 @@ pub struct BenchSoundness {
     pub setting: Setting,
 
     /// How big the robots are, which decides gravity and motors
-    #[arg(long, value_enum, default_value_t = BenchScale::Paper)]
-    pub scale: BenchScale,
+    #[arg(long, value_enum, default_value_t = RobotScale::Paper)]
+    pub scale: RobotScale,
 
     /// Rollouts, 64 a robot
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]

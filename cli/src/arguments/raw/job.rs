@@ -1,0 +1,233 @@
+//! Options of the commands about a job, its result and what it is made of.
+
+use super::{OnCoordinator, Shown};
+use clap::{Args, Subcommand};
+use sim_core::job::Scale;
+use sim_core::robot::exchange::Format;
+use std::path::PathBuf;
+
+#[derive(Clone, Debug, Args)]
+pub struct JobFile {
+    /// Job file, or the name of a job that ships
+    #[arg(value_name = "JOB.toml")]
+    pub job: String,
+
+    /// Replace the job's seed, 0 to 2⁶³ − 1
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    pub seed: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+pub struct Run {
+    #[command(flatten)]
+    pub file: JobFile,
+
+    /// Output folder [default: runs/NAME-DIGEST, with the first 12 digits of the job digest]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Evaluations at once [default: number of cores]; the result does not depend on it
+    #[arg(long, value_name = "N", conflicts_with = "coordinator", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub workers: Option<u32>,
+
+    /// Run on this coordinator's workers instead of this machine
+    #[arg(long, value_name = "URL")]
+    pub coordinator: Option<String>,
+
+    #[command(flatten)]
+    pub shown: Shown,
+
+    /// Print the result as JSON at the end
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    /// Job file, the name of a job that ships, or the id of a job on a coordinator
+    #[arg(value_name = "JOB.toml|ID")]
+    pub job: String,
+
+    /// The candidate's generation, which its random numbers depend on [default: 0]
+    #[arg(long, value_name = "G")]
+    pub generation: Option<u32>,
+
+    /// Its index in the generation, likewise [default: 0]
+    #[arg(long, value_name = "C")]
+    pub candidate: Option<u32>,
+
+    /// Its parameters: numbers with commas between them
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, conflicts_with = "genome_file")]
+    pub genome: Option<String>,
+
+    /// Its parameters, in a file
+    #[arg(long, value_name = "FILE")]
+    pub genome_file: Option<PathBuf>,
+
+    /// Ask what is asked about the best candidates after the search, instead of scoring it
+    #[arg(long, value_name = "QUESTION")]
+    pub question: Option<Question>,
+
+    #[command(flatten)]
+    pub on: OnCoordinator,
+}
+
+/// A question about a candidate, as `--question` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum Question {
+    Fresh,
+    Reference,
+    LessFriction,
+    MoreFriction,
+    WithoutReuse,
+    Traces,
+}
+
+impl From<Question> for sim_core::finish::Question {
+    fn from(raw: Question) -> Self {
+        match raw {
+            Question::Fresh => Self::Fresh,
+            Question::Reference => Self::Reference,
+            Question::LessFriction => Self::LessFriction,
+            Question::MoreFriction => Self::MoreFriction,
+            Question::WithoutReuse => Self::WithoutReuse,
+            Question::Traces => Self::Traces,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+#[group(id = "what", required = true, multiple = false)]
+pub struct ReplayWhat {
+    /// This gait, counted from 1, from the settled start
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub gait: Option<u32>,
+
+    /// The best path of the tree
+    #[arg(long)]
+    pub plan: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// Output folder of a run, or its result.json
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+
+    #[command(flatten)]
+    pub what: ReplayWhat,
+
+    /// Write the samples as CSV to this file
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Verify {
+    /// Output folder of a run, or its result.json
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+
+    /// Recompute the whole report: archive, audits without reuse, fresh seeds, gaits, paths
+    #[arg(long)]
+    pub full: bool,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Validate {
+    #[command(flatten)]
+    pub file: JobFile,
+
+    /// Skip the cost estimate, which takes the time of one evaluation
+    #[arg(long)]
+    pub no_estimate: bool,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Robot {
+    /// Name of a robot that ships, or a robot file: TOML, MJCF or URDF
+    #[arg(value_name = "NAME|FILE")]
+    pub robot: String,
+
+    /// Show it with the failed modules of this variant
+    #[arg(long, value_name = "VARIANT")]
+    pub variant: Option<String>,
+
+    /// Draw it to this file, .svg or .png; or export it, .xml or .mjcf (MJCF), .urdf
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+
+    /// Export it in this format, to standard output without --out [default: as --out ends]
+    #[arg(long, value_name = "FORMAT")]
+    pub format: Option<RobotFormat>,
+
+    /// Gravity and motors of the export: modules of 1 m, or of 0.105 m [default: paper]
+    #[arg(long, value_name = "SCALE")]
+    pub scale: Option<RobotScale>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+/// A format of robots, as `--format` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum RobotFormat {
+    Mjcf,
+    Urdf,
+}
+
+impl From<RobotFormat> for Format {
+    fn from(raw: RobotFormat) -> Self {
+        match raw {
+            RobotFormat::Mjcf => Self::Mjcf,
+            RobotFormat::Urdf => Self::Urdf,
+        }
+    }
+}
+
+/// A scale, as `--scale` takes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum RobotScale {
+    Paper,
+    Real,
+}
+
+impl From<RobotScale> for Scale {
+    fn from(raw: RobotScale) -> Self {
+        match raw {
+            RobotScale::Paper => Self::Paper,
+            RobotScale::Real => Self::Real,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct Scenarios {
+    #[command(subcommand)]
+    pub action: Option<ScenariosAction>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ScenariosAction {
+    /// Print the TOML of one
+    Show {
+        /// Its name; `robots/NAME`, `environments/NAME` or `jobs/NAME` where a name alone is not clear
+        name: String,
+    },
+}

@@ -1,0 +1,236 @@
+//! From what was typed to what is meant.
+
+use super::{
+    Bench, Certs, CertsAction, Command, Evaluate, EvaluateWhat, Fetch, Health, HealthOf, JobFile, List, OneJob, Place,
+    Replay, ReplayWhat, Resolved, Restart, Robot, RobotOutput, Run, Show, Submit, Validate, Verify, raw,
+};
+use crate::client::Url;
+use crate::error::Error;
+use clap::Parser as _;
+use proto::credentials::{Credentials, Sources};
+use sim_core::finish::Question;
+use sim_core::limits::MAX_GENOME;
+use std::path::{Path, PathBuf};
+
+/// Reads the command line; on `--help` or wrong usage clap has the last word (exit codes 0 and 2).
+pub fn parse() -> Result<Resolved, Error> {
+    resolve(raw::Cli::parse())
+}
+
+pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
+    let command = match raw.command {
+        raw::Command::Run(run) => Command::Run(Run {
+            file: run.file.into(),
+            out: run.out,
+            place: match run.coordinator {
+                Some(url) => Place::There(Url::parse(&url, "--coordinator", &credentials(run.shown)?)?),
+                None => Place::Here { slots: run.workers.unwrap_or_else(cores) },
+            },
+            json: run.json,
+        }),
+        raw::Command::Submit(submit) => Command::Submit(Submit {
+            file: submit.file.into(),
+            priority: submit.priority.unwrap_or(0),
+            again: submit.again,
+            json: submit.on.json,
+            on: coordinator(submit.on)?,
+        }),
+        raw::Command::Watch(job) => Command::Watch(one_job(job)?),
+        raw::Command::List(list) => Command::List(List {
+            states: list.state,
+            limit: list.limit.map_or(usize::MAX, |n| n as usize),
+            json: list.on.json,
+            on: coordinator(list.on)?,
+        }),
+        raw::Command::Show(show) => Command::Show(Show { toml: show.toml, job: one_job(show.job)? }),
+        raw::Command::Cancel(job) => Command::Cancel(one_job(job)?),
+        raw::Command::Pause(job) => Command::Pause(one_job(job)?),
+        raw::Command::Resume(job) => Command::Resume(one_job(job)?),
+        raw::Command::Restart(restart) => Command::Restart(Restart {
+            from_generation: restart.from_generation,
+            again: restart.again,
+            job: one_job(restart.job)?,
+        }),
+        raw::Command::Evaluate(evaluate) => Command::Evaluate(evaluation(evaluate)?),
+        raw::Command::Fetch(fetch) => {
+            Command::Fetch(Fetch { id: fetch.id, out: fetch.out, json: fetch.on.json, on: coordinator(fetch.on)? })
+        }
+        raw::Command::Workers(on) => Command::Workers { json: on.json, on: coordinator(on)? },
+        raw::Command::Demand(on) => Command::Demand { json: on.json, on: coordinator(on)? },
+        raw::Command::Health(health) => {
+            let json = health.on.json;
+            let of = match health.process {
+                Some(address) => HealthOf::Process(address),
+                None => HealthOf::Coordinator { alive: health.alive, on: coordinator(health.on)? },
+            };
+            Command::Health(Health { of, json })
+        }
+        raw::Command::Replay(replay) => Command::Replay(Replay {
+            folder: folder_of(replay.folder),
+            what: match replay.what.gait {
+                Some(n) => ReplayWhat::Gait(n as usize - 1),
+                None => ReplayWhat::Plan,
+            },
+            out: replay.out,
+        }),
+        raw::Command::Verify(verify) => {
+            Command::Verify(Verify { folder: folder_of(verify.folder), full: verify.full, json: verify.json })
+        }
+        raw::Command::Validate(validate) => Command::Validate(Validate {
+            file: validate.file.into(),
+            estimate: !validate.no_estimate,
+            json: validate.json,
+        }),
+        raw::Command::Bench(bench) => Command::Bench(Bench::from(bench)),
+        raw::Command::Robot(mut robot) => Command::Robot(Robot {
+            output: RobotOutput::of(&mut robot)?,
+            robot: robot.robot,
+            variant: robot.variant,
+            json: robot.json,
+        }),
+        raw::Command::Certs(certs) => {
+            let (action, raw::CertsFolder { folder, hosts, days }) = match certs.action {
+                raw::CertsAction::Init(folder) => (CertsAction::Init, folder),
+                raw::CertsAction::Renew(folder) => (CertsAction::Renew, folder),
+            };
+            Command::Certs(Certs { action, folder, hosts, days })
+        }
+        raw::Command::Scenarios(scenarios) => Command::Scenarios {
+            show: scenarios.action.map(|raw::ScenariosAction::Show { name }| name),
+            json: scenarios.json,
+        },
+    };
+    Ok(Resolved { quiet: raw.quiet, command })
+}
+
+impl From<raw::JobFile> for JobFile {
+    fn from(raw: raw::JobFile) -> Self {
+        Self { job: raw.job, seed: raw.seed }
+    }
+}
+
+fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {
+    Ok(OneJob { id: raw.id, json: raw.on.json, on: coordinator(raw.on)? })
+}
+
+fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
+    let genome = match (raw.genome, raw.genome_file) {
+        (Some(text), _) => Some(genome(&text, "--genome")?),
+        (None, Some(path)) => {
+            let text = std::fs::read_to_string(&path).map_err(|e| Error::read(&path, e))?;
+            Some(genome(&text, &path.display().to_string())?)
+        }
+        (None, None) => None,
+    };
+    Ok(Evaluate {
+        generation: raw.generation.unwrap_or(0),
+        candidate: raw.candidate.unwrap_or(0),
+        question: raw.question.map(Question::from),
+        genome,
+        json: raw.on.json,
+        what: if is_job_id(&raw.job) {
+            EvaluateWhat::Stored { id: raw.job, on: coordinator(raw.on)? }
+        } else {
+            EvaluateWhat::File(JobFile { job: raw.job, seed: None })
+        },
+    })
+}
+
+/// Whether it looks like what a coordinator calls a job: j, a number, a dash and twelve hexadecimal digits.
+fn is_job_id(text: &str) -> bool {
+    let parts = text.strip_prefix('j').and_then(|rest| rest.split_once('-'));
+    parts.is_some_and(|(number, digest)| {
+        !number.is_empty()
+            && number.bytes().all(|b| b.is_ascii_digit())
+            && digest.len() == 12
+            && digest.bytes().all(|b| b.is_ascii_hexdigit())
+    })
+}
+
+/// Numbers between commas, blanks or line ends, in brackets or not.
+fn genome(text: &str, from: &str) -> Result<Vec<f64>, Error> {
+    let separator = |c: char| c == ',' || c == '[' || c == ']' || c.is_whitespace();
+    let number = |word: &str| {
+        let wrong =
+            format!("{from} holds \"{word}\", which is no number: a genome is numbers with commas between them");
+        word.parse().map_err(|_| Error::Usage { message: wrong })
+    };
+    let genome: Vec<f64> = text.split(separator).filter(|w| !w.is_empty()).map(number).collect::<Result<_, _>>()?;
+    match genome.len() {
+        0 => Err(Error::Usage { message: format!("{from} holds no number") }),
+        n if n > MAX_GENOME => {
+            Err(Error::Usage { message: format!("{from} holds {n} numbers: at most {MAX_GENOME} are allowed") })
+        }
+        _ => Ok(genome),
+    }
+}
+
+fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
+    let credentials = credentials(raw.shown)?;
+    if let Some(url) = raw.coordinator {
+        return Url::parse(&url, "--coordinator", &credentials);
+    }
+    match std::env::var(raw::COORDINATOR_VARIABLE) {
+        Ok(url) if !url.is_empty() => Url::parse(&url, raw::COORDINATOR_VARIABLE, &credentials),
+        _ => Url::parse(raw::DEFAULT_COORDINATOR, "the default", &credentials),
+    }
+}
+
+fn credentials(raw: raw::Shown) -> Result<Credentials, Error> {
+    let raw::Shown { ca, cert, key, token_file } = raw;
+    Credentials::of_process(Sources { ca, cert, key, token_file }).map_err(|e| Error::Usage { message: e.to_string() })
+}
+
+/// The number of cores this process may use; 1 where the machine doesn't tell.
+pub fn cores() -> u32 {
+    std::thread::available_parallelism().map_or(1, |n| n.get() as u32)
+}
+
+/// A run is named by its folder or by the result in it.
+fn folder_of(path: PathBuf) -> PathBuf {
+    if path.file_name().is_some_and(|name| name == crate::output::RESULT) && !path.is_dir() {
+        return match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+            _ => Path::new(".").to_owned(),
+        };
+    }
+    path
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_declaration_of_the_arguments_is_sound() {
+        raw::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn genomes_are_read_with_all_their_bits() {
+        let odd = [-0.0, 1.0 / 3.0, f64::MIN_POSITIVE / 4.0, -1e300, f64::INFINITY];
+        let text = odd.map(|v| v.to_string()).join(",");
+        for text in [text.clone(), format!("[{}]\n", text.replace(',', ", ")), text.replace(',', "\n")] {
+            let read = genome(&text, "x").unwrap();
+            assert_eq!(read.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits), "{text}");
+        }
+        assert!(genome("1.0,two", "--genome").unwrap_err().to_string().contains("--genome holds \"two\""));
+        assert!(genome(" ", "--genome").is_err());
+    }
+
+    #[test]
+    fn a_coordinator_s_job_is_told_from_a_file_by_its_look() {
+        assert!(is_job_id("j12-0123456789ab"));
+        for other in ["quadropod-empty", "j12-0123456789ab.toml", "j-0123456789ab", "j1-0123", "x1-0123456789ab"] {
+            assert!(!is_job_id(other), "{other}");
+        }
+    }
+
+    #[test]
+    fn a_result_file_stands_for_its_folder() {
+        assert_eq!(folder_of("runs/a/result.json".into()), Path::new("runs/a"));
+        assert_eq!(folder_of("result.json".into()), Path::new("."));
+        assert_eq!(folder_of("runs/a".into()), Path::new("runs/a"));
+    }
+}

@@ -1,0 +1,110 @@
+//! What `evogait robot` is asked to show or to write.
+
+use super::raw;
+use crate::error::Error;
+use sim_core::job::Scale;
+use sim_core::robot::exchange::Format;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug)]
+pub struct Robot {
+    /// A path, or the name of a robot that ships.
+    pub robot: String,
+    pub variant: Option<String>,
+    pub output: Option<RobotOutput>,
+    pub json: bool,
+}
+
+/// What of a robot is written, and where to.
+#[derive(Debug, PartialEq)]
+pub enum RobotOutput {
+    Picture(PathBuf, PictureFormat),
+    /// In the format of others; to standard output if there is no file.
+    Export {
+        format: Format,
+        scale: Scale,
+        to: Option<PathBuf>,
+    },
+}
+
+impl RobotOutput {
+    /// A format that is not given follows from the file's name.
+    pub(super) fn of(raw: &mut raw::Robot) -> Result<Option<Self>, Error> {
+        let given = raw.format.map(Format::from);
+        let ending = raw.out.as_deref().and_then(Path::extension).and_then(|e| e.to_str());
+        let format = given.or(match ending {
+            Some("xml" | "mjcf") => Some(Format::Mjcf),
+            Some("urdf") => Some(Format::Urdf),
+            _ => None,
+        });
+        let usage = |message: String| Err(Error::Usage { message });
+        match (format, raw.out.take()) {
+            (Some(_), None) if raw.json => {
+                usage("--json and --format both print to standard output: write one to a file with --out FILE".into())
+            }
+            (Some(format), to) => {
+                Ok(Some(Self::Export { format, scale: raw.scale.map_or(Scale::Paper, Scale::from), to }))
+            }
+            (None, _) if raw.scale.is_some() => {
+                usage("--scale is told to MJCF and URDF alone: add --format mjcf or --format urdf".into())
+            }
+            (None, Some(path)) => PictureFormat::of(&path).map(|format| Some(Self::Picture(path, format))),
+            (None, None) => Ok(None),
+        }
+    }
+}
+
+/// The pictures' formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureFormat {
+    Svg,
+    Png,
+}
+
+impl PictureFormat {
+    fn of(path: &Path) -> Result<Self, Error> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            _ => Err(Error::Usage {
+                message: format!(
+                    "--out = \"{}\" does not tell what to write: it must end in .svg or .png (a picture), .xml or .mjcf \
+                     (MJCF) or .urdf",
+                    path.display()
+                ),
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::resolve::resolve;
+    use super::super::{Command, Resolved};
+    use super::*;
+    use clap::Parser as _;
+
+    #[test]
+    fn what_is_written_of_a_robot_follows_from_the_format_or_the_file_s_name() {
+        let output = |line: &str| {
+            let typed = ["evogait", "robot", "lizard"].into_iter().chain(line.split_whitespace());
+            match resolve(raw::Cli::try_parse_from(typed).unwrap()) {
+                Ok(Resolved { command: Command::Robot(robot), .. }) => Ok(robot.output),
+                Ok(_) => unreachable!("`evogait robot` is that command"),
+                Err(error) => Err(error.to_string()),
+            }
+        };
+        let export = |format, scale, to: Option<&str>| {
+            Ok(Some(RobotOutput::Export { format, scale, to: to.map(PathBuf::from) }))
+        };
+        assert_eq!(output(""), Ok(None));
+        assert_eq!(output("--out a.png"), Ok(Some(RobotOutput::Picture("a.png".into(), PictureFormat::Png))));
+        assert_eq!(output("--format mjcf"), export(Format::Mjcf, Scale::Paper, None));
+        assert_eq!(output("--out a.xml --scale real"), export(Format::Mjcf, Scale::Real, Some("a.xml")));
+        assert_eq!(output("--out a.urdf --json"), export(Format::Urdf, Scale::Paper, Some("a.urdf")));
+        assert_eq!(output("--out a.xml --format urdf"), export(Format::Urdf, Scale::Paper, Some("a.xml")));
+        assert!(output("--format urdf --json").unwrap_err().contains("--out FILE"));
+        assert!(output("--scale real").unwrap_err().contains("--format"));
+        assert!(output("--out a.stl").unwrap_err().contains(".urdf"));
+    }
+}
