@@ -2,7 +2,8 @@
 
 use crate::error::Error;
 use proto::credentials::Credentials;
-use proto::dial::{Addresses, Dial, Way, reason};
+use proto::dial::{Addresses, Backoff, Dial, Way, reason};
+use proto::limits::MAX_ANSWER;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{self, JobState};
 use std::fmt;
@@ -12,12 +13,9 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-/// Largest answer taken: a report has the samples of every gait and the whole tree.
-const MAX_ANSWER: usize = 1 << 30;
 /// Where several coordinators stand in for each other: how long to look for one that serves, which one of them does within
-/// seconds of another's death; and how long to wait between two looks.
+/// seconds of another's death.
 const FIND_WITHIN: Duration = Duration::from_secs(20);
-const LOOK_AGAIN: Duration = Duration::from_millis(300);
 /// Jobs asked for at once when listing.
 const PAGE: u32 = 200;
 
@@ -73,18 +71,19 @@ impl Client {
         message: M,
         method: impl Fn(JobServiceClient<Way>, M) -> F,
     ) -> Result<T, Error> {
-        let start = Instant::now();
+        let (mut lost, mut backoff) = (None, Backoff::new());
         loop {
             match method(self.service.clone(), message.clone()).await {
                 Ok(answer) => return Ok(answer.into_inner()),
                 Err(status) => {
                     let elsewhere = self.url.0.count() > 1 && is_connection(&status);
-                    if !elsewhere || start.elapsed() > FIND_WITHIN {
+                    // One that fell silent is found after a while only: the search begins then.
+                    if !elsewhere || lost.get_or_insert_with(Instant::now).elapsed() > FIND_WITHIN {
                         return Err(self.error(&status, id));
                     }
                 }
             }
-            tokio::time::sleep(LOOK_AGAIN).await;
+            backoff.wait().await;
         }
     }
 
@@ -196,6 +195,11 @@ impl Client {
         let url = self.url.to_string();
         match (status.code(), id) {
             (Code::NotFound, Some(id)) => Error::NoSuchJob { url, id: id.to_owned() },
+            (Code::AlreadyExists, None) => {
+                let why = "it has this job already, with another name, description or priority";
+                let reason = format!("{why}: `evogait submit --again` hands it in anew ({})", words(status));
+                Error::Refused { url, reason }
+            }
             _ if is_connection(status) => Error::Unreachable { url, reason: words(status) },
             _ => Error::Refused { url, reason: words(status) },
         }

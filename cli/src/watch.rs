@@ -4,14 +4,13 @@ use crate::client::{Client, is_connection};
 use crate::console;
 use crate::error::Error;
 use crate::signals::Interrupt;
+use proto::dial::Backoff;
 use proto::v1::{self, JobEvent, JobState};
 use std::time::{Duration, Instant};
 use tonic::Status;
 
 /// How long a coordinator may be away before watching gives up.
 const PATIENCE: Duration = Duration::from_secs(600);
-/// Waits between attempts to reach it again, growing from the first to the last.
-const BACKOFF: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(5));
 
 /// How watching ended.
 pub enum Watched {
@@ -40,11 +39,11 @@ async fn to_the_end(
     mut observe: impl FnMut(&JobEvent) -> Result<(), Error>,
 ) -> Result<v1::Job, Error> {
     let mut after = 0;
-    let mut pause = BACKOFF.0;
+    let mut backoff = Backoff::new();
     let mut lost: Option<Instant> = None;
     loop {
-        let seen_before = after;
-        let broken = match stream(client, id, &mut after, &mut observe).await {
+        let mut there = false;
+        let broken = match stream(client, id, &mut after, &mut there, &mut observe).await {
             Ok(()) => match client.get(id).await {
                 Ok((job, _)) if has_ended(job.state()) => return Ok(job),
                 Ok(_) => Status::unavailable("the stream of events ended early"),
@@ -57,8 +56,10 @@ async fn to_the_end(
         if !is_connection(&broken) {
             return Err(client.error(&broken, Some(id)));
         }
-        if after > seen_before {
-            (lost, pause) = (None, BACKOFF.0);
+        // It was there, though nothing new may have happened.
+        if there {
+            lost = None;
+            backoff.reset();
         }
         match lost {
             Some(since) if since.elapsed() > PATIENCE => return Err(client.error(&broken, Some(id))),
@@ -68,8 +69,7 @@ async fn to_the_end(
                 console::note(&format!("lost the coordinator at {}, trying to reach it again", client.url()));
             }
         }
-        tokio::time::sleep(pause).await;
-        pause = (pause * 2).min(BACKOFF.1);
+        backoff.wait().await;
     }
 }
 
@@ -82,9 +82,11 @@ async fn stream(
     client: &mut Client,
     id: &str,
     after: &mut u64,
+    there: &mut bool,
     observe: &mut impl FnMut(&JobEvent) -> Result<(), Error>,
 ) -> Result<(), Broken> {
     let mut events = client.watch(id, *after).await.map_err(Broken::Stream)?;
+    *there = true;
     while let Some(event) = events.message().await.map_err(Broken::Stream)? {
         observe(&event).map_err(Broken::Observer)?;
         *after = event.sequence.max(*after);

@@ -181,6 +181,7 @@ fn numbers_out_of_range() {
         refused(&[("duration = 3.0", "duration = -3.0")]),
         refused(&[("iterations = 4", "iterations = 4\nreuse_tolerance = nan")]),
         refused(&[("particles = 3", "particles = 0")]),
+        refused(&[("particles = 3", "particles = 10000"), ("count = 2", "count = 32")]),
         refused(&[("generations = 2", "generations = 0")]),
         refused(&[("seed = 1", "seed = -1")]),
         refused(&[("name = \"small\"", "name = \"../small\"")]),

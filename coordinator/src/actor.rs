@@ -9,8 +9,8 @@ use crate::live::Live;
 use crate::metrics::Metrics;
 use crate::record::{JobId, JobRecord};
 use crate::scheduler::{
-    Action, AssignmentId, Census, Completed, Demand, Greeting, Message, NewJob, Now, Scheduler, SessionId, Task,
-    Verdict, WorkerId,
+    Action, AssignmentId, Census, Completed, Contradicted, Demand, Greeting, Message, NewJob, Now, Scheduler,
+    SessionId, Task, Verdict, WorkerId,
 };
 use crate::store::{Store, StoreError};
 use proto::v1::{self, assign, coordinator_message};
@@ -101,6 +101,12 @@ pub(crate) enum Command {
         completed: Completed,
         reply: oneshot::Sender<Verdict>,
     },
+    /// A result that was of an older generation, with what was sealed then.
+    Compare {
+        completed: Completed,
+        contradicted: Contradicted,
+        reply: oneshot::Sender<Verdict>,
+    },
     Stop,
 }
 
@@ -112,6 +118,20 @@ pub(crate) struct Standing {
     pub waits_for: Option<String>,
     /// Tasks of the round at hand that are done, and how many it has.
     pub round: Option<(u32, u32)>,
+}
+
+/// What a result is about, for the log.
+struct About {
+    worker: WorkerId,
+    job: JobId,
+    assignment: u64,
+}
+
+impl About {
+    fn of(completed: &Completed) -> Self {
+        let Completed { worker, job, assignment, .. } = completed;
+        Self { worker: worker.clone(), job: job.clone(), assignment: assignment.0 }
+    }
 }
 
 type Reply = Box<dyn FnOnce() + Send>;
@@ -153,6 +173,7 @@ impl Actor {
     pub async fn run(mut self, mut commands: mpsc::Receiver<Command>) -> Result<(), StoreError> {
         self.flush(Vec::new()).await?;
         let mut stopping = false;
+        let mut looked = self.clock.now().since_start;
         while !stopping {
             let deadline = self.scheduler.next_deadline();
             let tick = async {
@@ -161,18 +182,29 @@ impl Actor {
                     None => std::future::pending().await,
                 }
             };
-            let mut next = tokio::select! {
-                command = commands.recv() => Some(command.unwrap_or(Command::Stop)),
-                () = tick => None,
+            let (mut next, ticks) = tokio::select! {
+                command = commands.recv() => (Some(command.unwrap_or(Command::Stop)), false),
+                () = tick => (None, true),
+                // So that it is known for how long nobody was heard.
+                () = tokio::time::sleep(self.heartbeat / 2) => (None, false),
             };
-            if next.is_none() {
-                self.scheduler.tick(self.clock.now());
+            let now = self.clock.now();
+            let unheard = now.since_start.saturating_sub(looked);
+            looked = now.since_start;
+            if unheard > self.heartbeat {
+                tracing::warn!(seconds = unheard.as_secs_f64(), "the coordinator stood still");
+                self.scheduler.stood_still(unheard);
             }
-            let mut replies = Vec::new();
+            if ticks {
+                self.scheduler.tick(now);
+            }
+            let (mut replies, mut handled) = (Vec::new(), 0);
             while let Some(command) = next {
                 stopping |= matches!(command, Command::Stop);
                 self.handle(command, &mut replies).await?;
-                next = if replies.len() < GROUP { commands.try_recv().ok() } else { None };
+                // Not the replies: of heartbeats alone there would be no end.
+                handled += 1;
+                next = if handled < GROUP { commands.try_recv().ok() } else { None };
             }
             self.flush(replies).await?;
         }
@@ -259,21 +291,33 @@ impl Actor {
                 self.scheduler.expel(now, &worker, session);
             }
             Command::Complete { completed, reply } => {
-                let (worker, job) = (completed.worker.clone(), completed.job.clone());
-                let assignment = completed.assignment.0;
+                let about = About::of(&completed);
                 let verdict = self.scheduler.complete(now, completed);
-                self.metrics.result(verdict);
-                match verdict {
-                    Verdict::Conflict => {
-                        tracing::error!(%worker, %job, assignment, "a result differs from the one that was committed")
-                    }
-                    verdict => tracing::debug!(%worker, %job, assignment, verdict = verdict.word(), "result"),
-                }
+                self.judged(&about, verdict);
+                later(replies, reply, verdict);
+            }
+            Command::Compare { completed, contradicted, reply } => {
+                let about = About::of(&completed);
+                let verdict = self.scheduler.compare(now, completed, &contradicted);
+                self.judged(&about, verdict);
                 later(replies, reply, verdict);
             }
             Command::Stop => {}
         }
         Ok(())
+    }
+
+    /// A result is answered so, or has yet to be compared.
+    fn judged(&self, About { worker, job, assignment }: &About, verdict: Verdict) {
+        if verdict != Verdict::Older {
+            self.metrics.result(verdict);
+        }
+        match verdict {
+            Verdict::Conflict => {
+                tracing::error!(%worker, %job, assignment, "a result differs from the one that was committed")
+            }
+            verdict => tracing::debug!(%worker, %job, assignment, verdict = verdict.word(), "result"),
+        }
     }
 
     fn hang_up(&mut self, worker: &WorkerId, session: SessionId) {

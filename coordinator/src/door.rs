@@ -4,12 +4,14 @@
 //! is gone after [`STRANGER_WITHIN`], whichever part is missing.
 
 use crate::limits::{
-    MAX_CONNECTIONS, MAX_CONNECTIONS_OF_ADDRESS, MAX_STRANGERS, MAX_STRANGERS_OF_ADDRESS, STRANGER_WITHIN,
+    MAX_CONNECTIONS, MAX_CONNECTIONS_OF_ADDRESS, MAX_SCALER_CONNECTIONS, MAX_STRANGERS, MAX_STRANGERS_OF_ADDRESS,
+    STRANGER_WITHIN,
 };
 use crate::seldom::Seldom;
+use prometheus_client::metrics::gauge::Gauge;
 use std::collections::HashMap;
 use std::io;
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -34,28 +36,70 @@ struct Count {
 struct Counts {
     total: Count,
     by_address: HashMap<IpAddr, Count>,
+    /// The total, for whoever watches.
+    told: Gauge,
+}
+
+/// A limit and its name.
+type Limit = (usize, &'static str);
+
+/// Who may come in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Admission {
+    all: Limit,
+    of_address: Limit,
+    /// Of those on which no call was admitted, in all and from one address; `None` where whoever calls is welcome.
+    strangers: Option<(Limit, Limit)>,
+    /// How long a stranger may stay.
+    patience: Duration,
+}
+
+impl Admission {
+    /// To the services of clients and workers. `tokens`: whether calls need them.
+    pub fn of_service(tokens: bool) -> Self {
+        let strangers = ((MAX_STRANGERS, "MAX_STRANGERS"), (MAX_STRANGERS_OF_ADDRESS, "MAX_STRANGERS_OF_ADDRESS"));
+        Self {
+            all: (MAX_CONNECTIONS, "MAX_CONNECTIONS"),
+            of_address: (MAX_CONNECTIONS_OF_ADDRESS, "MAX_CONNECTIONS_OF_ADDRESS"),
+            strangers: tokens.then_some(strangers),
+            patience: STRANGER_WITHIN,
+        }
+    }
+
+    /// To where KEDA is answered.
+    pub fn of_scaler() -> Self {
+        let most = (MAX_SCALER_CONNECTIONS, "MAX_SCALER_CONNECTIONS");
+        Self { all: most, of_address: most, strangers: None, patience: STRANGER_WITHIN }
+    }
+}
+
+/// What counts as one address: of IPv6 a network of 64 bits, since that is what one machine is given.
+fn network(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() >> 64 << 64)),
+        v4 => v4,
+    }
 }
 
 impl Counts {
-    /// Counts a stranger in, or says which limit is reached.
-    fn enter(&mut self, address: IpAddr, strangers_limited: bool) -> Result<(), &'static str> {
+    /// Counts a stranger in, or says which limit is reached. The machine itself always finds a place among the strangers: it
+    /// asks how the coordinator is.
+    fn enter(&mut self, address: IpAddr, admission: &Admission) -> Result<(), &'static str> {
         let of_address = self.by_address.get(&address).copied().unwrap_or_default();
-        if self.total.all >= MAX_CONNECTIONS {
-            return Err("MAX_CONNECTIONS");
-        }
-        if of_address.all >= MAX_CONNECTIONS_OF_ADDRESS {
-            return Err("MAX_CONNECTIONS_OF_ADDRESS");
-        }
-        if strangers_limited && self.total.strangers >= MAX_STRANGERS {
-            return Err("MAX_STRANGERS");
-        }
-        if strangers_limited && of_address.strangers >= MAX_STRANGERS_OF_ADDRESS {
-            return Err("MAX_STRANGERS_OF_ADDRESS");
+        let below = |count: usize, (most, name): Limit| if count < most { Ok(()) } else { Err(name) };
+        below(self.total.all, admission.all)?;
+        below(of_address.all, admission.of_address)?;
+        if let Some((in_all, of_one)) = admission.strangers {
+            if !address.is_loopback() {
+                below(self.total.strangers, in_all)?;
+            }
+            below(of_address.strangers, of_one)?;
         }
         for count in [&mut self.total, self.by_address.entry(address).or_default()] {
             count.all += 1;
             count.strangers += 1;
         }
+        self.told.inc();
         Ok(())
     }
 
@@ -70,6 +114,7 @@ impl Counts {
         let strangers = usize::from(!known);
         self.total.all -= 1;
         self.total.strangers -= strangers;
+        self.told.dec();
         if let Some(count) = self.by_address.get_mut(&address) {
             count.all -= 1;
             count.strangers -= strangers;
@@ -84,22 +129,21 @@ impl Counts {
 pub(crate) struct Door {
     listener: TcpListener,
     counts: Arc<Mutex<Counts>>,
-    /// Whether calls need tokens: without, a stranger is somebody who has not called yet.
-    strangers_limited: bool,
-    /// How long a stranger may stay.
-    patience: Duration,
+    admission: Admission,
     rest: Option<Pin<Box<Sleep>>>,
     told: Seldom,
 }
 
 impl Door {
-    pub fn new(listener: TcpListener, strangers_limited: bool) -> Self {
-        let (counts, told) = (Arc::default(), Seldom::default());
-        Self { listener, counts, strangers_limited, patience: STRANGER_WITHIN, rest: None, told }
+    /// `connections` counts who is in.
+    pub fn new(listener: TcpListener, admission: Admission, connections: Gauge) -> Self {
+        let counts = Arc::new(Mutex::new(Counts { told: connections, ..Counts::default() }));
+        let told = Seldom::default();
+        Self { listener, counts, admission, rest: None, told }
     }
 
     fn admit(&self, io: TcpStream, peer: SocketAddr) -> Option<Guest> {
-        let entered = lock(&self.counts).enter(peer.ip(), self.strangers_limited);
+        let entered = lock(&self.counts).enter(network(peer.ip()), &self.admission);
         if let Err(limit) = entered {
             if let Some(others) = self.told.now() {
                 tracing::warn!(%peer, limit, others, "a connection was refused: there are too many");
@@ -109,7 +153,7 @@ impl Door {
         // Without it calls are slower, that is all.
         let _ = io.set_nodelay(true);
         let visit = Arc::new(VisitState { peer, counts: self.counts.clone(), known: AtomicBool::new(false) });
-        Some(Guest { io, visit: Visit(visit), patience: Some(Box::pin(tokio::time::sleep(self.patience))) })
+        Some(Guest { io, visit: Visit(visit), patience: Some(Box::pin(tokio::time::sleep(self.admission.patience))) })
     }
 }
 
@@ -167,7 +211,7 @@ impl Visit {
         if !self.0.known.load(Ordering::Relaxed) {
             let mut counts = lock(&self.0.counts);
             if !self.0.known.swap(true, Ordering::Relaxed) {
-                counts.known(self.0.peer.ip());
+                counts.known(network(self.0.peer.ip()));
             }
         }
     }
@@ -177,6 +221,14 @@ impl Visit {
 pub(crate) fn introduce<B>(mut request: http::Request<B>) -> http::Request<B> {
     let peer = Visit::of(request.extensions()).map(Visit::peer);
     request.extensions_mut().insert(TcpConnectInfo { local_addr: None, remote_addr: peer });
+    request
+}
+
+/// Whoever calls is known: for services without tokens.
+pub(crate) fn know<B>(request: http::Request<B>) -> http::Request<B> {
+    if let Some(visit) = Visit::of(request.extensions()) {
+        visit.is_known();
+    }
     request
 }
 
@@ -194,7 +246,7 @@ impl Drop for Guest {
         let mut counts = lock(&state.counts);
         // From now on nothing more is counted for it, though calls on it may still be ending.
         let known = state.known.swap(true, Ordering::Relaxed);
-        counts.leave(state.peer.ip(), known);
+        counts.leave(network(state.peer.ip()), known);
     }
 }
 
@@ -258,6 +310,7 @@ mod tests {
     use tokio_stream::StreamExt as _;
 
     const A: IpAddr = IpAddr::V4(std::net::Ipv4Addr::new(10, 0, 0, 1));
+    const LOCAL: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
 
     fn other(n: u32) -> IpAddr {
         IpAddr::V4(std::net::Ipv4Addr::from_bits(n))
@@ -266,23 +319,25 @@ mod tests {
     #[test]
     fn one_address_can_not_take_all_connections_nor_strangers_the_places_of_the_known() {
         let mut counts = Counts::default();
+        let guarded = Admission::of_service(true);
         for _ in 0..MAX_STRANGERS_OF_ADDRESS {
-            assert_eq!(counts.enter(A, true), Ok(()));
+            assert_eq!(counts.enter(A, &guarded), Ok(()));
         }
-        assert_eq!(counts.enter(A, true), Err("MAX_STRANGERS_OF_ADDRESS"));
+        assert_eq!(counts.enter(A, &guarded), Err("MAX_STRANGERS_OF_ADDRESS"));
         counts.known(A);
-        assert_eq!(counts.enter(A, true), Ok(()), "the known leave their place to the next");
+        assert_eq!(counts.enter(A, &guarded), Ok(()), "the known leave their place to the next");
         for n in 0.. {
-            if let Err(limit) = counts.enter(other(n), true) {
+            if let Err(limit) = counts.enter(other(n), &guarded) {
                 assert_eq!((limit, counts.total.strangers), ("MAX_STRANGERS", MAX_STRANGERS));
                 break;
             }
         }
-        let mut open = Counts::default();
-        while open.enter(A, false).is_ok() {}
+        assert_eq!(counts.enter(LOCAL, &guarded), Ok(()), "the machine itself can still ask how it is");
+        let (mut open, admission) = (Counts::default(), Admission::of_service(false));
+        while open.enter(A, &admission).is_ok() {}
         assert_eq!(open.total.all, MAX_CONNECTIONS_OF_ADDRESS);
         for n in 0.. {
-            if let Err(limit) = open.enter(other(n), false) {
+            if let Err(limit) = open.enter(other(n), &admission) {
                 assert_eq!((limit, open.total.all), ("MAX_CONNECTIONS", MAX_CONNECTIONS));
                 break;
             }
@@ -290,17 +345,24 @@ mod tests {
     }
 
     #[test]
+    fn a_machine_with_many_addresses_counts_as_one() {
+        let same = |a: &str, b: &str| network(a.parse().unwrap()) == network(b.parse().unwrap());
+        assert!(same("2001:db8::1", "2001:db8::ffff:0:0:1") && !same("2001:db8::1", "2001:db8:0:1::1"));
+        assert!(same("::ffff:10.0.0.1", "10.0.0.1") && !same("10.0.0.1", "10.0.0.2"));
+    }
+
+    #[test]
     fn who_leaves_is_counted_no_more() {
         let mut counts = Counts::default();
         for _ in 0..3 {
-            counts.enter(A, true).unwrap();
+            counts.enter(A, &Admission::of_service(true)).unwrap();
         }
         counts.known(A);
         counts.leave(A, true);
-        assert_eq!(counts.total, Count { all: 2, strangers: 2 });
+        assert_eq!((counts.total, counts.told.get()), (Count { all: 2, strangers: 2 }, 2));
         counts.leave(A, false);
         counts.leave(A, false);
-        assert_eq!(counts.total, Count::default());
+        assert_eq!((counts.total, counts.told.get()), (Count::default(), 0));
         assert!(counts.by_address.is_empty(), "addresses that went take no memory");
     }
 
@@ -308,7 +370,8 @@ mod tests {
     async fn visit(patience: Duration) -> (Door, TcpStream, Guest) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
-        let mut door = Door { patience, ..Door::new(listener, true) };
+        let admission = Admission { patience, ..Admission::of_service(true) };
+        let mut door = Door::new(listener, admission, Gauge::default());
         let (client, guest) = tokio::join!(TcpStream::connect(address), door.next());
         let guest = guest.unwrap().unwrap();
         (door, client.unwrap(), guest)

@@ -60,6 +60,9 @@ impl Journal {
             Note::TakenBack { worker, job, charges } => {
                 tracing::info!(%job, %worker, charges, epoch, "worker was only cut off: its charges are taken back");
             }
+            Note::Doubted { worker, job, tasks } => {
+                tracing::warn!(%job, %worker, tasks, epoch, "what a quarantined worker found is asked again");
+            }
         }
     }
 
@@ -109,7 +112,7 @@ impl Journal {
         }
     }
 
-    /// Workers disagree about a result, or somebody decided.
+    /// Workers disagree about a result, or somebody decided, or confirmed what was only doubted.
     fn disputed(&self, job: &JobId, dispute: &v1::Dispute) {
         self.metrics.dispute(dispute.verdict());
         let claim = |c: &v1::Claim| {
@@ -120,6 +123,12 @@ impl Journal {
         let (generation, candidate) = (dispute.round, dispute.index);
         let verdict = dispute.verdict().as_str_name().trim_start_matches("VERDICT_").to_lowercase();
         let verdict = verdict.replace("unspecified", "open");
+        if dispute.claims.windows(2).all(|pair| pair[0].digest == pair[1].digest) {
+            tracing::info!(
+                %job, generation, candidate, what = dispute.what, verdict, claims, epoch = self.epoch, "a result in doubt"
+            );
+            return;
+        }
         tracing::error!(%job, generation, candidate, what = dispute.what, verdict, claims, epoch = self.epoch, "results differ");
     }
 

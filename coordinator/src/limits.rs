@@ -31,16 +31,22 @@ pub const STOP_WITHIN: Duration = Duration::from_secs(3);
 pub const DEMAND_EVERY: Duration = Duration::from_secs(2);
 /// Streams and calls of KEDA at once.
 pub const MAX_SCALERS: usize = 16;
+/// Most connections at once to where KEDA is answered.
+pub const MAX_SCALER_CONNECTIONS: usize = 64;
+/// How often an idle connection is checked, and how long the other side has to answer: one whose other end is gone without a
+/// word is closed within twice this.
+pub const KEEPALIVE: Duration = Duration::from_secs(10);
 /// The actor has this long to answer whoever looks at the metrics; beyond it the coordinator is not well.
 pub const CENSUS_WITHIN: Duration = Duration::from_secs(3);
 /// Assignments that are told one by one of a job.
 pub const MAX_HELD_TOLD: usize = 100;
 /// Generations from which a job's pace is taken.
 pub const PACE_OVER: u32 = 20;
-/// Most connections at once.
-pub const MAX_CONNECTIONS: usize = 16_384;
-/// Most connections from one address: a cluster behind NAT has one.
-pub const MAX_CONNECTIONS_OF_ADDRESS: usize = 8192;
+/// Most connections at once: a worker has two, and clients have some.
+pub const MAX_CONNECTIONS: usize = 2 * MAX_SESSIONS + 12_768;
+/// Most connections from one address (of IPv6 from one network of 64 bits, which a single machine may have to itself): a
+/// cluster behind NAT has one.
+pub const MAX_CONNECTIONS_OF_ADDRESS: usize = 2 * MAX_SESSIONS + 4576;
 /// Most connections on which no call was admitted yet, where calls need tokens.
 pub const MAX_STRANGERS: usize = 1024;
 /// Most of these from one address.
@@ -63,6 +69,8 @@ pub const MAX_HELLOS: usize = 1024;
 pub const MAX_SESSIONS: usize = 10_000;
 /// Most jobs that are being read at once; more wait.
 pub const MAX_READINGS: usize = 4;
+/// Most searches that are done again at once, to find the genome of a generation long sealed; who wants more asks again.
+pub const MAX_REBUILDS: usize = 1;
 /// Most states that a list is asked for.
 pub const MAX_STATES: usize = 64;
 /// Most assignments that a worker may say it works on. It has at most two a slot.

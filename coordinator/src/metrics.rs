@@ -52,6 +52,8 @@ pub(crate) struct Metrics {
     /// s from a generation's begin to its seal.
     pub generation_seconds: Histogram,
     queue: Gauge,
+    /// Connections to the port for clients and workers.
+    pub connections: Gauge,
     /// Commits that failed.
     pub store_errors: Counter,
     /// Of this start on the store; 0 before it is taken up.
@@ -83,6 +85,7 @@ impl Metrics {
             commit_writes: Histogram::new(exponential_buckets(1.0, 2.0, 10)),
             generation_seconds: Histogram::new(exponential_buckets(0.001, 4.0, 12)),
             queue: Gauge::default(),
+            connections: Gauge::default(),
             store_errors: Counter::default(),
             epoch: Gauge::default(),
             active: Gauge::default(),
@@ -119,6 +122,7 @@ impl Metrics {
         let generation = self.generation_seconds.clone();
         r.register_with_unit("generation", "Time from a generation's begin to its seal", Unit::Seconds, generation);
         r.register("queue_length", "Commands that wait for the actor", self.queue.clone());
+        r.register("connections", "Connections of clients and workers", self.connections.clone());
         r.register("store_errors", "Commits that the store refused", self.store_errors.clone());
         r.register("epoch", "Number of this start on the store; 0 while standing by", self.epoch.clone());
         r.register("active", "1 for the coordinator that has the store, 0 while standing by", self.active.clone());

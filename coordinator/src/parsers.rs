@@ -1,13 +1,23 @@
 //! What reads the bytes of strangers and of stores, for fuzzing: each must answer any bytes with a value or an error.
 
 use crate::api;
+use crate::limits::DEFAULT_LEASE;
+use crate::scheduler::{Now, Scheduler, Settings};
 use crate::store;
 use proto::v1;
+use std::collections::BTreeSet;
+use std::time::Duration;
 
-/// A worker's introduction.
+/// A worker's introduction, and what a coordinator that has run for a while makes of it.
 pub fn hello(bytes: &[u8]) {
-    if let Ok(hello) = <v1::Hello as prost::Message>::decode(bytes) {
-        let _ = api::check_hello(hello, String::new());
+    let Ok(hello) = <v1::Hello as prost::Message>::decode(bytes) else { return };
+    if let Ok(greeting) = api::check_hello(hello, String::new()) {
+        let mut scheduler = Scheduler::new(Settings::new(1, DEFAULT_LEASE), 1, BTreeSet::new());
+        let at = |seconds| Now { since_start: Duration::from_secs(seconds), unix_ms: 0 };
+        let worker = greeting.worker.clone();
+        let welcome = scheduler.connect(at(3600), greeting);
+        scheduler.heartbeat(at(3601), &worker, welcome.session, &welcome.keep, &[]);
+        scheduler.tick(at(7200));
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod config;
 mod doors;
+mod health;
 mod lead;
 
 pub use config::{Config, Error, Tls};
@@ -15,8 +16,10 @@ use crate::metrics::{Metrics, Pulse};
 use crate::standby::Gate;
 use crate::store;
 use doors::Doors;
+use health::Health;
 use std::io;
 use std::net::SocketAddr;
+use std::pin::Pin;
 use std::sync::Arc;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, watch};
@@ -81,7 +84,12 @@ impl Running {
 }
 
 /// Starts a coordinator: binds, opens the store, takes up its jobs. As a standby it takes them up when it is its turn.
-pub async fn serve(config: Config) -> Result<Running, Error> {
+// Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+pub fn serve(config: Config) -> Pin<Box<dyn Future<Output = Result<Running, Error>> + Send>> {
+    Box::pin(start(config))
+}
+
+async fn start(config: Config) -> Result<Running, Error> {
     config.check()?;
     let addr = config.listen;
     let listener = TcpListener::bind(addr).await.map_err(|source| match source.kind() {
@@ -118,7 +126,9 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
         gates: Gates::default(),
     };
     let secure = config.tls.is_some();
-    let doors = Doors { listener, tls: config.tls, access: config.access, gate };
+    let connections = metrics.connections.clone();
+    let health = Health::new().await;
+    let doors = Doors { listener, connections, tls: config.tls, access: config.access, gate, health: health.clone() };
     let lead = lead::lead(store, config.standby, config.lease, engines, live, metrics);
     let to_actor = commands.clone();
     let work = if config.standby {
@@ -128,12 +138,15 @@ pub async fn serve(config: Config) -> Result<Running, Error> {
                 _ = stopping.wait_for(|stop| *stop) => return Ok(()),
             };
             pulse.activate(to_actor);
+            // First: whoever gets through finds that it is told so.
+            health.serving().await;
             key.open();
             lead.work(inbox).await
         })
     } else {
         let lead = lead.await?;
         pulse.activate(to_actor);
+        health.serving().await;
         tokio::spawn(lead.work(inbox))
     };
     let task = tokio::spawn(doors::run(doors, api, work, commands, stop.clone(), stopped));

@@ -23,11 +23,14 @@ impl Gate {
         (Key(key), Self(gate))
     }
 
-    /// Returns once it is open; never if that can't happen any more.
-    pub async fn opened(&mut self) {
-        if self.0.wait_for(|open| *open).await.is_err() {
-            std::future::pending().await
-        }
+    /// Why nobody gets through, unless it is open.
+    pub fn closed(&self) -> Option<Status> {
+        (!*self.0.borrow()).then(|| {
+            Status::unavailable(
+                "standby: another coordinator is at work on the same store, and this one takes over when it ends: ask that \
+                 one, or try again",
+            )
+        })
     }
 }
 
@@ -39,13 +42,7 @@ impl Key {
 
 impl Interceptor for Gate {
     fn call(&mut self, request: Request<()>) -> Result<Request<()>, Status> {
-        if *self.0.borrow() {
-            return Ok(request);
-        }
-        Err(Status::unavailable(
-            "standby: another coordinator is at work on the same store, and this one takes over when it ends: ask that one, \
-             or try again",
-        ))
+        self.closed().map_or(Ok(request), Err)
     }
 }
 

@@ -1,7 +1,9 @@
 //! Limits of the protocol. What exceeds one is refused with an error that tells it.
 
 /// Largest message, either way, in bytes.
-pub const MAX_MESSAGE: usize = 32 * 1024 * 1024;
+pub const MAX_MESSAGE: usize = 64 * 1024 * 1024;
+/// Largest answer to a client, in bytes: a result has the report of a whole job.
+pub const MAX_ANSWER: usize = 1 << 30;
 /// Longest job as TOML, in bytes.
 pub const MAX_JOB_TOML: usize = sim_core::limits::MAX_TOML_LENGTH;
 /// Longest request id, in bytes.
@@ -14,6 +16,8 @@ pub const MAX_WORKER_NAME: usize = 256;
 pub const MAX_REASON: usize = 4096;
 /// Most slots of a worker.
 pub const MAX_SLOTS: u32 = 4096;
+/// Longest time that a worker may tell: until its machine goes away, or until it calls a slot stuck.
+pub const MAX_TIME: std::time::Duration = std::time::Duration::from_secs(366 * 24 * 3600);
 /// Most engines of a worker.
 pub const MAX_ENGINES: usize = 64;
 /// Most jobs in a page of a list.

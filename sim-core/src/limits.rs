@@ -45,3 +45,6 @@ pub const MAX_MAP_SIZE: f64 = 10_000.0;
 pub const MAX_CELLS: usize = 4_000_000;
 /// Longest genome.
 pub const MAX_GENOME: usize = 16_384;
+/// Most parameters in all genomes of a generation together: the state of a search, which is stored after each of them, has
+/// some 40 bytes for each.
+pub const MAX_GENERATION_PARAMETERS: usize = 8_000_000;

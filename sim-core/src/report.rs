@@ -96,7 +96,7 @@ pub struct GaitTrace {
     pub parameters: Vec<f64>,
     /// Names of the moved joints, the columns of `targets` and `angles`.
     pub joints: Vec<String>,
-    /// Samples over time, at equal steps, the first at 0.
+    /// Samples over time, at equal steps, the first at 0. Long gaits have fewer a second: all gaits together at most 8,000.
     pub samples: Vec<TraceSample>,
     /// `null` if it completed, else why and when it was found unstable.
     pub unstable: Option<String>,
@@ -143,7 +143,8 @@ pub struct NodeRecord {
     pub parent: Option<usize>,
     /// Gait from the parent, from 0; `null` for the root.
     pub gait: Option<usize>,
-    /// The pivot's way from the parent, (x, y) in the map, sampled about once a second, ends included.
+    /// The pivot's way from the parent, (x, y) in the map, sampled about once a second, ends included; more seldom in
+    /// a tree whose ways would have more than 50,000 points.
     pub way: Vec<[f64; 2]>,
 }
 

@@ -86,7 +86,12 @@ impl Drop for Endpoint {
 
 impl Endpoint {
     /// Binds and serves.
-    pub async fn start(bind: Bind, vitals: Arc<dyn Vitals>) -> Result<Self, BindError> {
+    // Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+    pub fn start(bind: Bind, vitals: Arc<dyn Vitals>) -> Answer<'static, Result<Self, BindError>> {
+        Box::pin(Self::bind(bind, vitals))
+    }
+
+    async fn bind(bind: Bind, vitals: Arc<dyn Vitals>) -> Result<Self, BindError> {
         let Bind { addr, beyond_loopback } = bind;
         if !addr.ip().is_loopback() && !beyond_loopback {
             return Err(BindError::NotLoopback { addr });

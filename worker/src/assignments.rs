@@ -101,6 +101,8 @@ impl Assignment {
 #[derive(Debug, Default)]
 pub(crate) struct Assignments {
     all: Mutex<BTreeMap<u64, Arc<Assignment>>>,
+    /// Those that nobody needs any more, and a slot still has in hand.
+    left: Mutex<Vec<Arc<Assignment>>>,
     /// One of them went.
     gone: Notify,
 }
@@ -108,6 +110,10 @@ pub(crate) struct Assignments {
 impl Assignments {
     fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Arc<Assignment>>> {
         self.all.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock_left(&self) -> MutexGuard<'_, Vec<Arc<Assignment>>> {
+        self.left.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn insert(&self, assignment: Arc<Assignment>) {
@@ -123,12 +129,10 @@ impl Assignments {
     /// Gives work up. What is computing ends within a moment.
     pub fn stop(&self, ids: &[u64]) {
         let mut all = self.lock();
-        for id in ids {
-            if let Some(assignment) = all.remove(id) {
-                assignment.stop.store(true, Ordering::Relaxed);
-            }
-        }
+        let stopped: Vec<_> = ids.iter().filter_map(|id| all.remove(id)).collect();
         drop(all);
+        stopped.iter().for_each(|a| a.stop.store(true, Ordering::Relaxed));
+        self.lock_left().extend(stopped);
         self.gone.notify_waiters();
     }
 
@@ -156,6 +160,14 @@ impl Assignments {
     /// Those that a slot works on.
     pub fn computing(&self) -> Vec<Arc<Assignment>> {
         self.lock().values().filter(|a| a.is(COMPUTING)).cloned().collect()
+    }
+
+    /// The same with those that a slot should have dropped by now.
+    pub fn in_hand(&self) -> Vec<Arc<Assignment>> {
+        let mut left = self.lock_left();
+        left.retain(|a| a.is(COMPUTING));
+        let left = left.clone();
+        self.computing().into_iter().chain(left).collect()
     }
 
     /// Waits until there are none.

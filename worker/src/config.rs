@@ -3,7 +3,7 @@
 use crate::{Error, MARGIN};
 use proto::credentials::Credentials;
 use proto::dial::Dial;
-use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
+use proto::limits::{MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
 use std::time::Duration;
 
 /// Time to finish what runs, unless another is given.
@@ -12,8 +12,6 @@ pub const DEFAULT_GRACE: Duration = Duration::from_secs(10);
 pub const DEFAULT_STUCK_AFTER: Duration = Duration::from_secs(600);
 /// Shortest time after which a slot can be called stuck: a batch of rollouts takes a while.
 pub const MIN_STUCK_AFTER: Duration = Duration::from_secs(1);
-/// Longest time that can be given for anything.
-pub const MAX_TIME: Duration = Duration::from_secs(366 * 24 * 3600);
 /// How often an idle connection is checked, and how long the other side has to answer, unless another time is given.
 pub const DEFAULT_KEEPALIVE: Duration = Duration::from_secs(10);
 /// Shortest time between two checks of a connection.

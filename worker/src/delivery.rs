@@ -1,9 +1,9 @@
 //! Results are brought home whatever happens: each is sent until the coordinator answers, over its restarts.
 
 use crate::assignments::Assignments;
-use crate::backoff::Backoff;
 use crate::metrics::Metrics;
-use proto::dial::Way;
+use prost::Message as _;
+use proto::dial::{Backoff, Way};
 use proto::limits::MAX_MESSAGE;
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::complete_response::Verdict;
@@ -15,8 +15,10 @@ use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::JoinSet;
 use tonic::Code;
 
-/// An answer takes a commit; longer than this and it is lost.
+/// An answer takes a commit; longer than this, and the time that the result takes on its way, and it is lost.
 const ANSWER_WITHIN: Duration = Duration::from_secs(30);
+/// Bytes a second that even a bad network brings home.
+const SLOWEST: usize = 10_000;
 
 /// Delivers results.
 #[derive(Clone)]
@@ -56,10 +58,15 @@ impl Courier {
     pub async fn deliver(mut self, mut result: CompleteRequest) {
         result.worker_id = self.worker_id.clone();
         let id = result.assignment_id;
+        if let Some(reason) = too_large(&result) {
+            tracing::error!(assignment = id, reason);
+            result.result = Some(Outcome::Failure(reason));
+        }
+        let on_its_way = Duration::from_secs((result.encoded_len() / SLOWEST) as u64);
         let mut backoff = Backoff::new();
         loop {
             let mut request = tonic::Request::new(result.clone());
-            request.set_timeout(ANSWER_WITHIN);
+            request.set_timeout(ANSWER_WITHIN + on_its_way);
             match self.client.complete(request).await {
                 Ok(answer) => {
                     let verdict = answer.into_inner().verdict();
@@ -88,17 +95,17 @@ impl Courier {
     }
 }
 
-/// Whether the same request may be answered another time.
+/// Why a result can't be sent at all.
+fn too_large(result: &CompleteRequest) -> Option<String> {
+    let bytes = result.encoded_len();
+    (bytes > MAX_MESSAGE).then(|| format!("its result has {bytes} bytes: at most {MAX_MESSAGE} can be delivered"))
+}
+
+/// Whether the same request may be answered another time: all but what is said of the request itself. That nobody is known
+/// here, or that there is no such method, may come from a proxy, or end when tokens are put right; a worker that really has
+/// no place any more is told so in its session, and ends.
 fn retryable(code: Code) -> bool {
-    !matches!(
-        code,
-        Code::InvalidArgument
-            | Code::FailedPrecondition
-            | Code::OutOfRange
-            | Code::Unimplemented
-            | Code::PermissionDenied
-            | Code::Unauthenticated
-    )
+    !matches!(code, Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange)
 }
 
 fn log(assignment: u64, result: &CompleteRequest, verdict: Verdict) {
@@ -114,5 +121,25 @@ fn log(assignment: u64, result: &CompleteRequest, verdict: Verdict) {
             tracing::debug!(assignment, job, generation, first, count, ?verdict, "delivered");
         }
         (_, verdict) => tracing::debug!(assignment, job = result.job_id, ?verdict, "delivered"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::v1::ExamineResult;
+
+    #[test]
+    fn a_result_beyond_what_can_be_sent_is_a_failure_that_tells_the_limit() {
+        let result = |bytes| CompleteRequest {
+            result: Some(Outcome::Examine(ExamineResult {
+                traces_json: vec![b' '; bytes],
+                ..ExamineResult::default()
+            })),
+            ..CompleteRequest::default()
+        };
+        assert_eq!(too_large(&result(MAX_MESSAGE / 2)), None);
+        let reason = too_large(&result(MAX_MESSAGE)).expect("it does not fit");
+        assert!(reason.contains("at most 67108864"), "{reason}");
     }
 }

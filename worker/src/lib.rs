@@ -5,7 +5,6 @@
 //! the coordinator can't be reached.
 
 mod assignments;
-mod backoff;
 mod config;
 mod delivery;
 mod engines;
@@ -33,6 +32,7 @@ use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
 use session::{Session, Stage};
 use slots::Slots;
 use std::hash::{BuildHasher as _, RandomState};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
@@ -106,16 +106,27 @@ pub enum Error {
 
 /// Works until `drain` resolves, or its time is nearly up: then it takes nothing new, finishes what it can within the grace
 /// time, gives back the rest, and ends. Waits for a coordinator that is not there, and for one that went away.
-pub async fn run(config: Config, drain: impl Future<Output = ()>) -> Result<(), Error> {
+pub async fn run(config: Config, drain: impl Future<Output = ()> + Send) -> Result<(), Error> {
     run_until(config, drain, std::future::pending()).await
 }
 
 /// Like [`run`]; `at_once` cuts the grace time short.
 pub async fn run_until(
     config: Config,
-    drain: impl Future<Output = ()>,
-    at_once: impl Future<Output = ()>,
+    drain: impl Future<Output = ()> + Send,
+    at_once: impl Future<Output = ()> + Send,
 ) -> Result<(), Error> {
+    work_until(config, Box::pin(drain), Box::pin(at_once)).await
+}
+
+type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
+
+// Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+fn work_until<'a>(config: Config, drain: Boxed<'a, ()>, at_once: Boxed<'a, ()>) -> Boxed<'a, Result<(), Error>> {
+    Box::pin(work(config, drain, at_once))
+}
+
+async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> Result<(), Error> {
     config.check()?;
     #[cfg(any(debug_assertions, feature = "faults"))]
     fault::check().map_err(Error::System)?;
@@ -142,6 +153,7 @@ pub async fn run_until(
         name: config.name.clone(),
         slots: config.slots as u32,
         end,
+        stuck_after: config.stuck_after,
         intake: Intake {
             engines: Arc::new(engines),
             assignments: assignments.clone(),
@@ -158,7 +170,12 @@ pub async fn run_until(
         let watching = watch_slots(&assignments, &queue, config.stuck_after);
         let mut keeping = std::pin::pin!(session.keep());
         tokio::select! {
-            refused = &mut keeping => refused,
+            refused = &mut keeping => {
+                // What is done may still be welcome.
+                assignments.stop_computing();
+                let _ = timeout(DELIVER_WITHIN, assignments.none_left()).await;
+                refused
+            }
             left = leave(&config, &assignments, &stage, (drain, at_once, watching), end) => {
                 // What it says last may find nobody.
                 let _ = timeout(LAST_WORDS, &mut keeping).await;
@@ -222,9 +239,9 @@ async fn watch_slots(assignments: &Assignments, queue: &Slots, stuck_after: Dura
     looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {
         looks.tick().await;
-        let computing = assignments.computing();
-        for id in watchdog.look(computing.iter().map(|a| (a.id, a.progress()))) {
-            let Some(assignment) = computing.iter().find(|a| a.id == id) else { continue };
+        let in_hand = assignments.in_hand();
+        for id in watchdog.look(in_hand.iter().map(|a| (a.id, a.progress()))) {
+            let Some(assignment) = in_hand.iter().find(|a| a.id == id) else { continue };
             let stuck = queue.replace(assignment, stuck_after);
             tracing::error!(
                 assignment = id,

@@ -1,11 +1,10 @@
 //! The connection to the coordinator: made again and again, and nothing is lost in between.
 
 use crate::Error;
-use crate::backoff::Backoff;
 use crate::intake::{Forgotten, Intake};
 use crate::metrics::Metrics;
 use proto::PROTOCOL;
-use proto::dial::Way;
+use proto::dial::{Backoff, Way};
 use proto::limits::MAX_MESSAGE;
 use proto::v1::worker_service_client::WorkerServiceClient;
 use proto::v1::{CoordinatorMessage, Drain, Hello, Welcome, WorkerMessage, coordinator_message, worker_message};
@@ -38,6 +37,8 @@ pub(crate) struct Session {
     pub slots: u32,
     /// When the worker ends by itself.
     pub end: Option<Instant>,
+    /// When it calls a slot stuck.
+    pub stuck_after: Duration,
     pub intake: Intake,
     pub metrics: Arc<Metrics>,
     pub stage: watch::Receiver<Stage>,
@@ -54,7 +55,7 @@ impl Session {
     /// Connects, works, and connects again, until the worker leaves or the coordinator refuses it.
     pub async fn keep(&mut self) -> Result<(), Error> {
         let mut backoff = Backoff::new();
-        let mut told = false;
+        let (mut told, mut known) = (false, false);
         let mut stage = self.stage.clone();
         loop {
             // The one that this try is about: a failure makes the next try go elsewhere.
@@ -65,6 +66,7 @@ impl Session {
             };
             let ended = match connected {
                 Ok(connection) => {
+                    known = true;
                     backoff.reset();
                     let ended = self.converse(connection).await;
                     self.metrics.connected.set(0);
@@ -80,7 +82,8 @@ impl Session {
                     tracing::info!(url, "the connection ended: connecting again");
                     told = false;
                 }
-                Err(status) if refusal(status.code()) => {
+                // What was there before is not unknown to the coordinator: a proxy says so while it is away.
+                Err(status) if refusal(status.code()) && !(known && status.code() == Code::Unimplemented) => {
                     return Err(Error::Refused { url, reason: status.message().to_owned() });
                 }
                 Err(status) => {
@@ -117,6 +120,7 @@ impl Session {
             running: self.intake.assignments.running(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             seconds_left: left.unwrap_or(0),
+            stuck_after_ms: self.stuck_after.as_millis() as u64,
         };
         say(&said, worker_message::Message::Hello(hello));
         let mut incoming = client.session(UnboundedReceiverStream::new(outgoing)).await?.into_inner();

@@ -41,13 +41,16 @@ impl Slots {
         let _ = self.queue.send(assignment);
     }
 
-    /// Gives a stuck slot up: its work has failed, and a fresh thread takes its place. The old one can't be ended from
-    /// outside; should it come back it ends by itself. Returns how many there are of those.
+    /// Gives a stuck slot up: its work has failed, if anybody still needs it, and a fresh thread takes its place. The old one
+    /// can't be ended from outside; should it come back it ends by itself. Returns how many there are of those.
     pub fn replace(&self, assignment: &Assignment, stuck_after: Duration) -> usize {
+        let needed = !assignment.stopped();
         if assignment.abandon() {
             self.shared.stuck.fetch_add(1, Ordering::SeqCst);
-            // Nobody listens any more: the worker ends.
-            let _ = self.shared.done.send(gave_up(assignment, stuck_after));
+            if needed {
+                // Nobody listens any more: the worker ends.
+                let _ = self.shared.done.send(gave_up(assignment, stuck_after));
+            }
             if let Err(error) = Shared::spawn(&self.shared) {
                 tracing::error!(%error, "no thread for a fresh slot: this worker has one less");
             }

@@ -170,5 +170,13 @@ mod tests {
         std::thread::sleep(std::time::Duration::from_millis(1100));
         let text = refused("client.pem", "client.key");
         assert!(text.contains("client.pem expired on 2") && text.contains("certs renew"), "{text}");
+        // Of several that sign, those count that are valid.
+        let old = super::super::make::authority_for(0).unwrap().cert;
+        fs::write(at("old.pem"), &old).unwrap();
+        fs::write(at("both.pem"), old + &fs::read_to_string(at("ca.pem")).unwrap()).unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(1100));
+        let text = authority(&at("old.pem")).unwrap_err().to_string();
+        assert!(text.contains("old.pem expired on 2"), "{text}");
+        assert_eq!(authority(&at("both.pem")).unwrap().valid_until, authority(&at("ca.pem")).unwrap().valid_until);
     }
 }

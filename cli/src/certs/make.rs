@@ -59,7 +59,12 @@ pub struct Pair {
 
 /// A CA that signs nothing but what [`Signer`] is asked for.
 pub fn authority() -> Result<Pair, rcgen::Error> {
-    let mut params = params("evogait CA", CA_DAYS);
+    authority_for(CA_DAYS)
+}
+
+/// One that is valid for so many days.
+pub fn authority_for(days: u32) -> Result<Pair, rcgen::Error> {
+    let mut params = params("evogait CA", days);
     params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
     params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
     let key = KeyPair::generate()?;

@@ -3,6 +3,7 @@
 use super::{Access, Caller, admit};
 use crate::door::Visit;
 use crate::seldom::Seldom;
+use crate::standby::Gate;
 use std::future::ready;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -11,16 +12,18 @@ use tonic::body::Body;
 use tower_layer::Layer;
 use tower_service::Service;
 
-/// Refuses what its caller may not do, before any of it is read.
-pub(crate) fn layer<S>(access: Option<Arc<Access>>) -> impl Layer<S, Service = Guard<S>> + Clone {
+/// Refuses what its caller may not do, before any of it is read. A coordinator that stands by says so first: its tokens may
+/// not be the newest.
+pub(crate) fn layer<S>(access: Option<Arc<Access>>, gate: Gate) -> impl Layer<S, Service = Guard<S>> + Clone {
     let told = Arc::new(Seldom::default());
-    tower_layer::layer_fn(move |inner| Guard { inner, access: access.clone(), told: told.clone() })
+    tower_layer::layer_fn(move |inner| Guard { inner, access: access.clone(), gate: gate.clone(), told: told.clone() })
 }
 
 #[derive(Clone)]
 pub(crate) struct Guard<S> {
     inner: S,
     access: Option<Arc<Access>>,
+    gate: Gate,
     told: Arc<Seldom>,
 }
 
@@ -53,6 +56,9 @@ where
                 Box::pin(self.inner.call(request))
             }
             Err(status) => {
+                if let Some(standby) = self.gate.closed() {
+                    return Box::pin(ready(Ok(standby.into_http())));
+                }
                 // A stranger must not be able to fill the log.
                 if let Some(others) = self.told.now() {
                     let peer = visit.map(|v| v.peer().to_string()).unwrap_or_default();
@@ -61,5 +67,31 @@ where
                 Box::pin(ready(Ok(status.into_http())))
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+    use tonic::Code;
+
+    #[tokio::test]
+    async fn whoever_stands_by_judges_no_token() {
+        let access = Access::parse("worker worker-token-0123456\n").unwrap();
+        let (key, gate) = Gate::new(false);
+        let inside = tower::service_fn(|_| async { Ok::<_, Infallible>(http::Response::new(Body::empty())) });
+        let mut guard = layer(Some(Arc::new(access)), gate).layer(inside);
+        let mut code = async |token: &str| {
+            let request = http::Request::post("/evogait.v1.WorkerService/Session");
+            let request = request.header(http::header::AUTHORIZATION, format!("Bearer {token}"));
+            let answer = guard.call(request.body(Body::empty()).unwrap()).await.unwrap();
+            tonic::Status::from_header_map(answer.headers()).map_or(Code::Ok, |status| status.code())
+        };
+        // It may be newer than those that are known here.
+        assert_eq!(code("worker-token-0123457").await, Code::Unavailable);
+        key.open();
+        assert_eq!(code("worker-token-0123457").await, Code::Unauthenticated);
+        assert_eq!(code("worker-token-0123456").await, Code::Ok);
     }
 }

@@ -132,7 +132,8 @@ mod tests {
         let mut pass = session(&access);
         std::fs::write(file.path(), OLD.replace("worker", "client")).unwrap();
         access.reload().unwrap();
-        assert_eq!(pass.ended().await.code(), Code::PermissionDenied);
+        let end = tokio::time::timeout(Duration::from_secs(10), pass.ended()).await;
+        assert_eq!(end.expect("it ends").code(), Code::PermissionDenied);
     }
 
     #[tokio::test]

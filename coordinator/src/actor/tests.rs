@@ -1,10 +1,11 @@
-//! Durability does not cost a transaction per result.
+//! Durability does not cost a transaction per result, and nobody keeps the actor from it.
 
 use super::*;
 use crate::scheduler::tests::{ENGINE, greeting, new_job, score};
 use crate::scheduler::{Delivery, Settings};
-use crate::store::SqliteStore;
+use crate::store::{MemoryStore, SqliteStore};
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A worker that does all it is given at once, and delivers all of it before it reads on.
 struct Burst {
@@ -47,17 +48,14 @@ fn completed(message: v1::CoordinatorMessage) -> Option<Completed> {
     })
 }
 
-#[tokio::test]
-async fn results_that_come_together_are_committed_together() {
-    let folder = tempfile::tempdir().unwrap();
-    let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&folder.path().join("s.db")).await.unwrap());
+async fn actor(store: Arc<dyn Store>) -> Actor {
     let epoch = store.start().await.unwrap().epoch;
     let lease = Duration::from_secs(60);
     let settings = Settings::new(epoch, lease);
     let metrics = Arc::new(Metrics::new());
-    let actor = Actor {
+    Actor {
         scheduler: Scheduler::new(settings, 1, BTreeSet::new()),
-        store: store.clone(),
+        store,
         epoch,
         lease,
         heartbeat: settings.heartbeat(),
@@ -65,8 +63,53 @@ async fn results_that_come_together_are_committed_together() {
         live: Live::default(),
         sessions: HashMap::new(),
         metrics: metrics.clone(),
-        journal: Journal::new(epoch, metrics.clone()),
-    };
+        journal: Journal::new(epoch, metrics),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whoever_is_answered_waits_for_no_flood_of_heartbeats() {
+    let actor = actor(Arc::new(MemoryStore::default())).await;
+    let (commands, inbox) = mpsc::channel(1024);
+    let running = tokio::spawn(actor.run(inbox));
+    let (outbox, _messages) = mpsc::unbounded_channel();
+    let (reply, connected) = oneshot::channel();
+    commands.send(Command::Connect { greeting: greeting("w", 1), outbox, reply }).await.unwrap();
+    let session = connected.await.unwrap();
+    // There is always a next one: to take one in is more work than to send it.
+    let (flood, full, ebb) = (commands.clone(), Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+    let (seen_full, ebbs) = (full.clone(), ebb.clone());
+    let flooding = std::thread::spawn(move || {
+        let heartbeat = || Command::Heartbeat {
+            worker: WorkerId("w".into()),
+            session,
+            running: vec![AssignmentId(7); 10_000],
+            progress: vec![0; 10_000],
+        };
+        while !ebbs.load(Ordering::Relaxed) && flood.blocking_send(heartbeat()).is_ok() {
+            seen_full.fetch_or(flood.capacity() == 0, Ordering::Relaxed);
+        }
+    });
+    while !full.load(Ordering::Relaxed) {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    let (reply, submitted) = oneshot::channel();
+    commands.send(Command::Submit { new: Box::new(new_job("a", 1, 1)), reply }).await.unwrap();
+    let answered = tokio::time::timeout(Duration::from_secs(30), submitted).await;
+    // Else an actor that never looks up would never end.
+    ebb.store(true, Ordering::Relaxed);
+    commands.send(Command::Stop).await.unwrap();
+    assert!(answered.expect("an answer in time").unwrap().is_ok());
+    running.await.unwrap().unwrap();
+    flooding.join().unwrap();
+}
+
+#[tokio::test]
+async fn results_that_come_together_are_committed_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&folder.path().join("s.db")).await.unwrap());
+    let actor = actor(store.clone()).await;
+    let metrics = actor.metrics.clone();
     let (commands, inbox) = mpsc::channel(1024);
     let running = tokio::spawn(actor.run(inbox));
     let (reply, submitted) = oneshot::channel();

@@ -4,7 +4,7 @@ use super::{at_most, id, printable};
 use crate::limits::MAX_RUNNING;
 use crate::record::JobId;
 use crate::scheduler::{AssignmentId, Greeting, Range, WorkerId};
-use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_WORKER_NAME};
+use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
 use proto::{PROTOCOL, v1};
 use sim_core::identity::Digest;
 use std::time::Duration;
@@ -63,6 +63,8 @@ pub(crate) fn check(hello: v1::Hello, address: String) -> Result<Greeting, Statu
             (AssignmentId(running.assignment_id), JobId::from(running.job_id.as_str()), range)
         })
         .collect();
+    let time_left = time("seconds_left", Duration::from_secs(hello.seconds_left))?;
+    let stuck_after = time("stuck_after_ms", Duration::from_millis(hello.stuck_after_ms))?;
     Ok(Greeting {
         worker: WorkerId(hello.worker_id.into()),
         name: hello.name,
@@ -71,8 +73,18 @@ pub(crate) fn check(hello: v1::Hello, address: String) -> Result<Greeting, Statu
         slots: hello.slots,
         engines: offered,
         running,
-        time_left: (hello.seconds_left > 0).then(|| Duration::from_secs(hello.seconds_left)),
+        time_left,
+        stuck_after,
     })
+}
+
+/// A time that a worker tells; `None` for zero, which says that it does not.
+fn time(field: &str, given: Duration) -> Result<Option<Duration>, Status> {
+    if given > MAX_TIME {
+        let (given, most) = (given.as_secs(), MAX_TIME.as_secs());
+        return Err(Status::failed_precondition(format!("{field} tells {given} s: at most {most} s are allowed")));
+    }
+    Ok((given > Duration::ZERO).then_some(given))
 }
 
 /// Whether a worker has an engine of this build.
@@ -105,6 +117,7 @@ mod tests {
             running: Vec::new(),
             version: "9.9.9".to_owned(),
             seconds_left: 0,
+            stuck_after_ms: 0,
         }
     }
 
@@ -126,6 +139,10 @@ mod tests {
 
         assert!(refused(v1::Hello { engine_digests: vec![vec![8; 3]], ..hello() }).contains("3 bytes"));
         assert!(refused(v1::Hello { slots: 0, ..hello() }).contains("slots = 0"));
+        for seconds_left in [MAX_TIME.as_secs() + 1, u64::MAX] {
+            assert!(refused(v1::Hello { seconds_left, ..hello() }).contains("at most 31622400 s"));
+        }
+        assert!(refused(v1::Hello { stuck_after_ms: u64::MAX, ..hello() }).contains("stuck_after_ms tells"));
         let running = vec![v1::RunningAssignment::default(); MAX_RUNNING + 1];
         assert!(refused(v1::Hello { running, ..hello() }).contains(&format!("at most {MAX_RUNNING}")));
         let red = "\u{1b}[31mred".to_owned();

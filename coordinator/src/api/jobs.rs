@@ -77,6 +77,20 @@ impl Api {
         }
     }
 
+    /// Reads a job in its turn, which it keeps though the client may have gone.
+    pub(super) async fn reading(
+        &self,
+        read: impl FnOnce() -> Result<NewJob, Status> + Send + 'static,
+    ) -> Result<NewJob, Status> {
+        let place = self.gates.readings.wait().await;
+        let reading = tokio::task::spawn_blocking(move || {
+            let _place = place;
+            read()
+        });
+        let failed = |_| Status::internal("reading the job failed: this is a bug, please report it with the job");
+        reading.await.map_err(failed)?
+    }
+
     /// Stores a new job; tells also whether it was new.
     pub(super) async fn take_in(&self, new: NewJob) -> Result<(JobRecord, bool), Status> {
         let request_id = new.request_id.clone();
@@ -142,9 +156,17 @@ pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Dig
     })
 }
 
+/// Refuses a request that asks for another priority than the job has that was taken in under its id.
+fn same_priority(request_id: &str, record: &JobRecord, asked: Option<u32>) -> Result<(), Status> {
+    match asked.filter(|priority| *priority != record.priority) {
+        Some(_) => Err(other_body(request_id, &record.id)),
+        None => Ok(()),
+    }
+}
+
 fn other_body(request_id: &str, job: &JobId) -> Status {
     Status::already_exists(format!(
-        "request_id '{request_id}' was used for job {job} with another content: choose a new request_id"
+        "request_id '{request_id}' was used for job {job} with another text or priority: choose a new request_id"
     ))
 }
 
@@ -167,14 +189,14 @@ impl JobService for Api {
         };
         let request_digest = Digest::of("evogait request 1", &request.job_toml);
         if let Some(record) = self.requested_before(&request.request_id, &request_digest).await? {
+            same_priority(&request.request_id, &record, (request.priority > 0).then_some(priority))?;
             return Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created: false }));
         }
-        let place = self.gates.readings.wait().await;
-        let new = tokio::task::spawn_blocking(move || read(request, priority, request_digest))
-            .await
-            .map_err(|_| Status::internal("reading the job failed: this is a bug, please report it with the job"))??;
-        drop(place);
+        let asked = (request.priority > 0).then_some(priority);
+        let new = self.reading(move || read(request, priority, request_digest)).await?;
+        let request_id = new.request_id.clone();
         let (record, created) = self.take_in(new).await?;
+        same_priority(&request_id, &record, asked)?;
         Ok(Response::new(SubmitJobResponse { job: self.tell_one(record).await?, created }))
     }
 

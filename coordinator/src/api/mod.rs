@@ -3,6 +3,7 @@
 mod gates;
 mod hello;
 mod jobs;
+mod older;
 mod restart;
 pub(crate) mod scaler;
 mod watch;

@@ -2,7 +2,7 @@
 
 use super::jobs::{read, request_id};
 use super::{Api, store_failed};
-use crate::record::{JobRecord, Origin, Ruling, ended};
+use crate::record::{Dispute, JobRecord, Origin, Ruling, ended};
 use crate::scheduler::{Carried, NewJob};
 use crate::store::{SealedGeneration, StoreError};
 use proto::v1::{RestartJobRequest, SubmitJobRequest};
@@ -21,9 +21,7 @@ impl Api {
         let (record, job_toml) = self.stored(&id).await?;
         let generations = first_again(&record, from_generation)?;
         let generations = self.generations(&record, generations).await?;
-        let new = tokio::task::spawn_blocking(move || prepare(name, digest, record, job_toml, generations))
-            .await
-            .map_err(|_| Status::internal("reading the job failed: this is a bug, please report it with the job"))??;
+        let new = self.reading(move || prepare(name, digest, record, job_toml, generations)).await?;
         self.take_in(new).await
     }
 
@@ -32,11 +30,10 @@ impl Api {
         let history = self.store.result(&record.id).await.map_err(store_failed)?.history;
         let mut generations = Vec::with_capacity(count as usize);
         for number in 0..count {
-            let scores = self.store.scores(&record.id, number).await.map_err(store_failed)?;
-            let missing =
-                || StoreError::Corrupt { what: format!("generation {number} of job {} is missing", record.id) };
-            let scores = scores.filter(|s| s.len() == record.population as usize);
-            let scores = scores.ok_or_else(missing).map_err(store_failed)?;
+            let scores = self.sealed(&record.id, number).await?;
+            let missing = || StoreError::Corrupt {
+                what: format!("the statistics of generation {number} of {} are missing", record.id),
+            };
             let statistics = *history.get(number as usize).ok_or_else(missing).map_err(store_failed)?;
             generations.push(SealedGeneration { scores, statistics });
         }
@@ -44,7 +41,8 @@ impl Api {
     }
 }
 
-/// The first generation to be done again: what is asked for, if that can be, or else where the job was tainted.
+/// The first generation to be done again: what is asked for, if that can be, or else where the job was tainted or where
+/// nobody has decided who is right.
 fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
     let id = &record.id;
     if !ended(record.state) {
@@ -52,11 +50,10 @@ fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
             "job {id} has not ended: wait for its end or cancel it, then restart it"
         )));
     }
-    let tainted = record.disputes.iter().filter(|d| d.ruling == Some(Ruling::Tainted)).map(|d| d.round).min();
-    let tainted = tainted.map(|round| round.min(record.generations_total));
-    let first = asked.or(tainted).ok_or_else(|| {
+    let doubtful = first_doubtful(record);
+    let first = asked.or(doubtful.map(|(round, _)| round)).ok_or_else(|| {
         Status::invalid_argument(format!(
-            "job {id} is not tainted: tell the first generation to be done again, 0 to {}",
+            "nothing of job {id} is wrong or in doubt: tell the first generation to be done again, 0 to {}",
             record.generations_done
         ))
     })?;
@@ -67,9 +64,9 @@ fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
             record.generations_done
         )));
     }
-    if let Some(tainted) = tainted.filter(|tainted| *tainted < first) {
+    if let Some((round, why)) = doubtful.filter(|(round, _)| *round < first) {
         return Err(Status::failed_precondition(format!(
-            "a value of generation {tainted} of job {id} is wrong: restart from generation {tainted} or an earlier one"
+            "a value of generation {round} of job {id} {why}: restart from generation {round} or an earlier one"
         )));
     }
     if first == record.generations_total && record.best.is_none() {
@@ -78,6 +75,21 @@ fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
         )));
     }
     Ok(first)
+}
+
+/// The first round that an ended job should not have sealed as it did, and what is the matter with it. That of everything
+/// after the search is the number of generations.
+fn first_doubtful(record: &JobRecord) -> Option<(u32, &'static str)> {
+    let is_sealed = |d: &Dispute| {
+        let examined = d.round == record.generations_total && record.winner.is_some();
+        d.round < record.generations_done || examined
+    };
+    let doubtful = record.disputes.iter().filter_map(|d| match d.ruling {
+        Some(Ruling::Tainted) => Some((d.round, "is wrong")),
+        None if is_sealed(d) => Some((d.round, "is in doubt (the job ended before anybody could decide)")),
+        _ => None,
+    });
+    doubtful.map(|(round, why)| (round.min(record.generations_total), why)).min_by_key(|(round, _)| *round)
 }
 
 /// The new job.
@@ -101,4 +113,81 @@ fn prepare(
     }
     let origin = Origin { job: record.id, generations: generations.len() as u32 };
     Ok(NewJob { carried: Some(Carried { origin, generations }), ..new })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scheduler::tests::Rig;
+    use crate::scheduler::{Completed, WorkerId};
+
+    /// A job that was cancelled in its third generation, in which two workers differ, and so they do about one of the second.
+    fn cancelled() -> JobRecord {
+        let mut rig = Rig::new();
+        let job = rig.submit("a", 2, 3);
+        rig.connect("a", 1);
+        while rig.stored(&job).disputes.len() < 2 {
+            let given = rig.take().expect("there is work");
+            let mut by = |worker: &str, delivery| {
+                rig.complete(Completed { worker: WorkerId(worker.into()), ..given.completed(delivery) })
+            };
+            match (given.range().round, given.range().count) {
+                (0, _) => by("a", given.delivery()),
+                (1, _) => {
+                    by("a", given.delivery());
+                    by("b", given.first().wrong(0))
+                }
+                // Its round must not be complete.
+                _ => {
+                    by("a", given.first().delivery());
+                    by("b", given.first().wrong(0))
+                }
+            };
+        }
+        rig.scheduler.cancel(rig.now, &job);
+        rig.settle();
+        let record = rig.stored(&job);
+        assert_eq!((record.generations_done, record.disputes.len()), (2, 2));
+        record
+    }
+
+    fn refusal(record: &JobRecord, asked: Option<u32>) -> String {
+        first_again(record, asked).expect_err("it is refused").message().to_owned()
+    }
+
+    #[test]
+    fn what_is_in_doubt_is_not_taken_over() {
+        let record = cancelled();
+        assert_eq!(first_again(&record, None).ok(), Some(1), "from where it is in doubt");
+        assert_eq!(first_again(&record, Some(1)).ok(), Some(1));
+        let why = refusal(&record, Some(2));
+        assert!(why.contains("a value of generation 1 of job") && why.contains("is in doubt"), "{why}");
+        assert!(why.contains("restart from generation 1 or an earlier one"), "{why}");
+
+        let mut tainted = record.clone();
+        tainted.disputes[0].round = 0;
+        tainted.disputes[0].ruling = Some(Ruling::Tainted);
+        assert_eq!(first_again(&tainted, None).ok(), Some(0), "whichever comes first");
+        assert!(refusal(&tainted, Some(1)).contains("is wrong"));
+    }
+
+    #[test]
+    fn what_is_decided_or_was_never_sealed_is_no_hindrance() {
+        let mut record = cancelled();
+        record.disputes[0].ruling = Some(Ruling::Upheld);
+        assert_eq!(first_again(&record, Some(2)).ok(), Some(2), "the third generation is done again anyway");
+        let why = refusal(&record, None);
+        assert!(why.contains("nothing of job") && why.contains("0 to 2"), "{why}");
+    }
+
+    #[test]
+    fn examinations_in_doubt_are_asked_again() {
+        let mut record = cancelled();
+        record.generations_done = 3;
+        record.disputes.truncate(1);
+        record.disputes[0].round = 3;
+        assert!(refusal(&record, None).contains("nothing of job"), "they were at hand");
+        record.winner = record.best.clone();
+        assert_eq!(first_again(&record, None).ok(), Some(3));
+    }
 }

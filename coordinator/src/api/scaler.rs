@@ -3,9 +3,11 @@
 //! It has a listener of its own, in the clear and without tokens: KEDA has none to send, and what a stranger can learn
 //! here is a number.
 
-use crate::limits::{DEMAND_EVERY, MAX_SCALERS};
+use crate::door::{self, Admission, Door};
+use crate::limits::{DEMAND_EVERY, KEEPALIVE, MAX_HEADERS, MAX_SCALERS};
 use crate::metrics::Pulse;
 use crate::scheduler::Demand;
+use prometheus_client::metrics::gauge::Gauge;
 use proto::externalscaler::external_scaler_server::{ExternalScaler, ExternalScalerServer};
 use proto::externalscaler::{
     GetMetricSpecResponse, GetMetricsRequest, GetMetricsResponse, IsActiveResponse, MetricSpec, MetricValue,
@@ -15,14 +17,15 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
+use std::time::Instant;
 use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::{Mutex, Semaphore, mpsc};
 use tokio::task::JoinHandle;
 use tokio_stream::Stream;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Server;
-use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status};
+use tower::util::MapRequestLayer;
 
 /// The one metric.
 const SLOTS: &str = "slots_wanted";
@@ -74,13 +77,18 @@ impl ScalerEndpoint {
         let failed = |source| ScalerError::Bind { addr, source };
         let listener = TcpListener::bind(addr).await.map_err(failed)?;
         let addr = listener.local_addr().map_err(failed)?;
-        let scaler = Scaler { pulse, streams: Arc::new(Semaphore::new(MAX_SCALERS)) };
+        let door = Door::new(listener, Admission::of_scaler(), Gauge::default());
+        let scaler = Scaler { pulse: Arc::new(Asked::new(pulse)), streams: Arc::new(Semaphore::new(MAX_SCALERS)) };
         let task = tokio::spawn(async move {
             let server = Server::builder()
+                .http2_keepalive_interval(Some(KEEPALIVE))
+                .http2_keepalive_timeout(Some(KEEPALIVE))
+                .http2_max_header_list_size(Some(MAX_HEADERS))
                 .concurrency_limit_per_connection(MAX_SCALERS)
                 .max_concurrent_streams(MAX_SCALERS as u32)
+                .layer(MapRequestLayer::new(door::know))
                 .add_service(ExternalScalerServer::new(scaler))
-                .serve_with_incoming(TcpIncoming::from(listener));
+                .serve_with_incoming(door);
             if let Err(error) = server.await {
                 tracing::error!(%error, "KEDA is not answered any more");
             }
@@ -95,13 +103,34 @@ impl ScalerEndpoint {
 }
 
 struct Scaler {
-    pulse: Arc<Pulse>,
+    pulse: Arc<Asked>,
     streams: Arc<Semaphore>,
 }
 
-/// Retryable: another coordinator serves, or this one will.
-async fn demand(pulse: &Pulse) -> Result<Demand, Status> {
-    pulse.demand().await.ok_or_else(|| Status::unavailable("this coordinator does not serve now"))
+/// Asks for the demand so seldom that strangers can't keep the coordinator from its work.
+struct Asked {
+    pulse: Arc<Pulse>,
+    last: Mutex<Option<(Instant, Option<Demand>)>>,
+}
+
+impl Asked {
+    fn new(pulse: Arc<Pulse>) -> Self {
+        Self { pulse, last: Mutex::new(None) }
+    }
+
+    /// As it is, or was a moment ago. An error is retryable: another coordinator serves, or this one will.
+    async fn demand(&self) -> Result<Demand, Status> {
+        let mut last = self.last.lock().await;
+        let demand = match *last {
+            Some((at, demand)) if at.elapsed() < DEMAND_EVERY / 2 => demand,
+            _ => {
+                let demand = self.pulse.demand().await;
+                *last = Some((Instant::now(), demand));
+                demand
+            }
+        };
+        demand.ok_or_else(|| Status::unavailable("this coordinator does not serve now"))
+    }
 }
 
 #[tonic::async_trait]
@@ -109,7 +138,7 @@ impl ExternalScaler for Scaler {
     type StreamIsActiveStream = Pin<Box<dyn Stream<Item = Result<IsActiveResponse, Status>> + Send>>;
 
     async fn is_active(&self, _: Request<ScaledObjectRef>) -> Result<Response<IsActiveResponse>, Status> {
-        Ok(Response::new(IsActiveResponse { result: demand(&self.pulse).await?.wanted > 0 }))
+        Ok(Response::new(IsActiveResponse { result: self.pulse.demand().await?.wanted > 0 }))
     }
 
     async fn stream_is_active(
@@ -128,7 +157,7 @@ impl ExternalScaler for Scaler {
                     _ = every.tick() => {}
                     () = out.closed() => break,
                 }
-                let now = demand(&pulse).await.map(|demand| demand.wanted > 0);
+                let now = pulse.demand().await.map(|demand| demand.wanted > 0);
                 let failed = now.is_err();
                 if now.as_ref().ok().copied() != told || failed {
                     told = now.as_ref().ok().copied();
@@ -161,7 +190,7 @@ impl ExternalScaler for Scaler {
     }
 
     async fn get_metrics(&self, _: Request<GetMetricsRequest>) -> Result<Response<GetMetricsResponse>, Status> {
-        let wanted = demand(&self.pulse).await?.wanted;
+        let wanted = self.pulse.demand().await?.wanted;
         let value = MetricValue {
             metric_name: SLOTS.to_owned(),
             metric_value: i64::from(wanted),

@@ -1,6 +1,6 @@
 //! WorkerService: what a worker says to the coordinator.
 
-use super::{Api, hello, id};
+use super::{Api, hello, id, printable, stopping};
 use crate::access::Pass;
 use crate::actor::Command;
 use crate::limits::{HELLO_WITHIN, MAX_RUNNING};
@@ -9,13 +9,13 @@ use crate::scheduler::{AssignmentId, Completed, Delivery, Outcome, SessionId, Ve
 use proto::limits::MAX_REASON;
 use proto::v1::worker_service_server::WorkerService;
 use proto::v1::{
-    CompleteRequest, CompleteResponse, CoordinatorMessage, WorkerMessage, complete_request, complete_response,
-    worker_message,
+    CompleteRequest, CompleteResponse, CoordinatorMessage, Heartbeat, WorkerMessage, complete_request,
+    complete_response, worker_message,
 };
 use sim_core::score::Counts;
 use std::pin::Pin;
 use std::time::Duration;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::{Request, Response, Status, Streaming};
@@ -51,24 +51,34 @@ impl WorkerService for Api {
         let place = self.gates.sessions.pass()?;
         drop(waiting);
         let (outbox, messages) = mpsc::unbounded_channel();
-        let session = self.ask(|reply| Command::Connect { greeting, outbox, reply }).await?;
         let messages = pass.clone().over(UnboundedReceiverStream::new(messages).map(Ok));
         let api = self.clone();
+        let (connected, welcomed) = oneshot::channel();
+        // Of its own: whoever hangs up before the welcome must be missed, too.
         tokio::spawn(async move {
-            api.listen(inbound, pass, worker, session).await;
+            let session = api.ask(|reply| Command::Connect { greeting, outbox, reply }).await;
+            let _ = connected.send(session.clone().map(drop));
+            if let Ok(session) = session {
+                api.listen(inbound, pass, worker, session).await;
+            }
             drop(place);
         });
+        welcomed.await.map_err(|_| stopping())??;
         Ok(Response::new(Box::pin(messages)))
     }
 
     async fn complete(&self, request: Request<CompleteRequest>) -> Result<Response<CompleteResponse>, Status> {
         let completed = completed(request.into_inner())?;
-        let verdict = self.ask(|reply| Command::Complete { completed, reply }).await?;
+        let late = completed.clone();
+        let mut verdict = self.ask(|reply| Command::Complete { completed, reply }).await?;
+        if verdict == Verdict::Older {
+            verdict = self.compare(late).await?;
+        }
         let verdict = match verdict {
             Verdict::Accepted => complete_response::Verdict::Accepted,
             Verdict::Duplicate => complete_response::Verdict::Duplicate,
             Verdict::Conflict => complete_response::Verdict::Conflict,
-            Verdict::Obsolete => complete_response::Verdict::Obsolete,
+            Verdict::Obsolete | Verdict::Older => complete_response::Verdict::Obsolete,
             Verdict::Unknown => complete_response::Verdict::Unknown,
             Verdict::Quarantined => complete_response::Verdict::Quarantined,
         };
@@ -104,8 +114,14 @@ impl Api {
             let worker = worker.clone();
             let command = match received {
                 Ok(Some(WorkerMessage { message: Some(message) })) => match message {
-                    worker_message::Message::Heartbeat(heartbeat) if heartbeat.running.len() > MAX_RUNNING => {
-                        tracing::warn!(%worker, running = heartbeat.running.len(), limit = MAX_RUNNING, "not a worker of ours");
+                    worker_message::Message::Heartbeat(Heartbeat { running: named, progress: told })
+                        if named.len().max(told.len()) > MAX_RUNNING =>
+                    {
+                        tracing::warn!(%worker, running = named.len(), told = told.len(), MAX_RUNNING, "not a worker of ours");
+                        Command::Disconnect { worker, session }
+                    }
+                    worker_message::Message::Drain(drain) if drain.finishing.len() > MAX_RUNNING => {
+                        tracing::warn!(%worker, finishing = drain.finishing.len(), MAX_RUNNING, "not a worker of ours");
                         Command::Disconnect { worker, session }
                     }
                     worker_message::Message::Heartbeat(heartbeat) => {
@@ -141,6 +157,7 @@ impl Api {
 
 pub(crate) fn completed(request: CompleteRequest) -> Result<Completed, Status> {
     id("worker_id", &request.worker_id)?;
+    printable("worker_id", &request.worker_id)?;
     id("job_id", &request.job_id)?;
     let invalid = |e: proto::ConvertError| Status::invalid_argument(e.to_string());
     let delivery = match request.result {

@@ -1,11 +1,12 @@
 //! Disputes: what workers say who disagree about the result of a task, and what became of it.
 
 use super::StoredOutcome;
-use crate::scheduler::Outcome;
+use crate::scheduler::{Finder, Outcome};
 use proto::{ConvertError, v1};
 use sim_core::finish::Examination;
 use sim_core::identity::Digest;
 use sim_core::score::Genome;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// What a disputed task is, so that it can be handed out again.
@@ -18,7 +19,7 @@ pub enum Subject {
 }
 
 /// Who said something.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Source {
     /// Id of the worker; empty if it is not known any more.
     pub worker: Arc<str>,
@@ -29,9 +30,9 @@ pub struct Source {
 }
 
 impl Source {
-    /// Somebody, a while ago.
-    pub fn unknown() -> Self {
-        Self { worker: "".into(), name: "".into(), host: "".into() }
+    /// As whoever found something.
+    pub fn finder(&self) -> Finder {
+        Finder { worker: self.worker.clone(), host: self.host.clone() }
     }
 }
 
@@ -42,6 +43,8 @@ pub struct Claim {
     pub source: Source,
     /// What.
     pub outcome: Outcome,
+    /// Who says so is quarantined: others may confirm it, by itself it counts for nothing.
+    pub distrusted: bool,
 }
 
 /// How a dispute ended.
@@ -55,7 +58,7 @@ pub enum Ruling {
     Tainted,
 }
 
-/// A task of which workers gave different bits.
+/// A task of which workers gave different bits, or that only a worker found that is quarantined.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dispute {
     /// The round.
@@ -75,13 +78,48 @@ pub struct Dispute {
 }
 
 impl Dispute {
-    /// The outcome that two workers agree on, if there is one. A worker that said different things has no say.
+    /// The outcome that two workers agree on, at least one of them trusted, if there is one. Where machines differ it takes
+    /// two machines: one that computes wrongly may have many workers. A worker that said different things has no say, nor
+    /// has whoever is not known any more: it may be any of the others.
     pub fn agreed(&self) -> Option<&Outcome> {
-        let honest = |source: &Source| self.claims.iter().filter(|c| c.source.worker == source.worker).count() == 1;
-        self.claims
-            .iter()
-            .map(|c| &c.outcome)
-            .find(|outcome| self.claims.iter().filter(|c| c.outcome == **outcome && honest(&c.source)).count() >= 2)
+        let machines_differ = self.hosts().len() >= 2;
+        self.claims.iter().map(|c| &c.outcome).find(|outcome| {
+            let support = || self.claims.iter().filter(|c| c.outcome == **outcome && self.has_a_say(c));
+            let on: BTreeSet<_> = support().map(|c| &c.source.host).filter(|host| !host.is_empty()).collect();
+            support().count() >= 2 && (!machines_differ || on.len() >= 2) && support().any(|c| !c.distrusted)
+        })
+    }
+
+    /// The machines that are known of those who have a say, one by one.
+    fn heard_on(&self) -> impl Iterator<Item = &Arc<str>> {
+        self.claims.iter().filter(|c| self.has_a_say(c)).map(|c| &c.source.host).filter(|host| !host.is_empty())
+    }
+
+    fn hosts(&self) -> BTreeSet<&Arc<str>> {
+        self.heard_on().collect()
+    }
+
+    /// Machines of which two workers were heard, if others were heard as well: one more there would not decide.
+    pub fn heard_out(&self) -> BTreeSet<Arc<str>> {
+        let hosts = self.hosts();
+        let twice = |host: &&Arc<str>| self.heard_on().filter(|heard| heard == host).count() >= 2;
+        if hosts.len() < 2 { BTreeSet::new() } else { hosts.into_iter().filter(twice).cloned().collect() }
+    }
+
+    /// Whether only a worker on another machine can decide, and which one that would be.
+    pub fn needs_machine(&self) -> Option<&'static str> {
+        let (hosts, out) = (self.hosts().len(), self.heard_out().len());
+        (hosts >= 2 && hosts == out).then_some(if hosts == 2 { "a third machine" } else { "another machine" })
+    }
+
+    fn has_a_say(&self, claim: &Claim) -> bool {
+        let of_its_worker = self.claims.iter().filter(|c| c.source.worker == claim.source.worker);
+        !claim.source.worker.is_empty() && of_its_worker.count() == 1
+    }
+
+    /// Whether claims differ. If not, a quarantined worker found it, and nobody has said anything else.
+    pub fn is_contradicted(&self) -> bool {
+        self.claims.windows(2).any(|pair| pair[0].outcome != pair[1].outcome)
     }
 
     /// The claim that holds: the first that says what was agreed on, or else what was committed.
@@ -133,6 +171,7 @@ impl Dispute {
             name: c.source.name.to_string(),
             host: c.source.host.to_string(),
             outcome: Some((&c.outcome).into()),
+            distrusted: c.distrusted,
         };
         StoredDispute {
             told: Some(v1::Dispute { claims: Vec::new(), ..self.to_wire() }),
@@ -157,6 +196,7 @@ impl Dispute {
         let claim = |c: StoredClaim| Claim {
             source: Source { worker: c.worker.into(), name: c.name.into(), host: c.host.into() },
             outcome: c.outcome.unwrap_or_default().into(),
+            distrusted: c.distrusted,
         };
         Ok(Self {
             round: told.round,
@@ -210,4 +250,6 @@ struct StoredClaim {
     host: String,
     #[prost(message, optional, tag = "4")]
     outcome: Option<StoredOutcome>,
+    #[prost(bool, tag = "5")]
+    distrusted: bool,
 }

@@ -1,5 +1,6 @@
 //! Disputes: two results of one task with different bits. Somebody computes wrongly, so another worker is asked; what
-//! two of them agree on holds, and whoever stands alone gets no more work.
+//! two of them agree on holds, and whoever stands alone gets no more work. What else that one found is in doubt from then
+//! on, and asked again like what is disputed.
 //!
 //! A round is not sealed before its disputes are decided. Of a sealed one nothing changes: if its value loses, the job
 //! ends as tainted.
@@ -7,15 +8,15 @@
 use super::job::{ActiveJob, event};
 use super::lease::{AssignmentId, Kind};
 use super::notes::LeaseEnd;
-use super::round::{Outcome, Range, Work};
+use super::older::{Committed, Contradicted};
+use super::round::{Finder, Outcome, Range, Work};
 use super::sealed::only_score;
 use super::worker::WorkerId;
 use super::{Action, Message, Now, Scheduler};
 use crate::record::{Claim, Dispute, JobId, JobState, Ruling, Source, Subject};
 use crate::store::{Quarantined, Write};
 use proto::v1::job_event::Event;
-use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Decided disputes that are kept of sealed generations.
 const KEPT: usize = 8;
@@ -31,9 +32,22 @@ enum Step {
 }
 
 impl ActiveJob {
+    /// What is said about a task that is or was disputed.
+    pub fn dispute(&self, round: u32, index: u32) -> Option<&Dispute> {
+        self.record.disputes.get(*self.disputed.get(&(round, index))?)
+    }
+
+    /// Takes in a dispute about a task that has none. Answers with its place.
+    pub fn open_dispute(&mut self, dispute: Dispute) -> usize {
+        let at = self.record.disputes.len();
+        self.disputed.insert((dispute.round, dispute.index), at);
+        self.record.disputes.push(dispute);
+        at
+    }
+
     /// Whether a task's result is in doubt.
     pub fn is_disputed(&self, round: u32, index: u32) -> bool {
-        self.record.disputes.iter().any(|d| d.ruling.is_none() && (d.round, d.index) == (round, index))
+        self.dispute(round, index).is_some_and(|d| d.ruling.is_none())
     }
 
     /// Whether a round waits for somebody to decide.
@@ -49,38 +63,39 @@ impl ActiveJob {
     /// Forgets decided disputes that nothing depends on any more, but for the newest few.
     pub fn prune_disputes(&mut self) {
         let (round, generations) = (self.round.number, self.record.generations_total);
-        let needed = |d: &Dispute| d.ruling.is_none() || d.round == round || d.round >= generations;
+        // What was sealed last can come into doubt again.
+        let needed = |d: &Dispute| d.ruling.is_none() || d.round + 1 >= round || d.round >= generations;
         let mut spare = self.record.disputes.iter().filter(|d| !needed(d)).count().saturating_sub(KEPT);
         self.record.disputes.retain(|d| {
             let keep = needed(d) || spare == 0;
             spare -= usize::from(!keep);
             keep
         });
+        self.disputed = places(&self.record.disputes);
     }
 
     /// Puts right what the store still has as it was first committed.
     pub fn apply_rulings(&mut self) {
-        for dispute in self.record.disputes.iter().filter(|d| d.ruling == Some(Ruling::Corrected)) {
+        for dispute in &self.record.disputes {
             let Some(claim) = dispute.holding() else { continue };
             for round in [Some(&mut self.round), self.examined.as_mut()].into_iter().flatten() {
                 if round.number == dispute.round {
-                    round.correct(dispute.index, &claim.outcome, claim.source.worker.clone());
+                    round.correct(dispute.index, &claim.outcome, claim.source.finder());
                 }
             }
         }
     }
 
     /// What holds for a task, who found it, and what the task is. `None` if it can't be disputed (any more).
-    fn holds(&self, range: &Range, index: u32) -> Option<(Outcome, Arc<str>, Subject)> {
-        let known = self.record.disputes.iter().find(|d| (d.round, d.index) == (range.round, index));
-        if let Some(dispute) = known {
+    pub fn holds(&self, range: &Range, index: u32) -> Option<(Outcome, Finder, Subject)> {
+        if let Some(dispute) = self.dispute(range.round, index) {
             let claim = dispute.holding()?;
             let outcome = self.comparable(range.round, claim.outcome.clone());
-            return Some((outcome, claim.source.worker.clone(), dispute.subject.clone()));
+            return Some((outcome, claim.source.finder(), dispute.subject.clone()));
         }
         if let Some(sealed) = self.last.as_ref().filter(|s| s.contains(range)) {
             let genome = sealed.genomes.as_ref()?.get(index as usize)?.clone();
-            return Some((sealed.outcome(index), sealed.worker(index), Subject::Candidate(genome)));
+            return Some((sealed.outcome(index), sealed.finder(index), Subject::Candidate(genome)));
         }
         let round = [Some(&self.round), self.examined.as_ref()].into_iter().flatten().find(|r| r.contains(range))?;
         let subject = match &round.work {
@@ -100,40 +115,35 @@ impl ActiveJob {
         round < self.round.number
     }
 
-    /// Takes in what a worker says about a task that is done, and `finder` found what holds.
-    fn hear(&mut self, now: Now, range: &Range, index: u32, claim: Claim, finder: Source) -> Option<Step> {
-        let (outcome, _, subject) = self.holds(range, index)?;
-        let disagrees = claim.outcome != outcome;
-        let at = self.record.disputes.iter().position(|d| (d.round, d.index) == (range.round, index));
+    /// Takes in what a worker says about a task that is done, beside what holds.
+    fn hear(&mut self, now: Now, (round, index): (u32, u32), subject: Subject, claim: Claim, held: Claim) -> Step {
+        let disagrees = claim.outcome != held.outcome;
+        let at = self.disputed.get(&(round, index)).copied();
         if let Some((at, dispute)) = at.and_then(|at| Some((at, self.record.disputes.get_mut(at)?))) {
             if dispute.ruling.is_some() {
-                return Some(if disagrees { Step::Refuted } else { Step::Nothing });
+                return if disagrees { Step::Refuted } else { Step::Nothing };
             }
             let known = |c: &Claim| c.source.worker == claim.source.worker && c.outcome == claim.outcome;
             if dispute.claims.iter().any(known) {
-                return Some(Step::Nothing);
+                return Step::Nothing;
             }
             dispute.at_ms = now.unix_ms;
             dispute.claims.push(claim);
-            return Some(Step::Told(at));
+            return Step::Told(at);
         }
         if !disagrees {
-            return Some(Step::Nothing);
+            return Step::Nothing;
         }
-        let what = match &subject {
-            Subject::Candidate(_) => format!("candidate {index} of generation {}", range.round),
-            Subject::Examination(examination) => examination.to_string(),
-        };
-        self.record.disputes.push(Dispute {
-            round: range.round,
+        let at = self.open_dispute(Dispute {
+            round,
             index,
-            what,
+            what: describe(round, index, &subject),
             subject,
-            claims: vec![Claim { source: finder, outcome }, claim],
+            claims: vec![held, claim],
             ruling: None,
             at_ms: now.unix_ms,
         });
-        Some(Step::Told(self.record.disputes.len() - 1))
+        Step::Told(at)
     }
 
     /// Decides a dispute if two agree. Tells who was wrong.
@@ -141,7 +151,7 @@ impl ActiveJob {
         let dispute = &self.record.disputes[at];
         let Some(agreed) = dispute.agreed().cloned() else { return Vec::new() };
         let wrong = dispute.claims.iter().filter(|c| c.outcome != agreed).map(|c| c.source.clone()).collect();
-        let winner = dispute.holding().map_or_else(|| "".into(), |c| c.source.worker.clone());
+        let winner = dispute.holding().map(|c| c.source.finder()).unwrap_or_default();
         let (round, index) = (dispute.round, dispute.index);
         let upheld = dispute.claims.first().is_some_and(|c| c.outcome == agreed);
         let ruling = match (upheld, self.is_sealed(round)) {
@@ -159,7 +169,8 @@ impl ActiveJob {
 
 impl Scheduler {
     /// Results of tasks that are done, or were sealed: they agree, or open or decide a dispute. Tells whether any of them
-    /// differs from what holds now. The job may be over afterwards.
+    /// differs from what holds now. The job may be over afterwards, or its round ready to be sealed. `older` is what was
+    /// sealed of a generation of which nothing is known here.
     pub(super) fn weigh(
         &mut self,
         now: Now,
@@ -167,29 +178,32 @@ impl Scheduler {
         range: &Range,
         outcomes: impl IntoIterator<Item = (u32, Outcome)>,
         worker: &WorkerId,
+        older: &Contradicted,
     ) -> bool {
-        let source = self.source(&worker.0);
+        let source = self.source(self.finder(worker));
         let mut touched = BTreeSet::new();
         let mut wrong: Vec<Source> = Vec::new();
         let (mut differs, mut refuted) = (false, false);
         for (index, outcome) in outcomes {
             let Some(job) = self.jobs.get(id) else { return differs };
             let outcome = job.comparable(range.round, outcome);
-            let Some((_, finder, _)) = job.holds(range, index) else {
+            let sealed = |c: &Committed| (only_score(c.score), Finder::default(), Subject::Candidate(c.genome.clone()));
+            let held = job.holds(range, index).or_else(|| older.get(&index).map(sealed));
+            let Some((held, finder, subject)) = held else {
                 // Of a generation that an earlier version sealed only the scores are known: nobody can decide.
                 differs |= job.last.as_ref().is_some_and(|s| s.contains(range) && !s.agrees(index, &outcome));
                 continue;
             };
-            let finder = self.source(&finder);
-            let claim = Claim { source: source.clone(), outcome: outcome.clone() };
+            let held = self.claim(self.source(finder), held);
+            let claim = self.claim(source.clone(), outcome.clone());
             let Some(job) = self.jobs.get_mut(id) else { return differs };
-            match job.hear(now, range, index, claim, finder) {
-                Some(Step::Told(at)) => {
+            match job.hear(now, (range.round, index), subject, claim, held) {
+                Step::Told(at) => {
                     touched.insert(at);
                     wrong.extend(job.decide(at));
                 }
-                Some(Step::Refuted) => refuted = true,
-                Some(Step::Nothing) | None => {}
+                Step::Refuted => refuted = true,
+                Step::Nothing => {}
             }
             differs |= job.holds(range, index).is_some_and(|(held, ..)| held != outcome);
         }
@@ -230,7 +244,6 @@ impl Scheduler {
             return;
         }
         self.call_off_decided(id);
-        self.seal(now, id);
     }
 
     /// Whoever still computes what was decided meanwhile may stop.
@@ -246,7 +259,7 @@ impl Scheduler {
         self.cancel_leases(&ids);
     }
 
-    /// A worker under this id gets no more work, and what it says is not believed.
+    /// A worker under this id gets no more work, what it says is not believed, and what it said is in doubt.
     pub(super) fn quarantine(&mut self, now: Now, source: &Source, why: &str) {
         let id = WorkerId(source.worker.clone());
         if source.worker.is_empty() || self.quarantined.contains_key(&id) {
@@ -268,6 +281,7 @@ impl Scheduler {
             worker.trusted = false;
         }
         self.tell_quarantined(&id);
+        self.doubt(now, source);
     }
 
     /// Says to a worker that it gets nothing more, and why.
@@ -283,11 +297,35 @@ impl Scheduler {
         }
     }
 
-    /// What is known of whoever has this id.
-    fn source(&self, id: &Arc<str>) -> Source {
-        let known = self.workers.get(&WorkerId(id.clone()));
-        let (name, host) = known.map_or_else(Default::default, |w| (w.name.as_str().into(), w.host().into()));
-        Source { worker: id.clone(), name, host }
+    fn claim(&self, source: Source, outcome: Outcome) -> Claim {
+        let distrusted = self.quarantined.contains_key(&WorkerId(source.worker.clone()));
+        Claim { source, outcome, distrusted }
+    }
+
+    /// Whoever has this id, where it is now.
+    pub(super) fn finder(&self, id: &WorkerId) -> Finder {
+        let host = self.workers.get(id).map(|w| w.host().into()).unwrap_or_default();
+        Finder { worker: id.0.clone(), host }
+    }
+
+    /// What is known of whoever found something.
+    fn source(&self, finder: Finder) -> Source {
+        let known = self.workers.get(&WorkerId(finder.worker.clone()));
+        let name = known.map(|w| w.name.as_str().into()).unwrap_or_default();
+        Source { worker: finder.worker, name, host: finder.host }
+    }
+}
+
+/// Where the dispute about a task is, by round and index: a whole generation can be in doubt at once.
+pub(super) fn places(disputes: &[Dispute]) -> BTreeMap<(u32, u32), usize> {
+    disputes.iter().enumerate().map(|(at, d)| ((d.round, d.index), at)).collect()
+}
+
+/// A task, for people.
+pub(super) fn describe(round: u32, index: u32, subject: &Subject) -> String {
+    match subject {
+        Subject::Candidate(_) => format!("candidate {index} of generation {round}"),
+        Subject::Examination(examination) => examination.to_string(),
     }
 }
 

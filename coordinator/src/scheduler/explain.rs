@@ -35,15 +35,22 @@ impl Scheduler {
     }
 
     fn about_disputes(&self, id: &JobId, job: &ActiveJob) -> Option<String> {
-        let open = job.open_disputes().count();
         let first = job.open_disputes().next()?;
         let asked = self.leases.values().any(|l| l.kind == Kind::Decides && l.job == *id);
-        let what = match open {
+        let (contradicted, alone): (Vec<_>, Vec<_>) = job.open_disputes().partition(|d| d.is_contradicted());
+        let contradicted = contradicted.first().map(|first| match contradicted.len() {
             1 => format!("two results of {} differ", first.what),
             n => format!("results of {n} tasks differ, {} for one", first.what),
-        };
+        });
+        let alone = alone.first().map(|first| match alone.len() {
+            1 => format!("{} was found by a worker that computes wrongly", first.what),
+            n => format!("{n} tasks were found by a worker that computes wrongly, {} for one", first.what),
+        });
+        let what = contradicted.into_iter().chain(alone).collect::<Vec<_>>().join(", and ");
         Some(if asked {
             format!("{what}: another worker is deciding")
+        } else if let Some(machine) = first.needs_machine().filter(|_| self.arbiters(job, first).next().is_none()) {
+            format!("waits for a worker on {machine}: {what}, and what only one machine says does not hold")
         } else if self.arbiters(job, first).next().is_none() {
             format!("waits for another worker: {what}, and only one that has had no part in it can decide")
         } else {

@@ -144,7 +144,7 @@ impl Scheduler {
         let worker = self.workers.get(id)?;
         let mut next: Option<(f64, u64, &JobId, u32)> = None;
         for (id, job) in &self.jobs {
-            let Some(size) = self.offer(now, worker, id, job, fill) else { continue };
+            let Some(size) = self.offer(now, worker, job, fill) else { continue };
             let tag = job.finish_tag.max(self.virtual_time - CREDIT);
             if next.is_none_or(|(best, number, ..)| (tag, job.record.number) < (best, number)) {
                 next = Some((tag, job.record.number, id, size));
@@ -154,8 +154,8 @@ impl Scheduler {
     }
 
     /// How many tasks this job would give to this worker; `None` if nothing.
-    fn offer(&self, now: Now, worker: &Worker, id: &JobId, job: &ActiveJob, fill: Fill) -> Option<u32> {
-        if !worker.engines.contains(&job.record.engine_digest) || worker.refused.contains_key(id) {
+    fn offer(&self, now: Now, worker: &Worker, job: &ActiveJob, fill: Fill) -> Option<u32> {
+        if !worker.can_do(&job.record) {
             return None;
         }
         let fitting = self.time_for(now, worker, job.cost);

@@ -1,5 +1,6 @@
 //! A job while it runs: generation after generation, and then the finish.
 
+use super::dispute::places;
 use super::restart::Carried;
 use super::round::{Outcome, Range, Round};
 use super::sealed::Sealed;
@@ -15,6 +16,7 @@ use sim_core::optimise::archive::Archive;
 use sim_core::optimise::{BadState, Optimiser};
 use sim_core::report::{Traces, report};
 use sim_core::score::{Counts, Genome, Scored};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -80,6 +82,8 @@ pub(super) struct ActiveJob {
     pub examined: Option<Round>,
     /// The generation sealed last.
     pub last: Option<Sealed>,
+    /// Where in the record the dispute about a task is, by round and index.
+    pub disputed: BTreeMap<(u32, u32), usize>,
     /// Virtual finish time in the fair queue.
     pub finish_tag: f64,
     /// Measured cost of a task, s.
@@ -143,6 +147,7 @@ impl ActiveJob {
             round: Round::generation(0, genomes),
             examined: None,
             last: None,
+            disputed: BTreeMap::new(),
             finish_tag: virtual_time,
             cost: None,
             last_progress: None,
@@ -157,7 +162,7 @@ impl ActiveJob {
     /// A job from the store.
     pub fn resumed(resumed: Resumed, virtual_time: f64) -> Result<Self, BadState> {
         let Resumed { record, toml, at_once, mut optimiser, finish: plan, search, mut results, last_scores } = resumed;
-        let Search { optimiser: state, archive, genomes_before, workers_before } = decode_search(&plan, &search)?;
+        let Search { optimiser: state, archive, genomes_before, finders_before } = decode_search(&plan, &search)?;
         optimiser.restore(&state)?;
         if optimiser.generation() != record.generations_done {
             return Err(BadState(format!(
@@ -173,7 +178,8 @@ impl ActiveJob {
         let round = Round::generation(record.generations_done, genomes);
         let number = record.generations_done.saturating_sub(1);
         let last =
-            last_scores.map(|scores| Sealed { number, scores, genomes: genomes_before, workers: workers_before });
+            last_scores.map(|scores| Sealed { number, scores, genomes: genomes_before, finders: finders_before });
+        let disputed = places(&record.disputes);
         let mut job = Self {
             record,
             toml,
@@ -184,6 +190,7 @@ impl ActiveJob {
             round,
             examined: None,
             last,
+            disputed,
             finish_tag: virtual_time,
             cost: None,
             last_progress: None,
@@ -447,13 +454,13 @@ impl ActiveJob {
 /// Records the stored results of a round and takes them out of the list.
 fn take_up(round: &mut Round, results: &mut Vec<StoredRange>) -> Result<(), BadState> {
     let number = round.number;
-    for StoredRange { first, outcomes, worker, .. } in results.extract_if(.., |range| range.round == number) {
+    for StoredRange { first, outcomes, finder, .. } in results.extract_if(.., |range| range.round == number) {
         let range = Range { round: number, first, count: outcomes.len() as u32 };
         if !round.contains(&range) {
             return Err(BadState(format!("results of tasks {:?} of round {number} don't fit", range.indexes())));
         }
         for (index, outcome) in range.indexes().zip(&outcomes) {
-            round.record(index, outcome, &worker);
+            round.record(index, outcome, &finder);
         }
     }
     Ok(())

@@ -5,7 +5,6 @@ use super::round::Range;
 use super::worker::WorkerId;
 use super::{Action, Message, Now, Scheduler};
 use crate::record::{Charge, JobId, JobState};
-use crate::store::Write;
 use sim_core::finish::Examination;
 use sim_core::score::Genome;
 use std::collections::BTreeMap;
@@ -162,8 +161,7 @@ impl Scheduler {
             self.notes.push(Note::Attempt { job, range, attempts, why });
         }
         if attempts < super::MAX_ATTEMPTS {
-            let write = Write::Note { record: job.record.clone() };
-            self.actions.push(Action::Write(Box::new(write)));
+            self.to_note.insert(lease.job.clone());
             return;
         }
         let what = job.round.work.describe(range.round, range.first);

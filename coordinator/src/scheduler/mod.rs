@@ -13,12 +13,14 @@
 mod census;
 mod demand;
 mod dispute;
+mod doubt;
 mod explain;
 mod fair;
 mod job;
 mod lease;
 mod leaving;
 mod notes;
+mod older;
 mod pause;
 mod restart;
 mod results;
@@ -39,9 +41,10 @@ pub use demand::Demand;
 pub use job::{NewJob, Resumed};
 pub use lease::{AssignmentId, Task};
 pub use notes::{LeaseEnd, Note};
+pub use older::{Committed, Contradicted};
 pub use restart::Carried;
 pub use results::{Completed, Delivery, Verdict};
-pub use round::{Outcome, Range};
+pub use round::{Finder, Outcome, Range};
 pub use worker::{Greeting, SessionId, Welcome, WorkerId};
 
 use crate::record::{JobId, JobRecord, JobState};
@@ -109,7 +112,8 @@ pub struct Settings {
     pub epoch: u64,
     /// Without a sign of life for this long a worker's work goes to others.
     pub lease: Duration,
-    /// Work that makes no progress for this long is taken back, where workers tell their progress.
+    /// Work that makes no progress for this long is taken back, where workers tell their progress and not when they would
+    /// call it stuck themselves.
     pub stuck_after: Duration,
 }
 
@@ -117,6 +121,12 @@ impl Settings {
     /// With the usual patience for work that stands still: four leases.
     pub fn new(epoch: u64, lease: Duration) -> Self {
         Self { epoch, lease, stuck_after: 4 * lease }
+    }
+
+    /// How long work may stand still on a worker that finds its own stuck slots after a time that it tells: longer, so that
+    /// it may.
+    pub fn patience(&self, told: Option<Duration>) -> Duration {
+        told.map_or(self.stuck_after, |told| told.saturating_add(2 * self.lease))
     }
 
     /// A worker whose machine goes away is told to stop so long before.
@@ -157,6 +167,8 @@ pub struct Scheduler {
     /// Workers that are kept free for the suspects of a job.
     cells: BTreeMap<JobId, WorkerId>,
     actions: Vec<Action>,
+    /// Jobs whose record changed without an event: written once, however many leases were lost at a time.
+    to_note: BTreeSet<JobId>,
     notes: Vec<Note>,
 }
 
@@ -183,6 +195,7 @@ impl Scheduler {
             solos: BTreeMap::new(),
             cells: BTreeMap::new(),
             actions: Vec::new(),
+            to_note: BTreeSet::new(),
             notes: Vec::new(),
         }
     }
@@ -211,6 +224,11 @@ impl Scheduler {
 
     /// What is to be done since the last call.
     pub fn take_actions(&mut self) -> Vec<Action> {
+        for id in std::mem::take(&mut self.to_note) {
+            if let Some(job) = self.jobs.get(&id) {
+                self.actions.push(Action::Write(Box::new(Write::Note { record: job.record.clone() })));
+            }
+        }
         std::mem::take(&mut self.actions)
     }
 
@@ -277,6 +295,12 @@ impl Scheduler {
         let record = self.end_job(now, id, JobState::Cancelled, String::new());
         self.dispatch(now);
         record
+    }
+
+    /// The coordinator itself stood still for a while: what its workers said meanwhile has not been heard yet, and counts.
+    pub fn stood_still(&mut self, time: Duration) {
+        self.workers.values_mut().for_each(|worker| worker.expires += time);
+        self.leases.values_mut().for_each(|lease| lease.moved += time);
     }
 
     /// Time passed: leases of silent workers are taken back.

@@ -65,6 +65,15 @@ pub enum Note {
         /// So many charges were taken back: suspicions and attempts.
         charges: u32,
     },
+    /// What a worker found that computes wrongly is in doubt.
+    Doubted {
+        /// Which.
+        worker: WorkerId,
+        /// Of which job.
+        job: JobId,
+        /// So many tasks are asked again that nobody had doubted.
+        tasks: u32,
+    },
 }
 
 /// Why an assignment ended without a result.

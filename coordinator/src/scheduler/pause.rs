@@ -11,9 +11,10 @@ impl Scheduler {
     /// this id.
     pub fn pause(&mut self, now: Now, id: &JobId, paused: bool) -> Option<JobRecord> {
         let job = self.jobs.get_mut(id)?;
-        let write = job.pause(now, paused);
+        // Also if nothing changes: a coordinator that was replaced meanwhile must not say that it is so.
+        let write = job.pause(now, paused).unwrap_or_else(|| Write::Note { record: job.record.clone() });
         let record = job.record.clone();
-        self.actions.extend(write.map(|write| Action::Write(Box::new(write))));
+        self.actions.push(Action::Write(Box::new(write)));
         self.dispatch(now);
         Some(record)
     }

@@ -7,7 +7,6 @@ use super::sealed::Sealed;
 use crate::record::Origin;
 use crate::store::{SealedGeneration, Write};
 use sim_core::score::Counts;
-use std::sync::Arc;
 
 /// What a job takes over from the one that it does again.
 #[derive(Clone, Debug)]
@@ -24,13 +23,8 @@ impl ActiveJob {
         let Carried { origin, generations } = carried;
         for (number, generation) in (0..).zip(generations) {
             let counts = generation.statistics.counts.map(Counts::from).unwrap_or_default();
-            let unknown: Arc<str> = "".into();
-            let sealed = Sealed {
-                number,
-                workers: vec![unknown; generation.scores.len()],
-                scores: generation.scores,
-                genomes: Some(self.genomes().into()),
-            };
+            let sealed =
+                Sealed { number, finders: Vec::new(), scores: generation.scores, genomes: Some(self.genomes().into()) };
             self.fold_generation(sealed, counts);
         }
         // Whoever asks has seen to it that there is a best if the search is over.

@@ -3,7 +3,8 @@
 use super::job::End;
 use super::lease::{AssignmentId, Kind};
 use super::notes::{LeaseEnd, Note};
-use super::round::{Outcome, Range, Recorded};
+use super::older::Contradicted;
+use super::round::{Finder, Outcome, Range, Recorded};
 use super::worker::WorkerId;
 use super::{Action, Now, Scheduler, stuck};
 use crate::record::{JobId, JobState};
@@ -63,8 +64,10 @@ pub enum Verdict {
     Duplicate,
     /// Other bits were there before: somebody computes wrongly.
     Conflict,
-    /// The job ended or moved on.
+    /// The job ended.
     Obsolete,
+    /// It is of a generation before the one sealed last: nothing is known of it here, see [`Scheduler::compare`].
+    Older,
     /// No such job or range.
     Unknown,
     /// What this worker says is not trusted any more; nothing was stored.
@@ -79,6 +82,7 @@ impl Verdict {
             Self::Duplicate => "duplicate",
             Self::Conflict => "conflict",
             Self::Obsolete => "obsolete",
+            Self::Older => "older",
             Self::Unknown => "unknown",
             Self::Quarantined => "quarantined",
         }
@@ -114,9 +118,10 @@ impl Scheduler {
                 if !own {
                     return Verdict::Obsolete;
                 }
+                let others = decides || self.others_can(&worker, &id);
                 if let Some(lease) = self.release(assignment, LeaseEnd::Failed) {
-                    if decides && let Some(worker) = self.workers.get_mut(&worker) {
-                        // Two others could do it: somebody else, for a while.
+                    if others && let Some(worker) = self.workers.get_mut(&worker) {
+                        // It may be the worker: somebody else, for a while.
                         worker.refused.insert(id.clone(), now.since_start + self.settings.lease);
                         self.wake_by(now.since_start + self.settings.lease);
                     }
@@ -157,6 +162,12 @@ impl Scheduler {
         }
     }
 
+    /// Whether another worker takes this job's work.
+    fn others_can(&self, worker: &WorkerId, id: &JobId) -> bool {
+        let Some(job) = self.jobs.get(id) else { return false };
+        self.workers.iter().any(|(other, w)| other != worker && w.takes_work() && w.can_do(&job.record))
+    }
+
     /// Results of the round at hand.
     fn take_outcomes(
         &mut self,
@@ -167,6 +178,7 @@ impl Scheduler {
         worker: &WorkerId,
         decides: bool,
     ) -> Verdict {
+        let finder = self.finder(worker);
         let Some(job) = self.jobs.get_mut(id).filter(|j| j.round.contains(&range)) else { return Verdict::Unknown };
         // What is new, in ranges without a break; and what may contradict what is there, or decide a dispute.
         let mut ranges: Vec<(u32, Vec<Outcome>)> = Vec::new();
@@ -174,7 +186,7 @@ impl Scheduler {
         // Others that were given some of it.
         let mut holders: BTreeSet<AssignmentId> = BTreeSet::new();
         for (index, outcome) in range.indexes().zip(outcomes) {
-            match job.round.record(index, &outcome, &worker.0) {
+            match job.round.record(index, &outcome, &finder) {
                 Recorded::New(holder) => {
                     holders.extend(holder);
                     match ranges.last_mut() {
@@ -209,9 +221,11 @@ impl Scheduler {
             self.cancel_leases(&needless);
         }
         // Before anything is sealed: what is in doubt is not.
-        let conflict = !there.is_empty() && self.weigh(now, id, &range, there, worker);
+        let conflict = !there.is_empty() && self.weigh(now, id, &range, there, worker, &Contradicted::new());
         if accepted > 0 {
-            self.seal_or_store(now, id, range.round, ranges, worker);
+            self.seal_or_store(now, id, range.round, ranges, finder);
+        } else {
+            self.seal(now, id);
         }
         match (conflict, accepted) {
             (true, _) => Verdict::Conflict,
@@ -234,9 +248,12 @@ impl Scheduler {
         let known = job.last.iter().any(|s| s.contains(&range)) || job.examined.iter().any(|r| r.contains(&range));
         let disputed = range.indexes().any(|index| job.is_disputed(range.round, index));
         if !known && !disputed {
-            return Verdict::Obsolete;
+            return Verdict::Older;
         }
-        if self.weigh(now, id, &range, range.indexes().zip(outcomes), worker) {
+        let conflict = self.weigh(now, id, &range, range.indexes().zip(outcomes), worker, &Contradicted::new());
+        // It may have waited for that.
+        self.seal(now, id);
+        if conflict {
             Verdict::Conflict
         } else if decides {
             Verdict::Accepted
@@ -246,10 +263,9 @@ impl Scheduler {
     }
 
     /// Keeps what came in, and goes on to the next round if this one is complete.
-    fn seal_or_store(&mut self, now: Now, id: &JobId, round: u32, ranges: Vec<(u32, Vec<Outcome>)>, worker: &WorkerId) {
+    fn seal_or_store(&mut self, now: Now, id: &JobId, round: u32, ranges: Vec<(u32, Vec<Outcome>)>, finder: Finder) {
         let Some(job) = self.jobs.get(id) else { return };
-        let write =
-            Action::Write(Box::new(Write::Results { job: id.clone(), round, ranges, worker: worker.0.clone() }));
+        let write = Action::Write(Box::new(Write::Results { job: id.clone(), round, ranges, finder }));
         // Of a sealed generation only the scores are kept; answers are needed until the report is made.
         let of_generation = job.round.is_generation();
         if !of_generation {

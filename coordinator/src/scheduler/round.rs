@@ -26,6 +26,15 @@ impl Range {
     }
 }
 
+/// Who found something.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Finder {
+    /// Id of the worker; empty if it is not known.
+    pub worker: Arc<str>,
+    /// The machine it called from; empty if it is not known.
+    pub host: Arc<str>,
+}
+
 /// What a task found. Equal when the bits are.
 #[derive(Clone, Debug)]
 pub struct Outcome {
@@ -77,10 +86,7 @@ impl Work {
     /// Most tasks in one assignment.
     pub fn most_at_once(&self) -> u32 {
         match self {
-            Self::Candidates(genomes) => {
-                let bytes = genomes.first().map_or(1, |g| 8 * g.len().max(1));
-                (MAX_ASSIGNMENT_GENOMES / bytes) as u32
-            }
+            Self::Candidates(genomes) => genomes.first().map_or(1, most_at_once),
             // Each is long, and no two kinds take the same time.
             Self::Examinations(_) => 1,
         }
@@ -105,6 +111,11 @@ impl Work {
     }
 }
 
+/// Most candidates with such a genome in one assignment, at least 1.
+pub(super) fn most_at_once(genome: &Genome) -> u32 {
+    (MAX_ASSIGNMENT_GENOMES / (8 * genome.len().max(1))).max(1) as u32
+}
+
 /// Whether two scores are the same bits.
 pub(super) fn same_bits(a: Option<f64>, b: Option<f64>) -> bool {
     a.map(f64::to_bits) == b.map(f64::to_bits)
@@ -115,8 +126,8 @@ enum State {
     #[default]
     Pending,
     Leased(AssignmentId),
-    /// What was found, and by which worker.
-    Done(Outcome, Arc<str>),
+    /// What was found, and by whom.
+    Done(Outcome, Finder),
 }
 
 /// What became of a result.
@@ -276,7 +287,7 @@ impl Round {
     }
 
     /// Takes a result in unless there is one: the first one wins.
-    pub fn record(&mut self, index: u32, outcome: &Outcome, worker: &Arc<str>) -> Recorded {
+    pub fn record(&mut self, index: u32, outcome: &Outcome, finder: &Finder) -> Recorded {
         let state = &mut self.tasks[index as usize].state;
         let holder = match state {
             State::Done(there, _) if there == outcome => return Recorded::Same,
@@ -287,7 +298,7 @@ impl Round {
             }
             State::Leased(holder) => Some(*holder),
         };
-        *state = State::Done(outcome.clone(), worker.clone());
+        *state = State::Done(outcome.clone(), finder.clone());
         self.done += 1;
         Recorded::New(holder)
     }
@@ -306,19 +317,20 @@ impl Round {
         }
     }
 
-    /// Who found it; empty if it is not done or that is not known.
-    pub fn finder(&self, index: u32) -> Arc<str> {
+    /// Who found it, if it is done and that is known.
+    pub fn finder(&self, index: u32) -> Finder {
         match self.tasks.get(index as usize).map(|t| &t.state) {
-            Some(State::Done(_, worker)) => worker.clone(),
-            _ => "".into(),
+            Some(State::Done(_, finder)) => finder.clone(),
+            _ => Finder::default(),
         }
     }
 
     /// Replaces what was found by what was decided.
-    pub fn correct(&mut self, index: u32, outcome: &Outcome, worker: Arc<str>) {
-        if let Some(State::Done(there, finder)) = self.tasks.get_mut(index as usize).map(|t| &mut t.state) {
-            *there = outcome.clone();
-            *finder = worker;
+    pub fn correct(&mut self, index: u32, outcome: &Outcome, finder: Finder) {
+        if let Some(task) = self.tasks.get_mut(index as usize)
+            && let State::Done(..) = task.state
+        {
+            task.state = State::Done(outcome.clone(), finder);
         }
     }
 

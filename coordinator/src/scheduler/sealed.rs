@@ -1,6 +1,6 @@
 //! The generation sealed last: enough to tell a repeated result from a wrong one, and to have it decided who is right.
 
-use super::round::{Outcome, Range, Round, Work, same_bits};
+use super::round::{Finder, Outcome, Range, Round, Work, same_bits};
 use sim_core::score::{Counts, Genome};
 use std::sync::Arc;
 
@@ -11,8 +11,8 @@ pub(super) struct Sealed {
     pub scores: Vec<Option<f64>>,
     /// `None` in a store of an earlier version.
     pub genomes: Option<Arc<[Genome]>>,
-    /// By candidate, the id of the worker that scored it; empty where that is not known.
-    pub workers: Vec<Arc<str>>,
+    /// By candidate, who scored it.
+    pub finders: Vec<Finder>,
 }
 
 impl Sealed {
@@ -22,8 +22,8 @@ impl Sealed {
             Work::Candidates(genomes) => Some(genomes.clone()),
             Work::Examinations(_) => None,
         };
-        let workers = (0..round.size()).map(|i| round.finder(i)).collect();
-        Self { number: round.number, scores, genomes, workers }
+        let finders = (0..round.size()).map(|i| round.finder(i)).collect();
+        Self { number: round.number, scores, genomes, finders }
     }
 
     pub fn contains(&self, range: &Range) -> bool {
@@ -40,8 +40,8 @@ impl Sealed {
         only_score(self.scores[index as usize])
     }
 
-    pub fn worker(&self, index: u32) -> Arc<str> {
-        self.workers.get(index as usize).cloned().unwrap_or_else(|| "".into())
+    pub fn finder(&self, index: u32) -> Finder {
+        self.finders.get(index as usize).cloned().unwrap_or_default()
     }
 }
 

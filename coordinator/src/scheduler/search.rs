@@ -1,6 +1,7 @@
 //! The state of a search, as it is stored with each sealed generation: optimiser, archive, and who found what in the
 //! generation before.
 
+use super::round::Finder;
 use super::sealed::Sealed;
 use prost::Message as _;
 use proto::v1::{Genome as WireGenome, ScoredCandidate};
@@ -9,6 +10,7 @@ use sim_core::optimise::BadState;
 use sim_core::optimise::archive::Archive;
 use sim_core::score::{Genome, Scored};
 use std::collections::HashMap;
+use std::iter;
 use std::sync::Arc;
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -34,6 +36,9 @@ struct Before {
     /// By candidate, its worker's place among these.
     #[prost(uint32, repeated, tag = "3")]
     by: Vec<u32>,
+    /// By worker, its machine; none in a store of an earlier version.
+    #[prost(string, repeated, tag = "4")]
+    hosts: Vec<String>,
 }
 
 /// What is read back of it.
@@ -42,8 +47,8 @@ pub(super) struct Search {
     pub archive: Archive,
     /// Genomes of the generation before, by candidate; `None` in a store of an earlier version.
     pub genomes_before: Option<Arc<[Genome]>>,
-    /// The ids of the workers that scored them.
-    pub workers_before: Vec<Arc<str>>,
+    /// Who scored them.
+    pub finders_before: Vec<Finder>,
 }
 
 pub(super) fn encode_search(optimiser: Vec<u8>, archive: &Archive, last: Option<&Sealed>) -> Vec<u8> {
@@ -54,16 +59,17 @@ pub(super) fn encode_search(optimiser: Vec<u8>, archive: &Archive, last: Option<
 
 fn before(sealed: &Sealed) -> Option<Before> {
     let genomes = sealed.genomes.as_ref()?.iter().map(|g| WireGenome { values: g.clone() }).collect();
-    let mut places: HashMap<&str, u32> = HashMap::new();
-    let mut workers = Vec::new();
-    let by = sealed.workers.iter().map(|worker| {
-        *places.entry(worker).or_insert_with(|| {
-            workers.push(worker.to_string());
+    let mut places: HashMap<&Finder, u32> = HashMap::new();
+    let (mut workers, mut hosts) = (Vec::new(), Vec::new());
+    let by = sealed.finders.iter().map(|finder| {
+        *places.entry(finder).or_insert_with(|| {
+            workers.push(finder.worker.to_string());
+            hosts.push(finder.host.to_string());
             workers.len() as u32 - 1
         })
     });
     let by = by.collect();
-    Some(Before { genomes, workers, by })
+    Some(Before { genomes, workers, by, hosts })
 }
 
 pub(super) fn decode_search(plan: &Plan, bytes: &[u8]) -> Result<Search, BadState> {
@@ -74,12 +80,13 @@ pub(super) fn decode_search(plan: &Plan, bytes: &[u8]) -> Result<Search, BadStat
         each.collect::<Result<Vec<_>, _>>()
     };
     let archive = Archive::restore(plan.direction, plan.archive, scored(archive)?, scored(bests)?);
-    let before = before.map(|Before { genomes, workers, by }| {
-        let workers: Vec<Arc<str>> = workers.into_iter().map(Into::into).collect();
-        let unknown: Arc<str> = "".into();
-        let by: Vec<_> = by.into_iter().map(|i| workers.get(i as usize).unwrap_or(&unknown).clone()).collect();
+    let before = before.map(|Before { genomes, workers, by, hosts }| {
+        let hosts = hosts.into_iter().map(Into::into).chain(iter::repeat_with(Arc::default));
+        let finders: Vec<Finder> =
+            workers.into_iter().zip(hosts).map(|(worker, host)| Finder { worker: worker.into(), host }).collect();
+        let by: Vec<_> = by.into_iter().map(|i| finders.get(i as usize).cloned().unwrap_or_default()).collect();
         (genomes.into_iter().map(|g| g.values).collect(), by)
     });
-    let (genomes_before, workers_before) = before.map_or((None, Vec::new()), |(g, w)| (Some(g), w));
-    Ok(Search { optimiser, archive, genomes_before, workers_before })
+    let (genomes_before, finders_before) = before.map_or((None, Vec::new()), |(g, f)| (Some(g), f));
+    Ok(Search { optimiser, archive, genomes_before, finders_before })
 }

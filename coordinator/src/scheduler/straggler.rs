@@ -48,10 +48,7 @@ impl Scheduler {
     fn may_copy(&self, now: Now, id: &WorkerId, original: AssignmentId) -> bool {
         let Some((lease, worker)) = self.leases.get(&original).zip(self.workers.get(id)) else { return false };
         let Some(job) = self.jobs.get(&lease.job) else { return false };
-        lease.worker != *id
-            && worker.engines.contains(&job.record.engine_digest)
-            && !worker.refused.contains_key(&lease.job)
-            && self.time_for(now, worker, job.cost) >= lease.range.count
+        lease.worker != *id && worker.can_do(&job.record) && self.time_for(now, worker, job.cost) >= lease.range.count
     }
 
     fn copy(&mut self, now: Now, id: &WorkerId, original: AssignmentId) {

@@ -28,7 +28,7 @@ impl Scheduler {
     /// What stands still. Work that has not begun waits, as long as every slot is busy with something that moves.
     fn stuck(&self, now: Now, id: &WorkerId) -> Vec<AssignmentId> {
         let Some(worker) = self.workers.get(id) else { return Vec::new() };
-        let still = |since: Duration| now.since_start.saturating_sub(since) >= self.settings.stuck_after;
+        let still = |since: Duration| now.since_start.saturating_sub(since) >= worker.stuck_after;
         let counted = || {
             worker
                 .held
@@ -41,12 +41,13 @@ impl Scheduler {
         counted().filter(|(_, count, moved)| still(*moved) && !(*count == 0 && all_busy)).map(|(a, ..)| a).collect()
     }
 
+    /// Gives work to others. To blame it must have begun: what waited for a slot that never came has done nothing.
     fn take_back(&mut self, now: Now, id: &WorkerId, assignment: AssignmentId) {
         let Some(lease) = self.leases.get(&assignment).cloned() else { return };
         self.take_away(&[assignment], LeaseEnd::Stuck);
-        let seconds = self.settings.stuck_after.as_secs_f64();
-        let mut name = String::new();
+        let (mut name, mut seconds) = (String::new(), 0.0);
         if let Some(worker) = self.workers.get_mut(id) {
+            seconds = worker.stuck_after.as_secs_f64();
             worker.stuck += 1;
             self.room.workers_changed();
             // Others first.
@@ -54,6 +55,8 @@ impl Scheduler {
             name.clone_from(&worker.name);
         }
         self.wake_by(now.since_start + self.settings.lease);
-        self.blame(now, &lease, true, None, &format!("worker {name} made no progress with it for {seconds} s"));
+        if lease.progress.is_some_and(|count| count > 0) {
+            self.blame(now, &lease, true, None, &format!("worker {name} made no progress with it for {seconds} s"));
+        }
     }
 }

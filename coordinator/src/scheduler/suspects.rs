@@ -5,9 +5,8 @@ use super::job::ActiveJob;
 use super::lease::{Kind, Lease};
 use super::notes::Note;
 use super::worker::{Worker, WorkerId};
-use super::{Action, Now, Scheduler};
+use super::{Now, Scheduler};
 use crate::record::{Charge, JobId};
-use crate::store::Write;
 use std::collections::BTreeSet;
 
 impl Scheduler {
@@ -34,7 +33,7 @@ impl Scheduler {
         for (id, job) in &mut self.jobs {
             let charges = job.take_back(worker);
             if charges > 0 {
-                self.actions.push(Action::Write(Box::new(Write::Note { record: job.record.clone() })));
+                self.to_note.insert(id.clone());
                 self.notes.push(Note::TakenBack { worker: worker.clone(), job: id.clone(), charges });
             }
         }
@@ -51,7 +50,7 @@ impl Scheduler {
         let mut looks = 0;
         let idle = |worker: &&WorkerId| {
             looks += 1;
-            self.workers.get(*worker).is_some_and(|w| w.held.is_empty() && self.may_be_cell(now, id, job, w))
+            self.workers.get(*worker).is_some_and(|w| w.held.is_empty() && self.may_be_cell(now, job, w))
         };
         let found = self.room.with_free_slots().iter().find(idle).cloned();
         self.room.count(looks);
@@ -61,7 +60,7 @@ impl Scheduler {
     /// Keeps the worker free that will be idle first. Once chosen it stays: it gets nothing more, so it will be.
     fn keep_a_cell(&mut self, now: Now, id: &JobId) {
         let Some(job) = self.jobs.get(id) else { return };
-        let may = |w: &Worker| self.may_be_cell(now, id, job, w);
+        let may = |w: &Worker| self.may_be_cell(now, job, w);
         if self.cells.get(id).and_then(|cell| self.workers.get(cell)).is_some_and(may) {
             return;
         }
@@ -74,11 +73,8 @@ impl Scheduler {
         };
     }
 
-    fn may_be_cell(&self, now: Now, id: &JobId, job: &ActiveJob, worker: &Worker) -> bool {
-        worker.is_open()
-            && worker.engines.contains(&job.record.engine_digest)
-            && !worker.refused.contains_key(id)
-            && self.time_for(now, worker, job.cost) > 0
+    fn may_be_cell(&self, now: Now, job: &ActiveJob, worker: &Worker) -> bool {
+        worker.is_open() && worker.can_do(&job.record) && self.time_for(now, worker, job.cost) > 0
     }
 
     fn isolate(&mut self, now: Now, worker: &WorkerId, id: &JobId) {

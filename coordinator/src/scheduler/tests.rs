@@ -3,8 +3,10 @@
 //! Evaluations are replaced by a pure function of the genome: what is tested here needs no physics.
 
 mod builds;
+mod costs;
 mod crashes;
 mod disputes;
+mod doubts;
 mod finish;
 mod laws;
 mod model;
@@ -165,6 +167,7 @@ pub fn greeting(id: &str, slots: u32) -> Greeting {
         engines: vec![ENGINE],
         running: Vec::new(),
         time_left: None,
+        stuck_after: None,
     }
 }
 
@@ -220,6 +223,15 @@ impl Given {
             }
             failure => failure,
         }
+    }
+
+    /// Only the first task of it.
+    pub fn first(&self) -> Self {
+        let mut first = self.clone();
+        if let Task::Evaluate { range, .. } = &mut first.task {
+            range.count = 1;
+        }
+        first
     }
 
     pub fn range(&self) -> Range {
@@ -322,7 +334,25 @@ impl Rig {
     }
 
     pub fn complete(&mut self, completed: Completed) -> Verdict {
-        let verdict = self.scheduler.complete(self.now, completed);
+        let mut verdict = self.scheduler.complete(self.now, completed.clone());
+        self.settle();
+        if verdict == Verdict::Older {
+            verdict = self.compare(completed);
+        }
+        verdict
+    }
+
+    /// What the shell does with a result of an older generation.
+    fn compare(&mut self, completed: Completed) -> Verdict {
+        let Delivery::Evaluations { generation, first, outcomes } = &completed.delivery else { panic!("no scores") };
+        let sealed = |number: u32| at_once(self.store.scores(&completed.job, number)).expect("it was sealed");
+        let mut search = Fake::new(self.stored(&completed.job).population);
+        (0..*generation).for_each(|number| search.tell(&sealed(number)));
+        let (scores, genomes) = (sealed(*generation), search.ask());
+        let both = (*first as usize..).zip(outcomes).filter(|(i, late)| !round::same_bits(scores[*i], late.score()));
+        let committed = |i: usize| Committed { score: scores[i], genome: genomes[i].clone() };
+        let contradicted = both.map(|(i, _)| (i as u32, committed(i))).collect();
+        let verdict = self.scheduler.compare(self.now, completed, &contradicted);
         self.settle();
         verdict
     }

@@ -4,7 +4,7 @@ use super::lease::{AssignmentId, Kind, Lease};
 use super::notes::{LeaseEnd, Note};
 use super::round::Range;
 use super::{Now, Scheduler, stuck};
-use crate::record::JobId;
+use crate::record::{JobId, JobRecord};
 use proto::v1;
 use sim_core::identity::Digest;
 use std::collections::{BTreeMap, BTreeSet};
@@ -45,6 +45,8 @@ pub struct Greeting {
     pub running: Vec<(AssignmentId, JobId, Range)>,
     /// How long its machine will still be there, if that is known.
     pub time_left: Option<Duration>,
+    /// How long a slot of it may stand still before it replaces it by itself, if it says so.
+    pub stuck_after: Option<Duration>,
 }
 
 /// The answer to a [`Greeting`].
@@ -78,6 +80,8 @@ pub(super) struct Worker {
     pub refused: BTreeMap<JobId, Duration>,
     /// When its machine goes away, if that is known.
     pub ends: Option<Duration>,
+    /// Work that stands still for this long is taken back.
+    pub stuck_after: Duration,
     /// What it says is believed: it is not quarantined.
     pub trusted: bool,
     /// How often its work was taken back since its last result, because it stood still.
@@ -96,6 +100,11 @@ impl Worker {
     /// Whether it gets something now, if it has a free slot: not while it works on a suspect.
     pub fn is_open(&self) -> bool {
         self.takes_work() && self.suspect.is_none()
+    }
+
+    /// Whether it has the engine of a job and is not spared it.
+    pub fn can_do(&self, job: &JobRecord) -> bool {
+        self.engines.contains(&job.engine_digest) && !self.refused.contains_key(&job.id)
     }
 
     /// The machine it calls from.
@@ -134,7 +143,8 @@ impl Scheduler {
             draining: false,
             known_jobs: BTreeSet::new(),
             refused: BTreeMap::new(),
-            ends: greeting.time_left.map(|left| now.since_start + left),
+            ends: greeting.time_left.map(|left| now.since_start.saturating_add(left)),
+            stuck_after: self.settings.patience(greeting.stuck_after),
             trusted: !self.quarantined.contains_key(&greeting.worker),
             stuck: 0,
             suspect: before.as_ref().and_then(|w| w.suspect),
@@ -237,6 +247,7 @@ impl Scheduler {
     /// still finishes.
     pub fn drain(&mut self, now: Now, id: &WorkerId, session: SessionId, finishing: &[AssignmentId]) {
         let Some(worker) = self.session(id, session) else { return };
+        let finishing: BTreeSet<_> = finishing.iter().collect();
         for assignment in worker.held.clone() {
             if !finishing.contains(&assignment) {
                 self.release(assignment, LeaseEnd::Drained);

@@ -1,39 +1,40 @@
 //! Serving: where strangers come in, what they can ask for, and how it ends.
 
+use super::health::Health;
 use super::{Error, Tls};
 use crate::access::{self, Access};
 use crate::actor::Command;
 use crate::api::Api;
-use crate::door::{self, Door};
-use crate::limits::{HANDSHAKE_WITHIN, MAX_CALLS_OF_CONNECTION, MAX_CLIENT_REQUEST, MAX_HEADERS, STOP_WITHIN};
+use crate::door::{self, Admission, Door};
+use crate::limits::{
+    HANDSHAKE_WITHIN, KEEPALIVE, MAX_CALLS_OF_CONNECTION, MAX_CLIENT_REQUEST, MAX_HEADERS, STOP_WITHIN,
+};
 use crate::standby::Gate;
-use proto::limits::MAX_MESSAGE;
+use prometheus_client::metrics::gauge::Gauge;
+use proto::limits::{MAX_ANSWER, MAX_MESSAGE};
 use proto::v1::job_service_server::JobServiceServer;
 use proto::v1::worker_service_server::WorkerServiceServer;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
-use tonic::server::NamedService;
 use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Server, ServerTlsConfig};
-use tonic_health::ServingStatus;
-use tonic_health::server::HealthReporter;
 use tower::util::MapRequestLayer;
-
-/// How often an idle connection is checked, and how long the other side has to answer.
-const KEEPALIVE: Duration = Duration::from_secs(10);
 
 /// What reflection tells, and what `access::rules` has to name.
 pub(crate) const DESCRIPTORS: [&[u8]; 2] = [proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
+
 /// Where strangers come in, and what is asked of them.
 pub(super) struct Doors {
     pub listener: TcpListener,
+    /// Counts who is in.
+    pub connections: Gauge,
     pub tls: Option<Tls>,
     pub access: Option<Arc<Access>>,
     /// Whether it is this coordinator's turn.
     pub gate: Gate,
+    pub health: Health,
 }
 
 /// Serves until told to stop, or until the work fails.
@@ -46,9 +47,7 @@ pub(super) async fn run(
     mut stopping: watch::Receiver<bool>,
 ) -> Result<(), Error> {
     let store = api.store.clone();
-    let (health, health_service) = tonic_health::server::health_reporter();
-    let Doors { listener, tls, access, gate } = doors;
-    let tell = tokio::spawn(tell_health(health, gate.clone(), stopping.clone()));
+    let Doors { listener, connections, tls, access, gate, health } = doors;
     let mut reflection = tonic_reflection::server::Builder::configure();
     for descriptors in DESCRIPTORS {
         reflection = reflection.register_encoded_file_descriptor_set(descriptors);
@@ -56,11 +55,11 @@ pub(super) async fn run(
     let reflection = reflection.build_v1().map_err(|e| Error::Server(e.to_string()))?;
     let jobs = JobServiceServer::new(api.clone())
         .max_decoding_message_size(MAX_CLIENT_REQUEST)
-        .max_encoding_message_size(MAX_MESSAGE);
+        .max_encoding_message_size(MAX_ANSWER);
     let workers =
         WorkerServiceServer::new(api).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
     let mut told = stopping.clone();
-    let door = Door::new(listener, access.is_some());
+    let door = Door::new(listener, Admission::of_service(access.is_some()), connections);
     let mut server = Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE))
         .http2_keepalive_timeout(Some(KEEPALIVE))
@@ -72,8 +71,8 @@ pub(super) async fn run(
     let server = server
         .layer(MapRequestLayer::new(door::introduce))
         .layer(telemetry::calls::layer())
-        .layer(access::layer(access))
-        .add_service(health_service)
+        .layer(access::layer(access, gate.clone()))
+        .add_service(health.service())
         .add_service(reflection)
         .add_service(InterceptedService::new(jobs, gate.clone()))
         .add_service(InterceptedService::new(workers, gate))
@@ -99,6 +98,7 @@ pub(super) async fn run(
         _ = stopping.wait_for(|stop| *stop) => None,
     };
     stop.send_replace(true);
+    health.stopping().await;
     let outcome = match work_ended {
         Some(ended) => ended,
         None => {
@@ -107,7 +107,6 @@ pub(super) async fn run(
             work.await
         }
     };
-    tell.abort();
     if !server.is_finished() && tokio::time::timeout(STOP_WITHIN, &mut server).await.is_err() {
         server.abort();
     }
@@ -128,22 +127,4 @@ fn tls_config(tls: Tls) -> ServerTlsConfig {
 
 fn unusable(error: tonic::transport::Error) -> Error {
     Error::Tls { reason: proto::dial::reason(&error) }
-}
-
-/// Tells who asks for the health of the services: they are there while calls are let through.
-async fn tell_health(health: HealthReporter, mut gate: Gate, mut stopping: watch::Receiver<bool>) {
-    let set = async |status| {
-        // The empty name stands for all of them.
-        for name in ["", JobServiceServer::<Api>::NAME, WorkerServiceServer::<Api>::NAME] {
-            health.set_service_status(name, status).await;
-        }
-    };
-    set(ServingStatus::NotServing).await;
-    tokio::select! {
-        () = gate.opened() => {}
-        _ = stopping.wait_for(|stop| *stop) => return,
-    }
-    set(ServingStatus::Serving).await;
-    let _ = stopping.wait_for(|stop| *stop).await;
-    set(ServingStatus::NotServing).await;
 }

@@ -2,7 +2,7 @@
 
 use super::{Quarantined, StoreError};
 use crate::record::{JobRecord, StoredOutcome, StoredRecord};
-use crate::scheduler::Outcome;
+use crate::scheduler::{Finder, Outcome};
 use proto::v1;
 
 const VERSION: u8 = 1;
@@ -14,6 +14,9 @@ struct Outcomes {
     /// Who found them.
     #[prost(string, tag = "2")]
     worker: String,
+    /// Where that was; empty in a store of an earlier version.
+    #[prost(string, tag = "3")]
+    host: String,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -57,14 +60,16 @@ pub(super) fn decode_record(bytes: &[u8]) -> Result<JobRecord, StoreError> {
     JobRecord::from_stored(stored).map_err(|e| StoreError::Corrupt { what: format!("job: {e}") })
 }
 
-/// Outcomes, and the worker that found them.
-pub(super) fn encode_outcomes(outcomes: &[Outcome], worker: &str) -> Vec<u8> {
-    encode(&Outcomes { outcomes: outcomes.iter().map(Into::into).collect(), worker: worker.to_owned() })
+/// Outcomes, and who found them.
+pub(super) fn encode_outcomes(outcomes: &[Outcome], finder: &Finder) -> Vec<u8> {
+    let (worker, host) = (finder.worker.to_string(), finder.host.to_string());
+    encode(&Outcomes { outcomes: outcomes.iter().map(Into::into).collect(), worker, host })
 }
 
-pub(super) fn decode_outcomes(bytes: &[u8]) -> Result<(Vec<Outcome>, String), StoreError> {
-    let Outcomes { outcomes, worker } = decode("results", bytes)?;
-    Ok((outcomes.into_iter().map(Into::into).collect(), worker))
+pub(super) fn decode_outcomes(bytes: &[u8]) -> Result<(Vec<Outcome>, Finder), StoreError> {
+    let Outcomes { outcomes, worker, host } = decode("results", bytes)?;
+    let finder = Finder { worker: worker.into(), host: host.into() };
+    Ok((outcomes.into_iter().map(Into::into).collect(), finder))
 }
 
 pub(super) fn encode_quarantined(entry: &Quarantined) -> Vec<u8> {

@@ -4,7 +4,7 @@ use super::{
     Answer, Loaded, Quarantined, SealedGeneration, Store, StoreError, StoredJob, StoredRange, StoredResult, Write,
 };
 use crate::record::{JobId, JobRecord, JobState, ended};
-use crate::scheduler::Outcome;
+use crate::scheduler::{Finder, Outcome};
 use proto::v1;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -29,7 +29,7 @@ struct Entry {
     toml: Arc<str>,
     search: Vec<u8>,
     /// By round and index of the first.
-    results: BTreeMap<(u32, u32), (Vec<Outcome>, Arc<str>)>,
+    results: BTreeMap<(u32, u32), (Vec<Outcome>, Finder)>,
     generations: Vec<SealedGeneration>,
     events: Vec<v1::JobEvent>,
     report: Vec<u8>,
@@ -61,11 +61,11 @@ impl Inner {
                     results: entry
                         .results
                         .iter()
-                        .map(|(&(round, first), (outcomes, worker))| StoredRange {
+                        .map(|(&(round, first), (outcomes, finder))| StoredRange {
                             round,
                             first,
                             outcomes: outcomes.clone(),
-                            worker: worker.clone(),
+                            finder: finder.clone(),
                         })
                         .collect(),
                     last_scores: entry.generations.last().map(|g| g.scores.clone()),
@@ -90,8 +90,8 @@ impl Inner {
                 };
                 self.jobs.insert(entry.record.number, entry);
             }
-            Write::Results { job, round, ranges, worker } => {
-                let ranges = ranges.into_iter().map(|(first, o)| ((round, first), (o, worker.clone())));
+            Write::Results { job, round, ranges, finder } => {
+                let ranges = ranges.into_iter().map(|(first, o)| ((round, first), (o, finder.clone())));
                 self.entry_mut(&job)?.results.extend(ranges);
             }
             Write::Seal { record, sealed, search, events } => {

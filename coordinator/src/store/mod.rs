@@ -18,7 +18,7 @@ pub use sqlite::SqliteStore;
 pub use url::{BadStoreUrl, StoreUrl};
 
 use crate::record::{JobId, JobRecord, JobState};
-use crate::scheduler::Outcome;
+use crate::scheduler::{Finder, Outcome};
 use proto::v1;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -47,7 +47,7 @@ pub enum Write {
         /// Ranges without overlap: (index of the first, outcomes).
         ranges: Vec<(u32, Vec<Outcome>)>,
         /// Who found them.
-        worker: Arc<str>,
+        finder: Finder,
     },
     /// A generation is over: scores, statistics, the state of the search and the events at once.
     Seal {
@@ -67,7 +67,7 @@ pub enum Write {
         /// What is told.
         event: v1::JobEvent,
     },
-    /// What nobody watches of a job changed: what is held against its tasks.
+    /// What nobody watches of a job changed: what is held against its tasks, or in doubt.
     Note {
         /// The job after it.
         record: JobRecord,
@@ -158,8 +158,8 @@ pub struct StoredRange {
     pub first: u32,
     /// By index from `first` on.
     pub outcomes: Vec<Outcome>,
-    /// Id of the worker that found them; empty if that was not stored.
-    pub worker: Arc<str>,
+    /// Who found them, as far as that was stored.
+    pub finder: Finder,
 }
 
 /// A job that has not ended, with all it takes to go on.
@@ -331,11 +331,14 @@ pub trait Store: Send + Sync {
 
 /// Opens the store that a URL names. `takeover`: after this long without a sign of life from this coordinator another one
 /// may take over, where several can reach the store.
-pub async fn open(url: &StoreUrl, takeover: Duration) -> Result<Arc<dyn Store>, StoreError> {
-    Ok(match url {
-        StoreUrl::Sqlite(path) => Arc::new(SqliteStore::open(path).await?),
-        StoreUrl::Postgres(url) => Arc::new(PostgresStore::open(url, takeover).await?),
-        StoreUrl::Memory => Arc::new(MemoryStore::default()),
+// Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+pub fn open(url: &StoreUrl, takeover: Duration) -> Answer<'_, Arc<dyn Store>> {
+    Box::pin(async move {
+        Ok(match url {
+            StoreUrl::Sqlite(path) => Arc::new(SqliteStore::open(path).await?) as Arc<dyn Store>,
+            StoreUrl::Postgres(url) => Arc::new(PostgresStore::open(url, takeover).await?),
+            StoreUrl::Memory => Arc::new(MemoryStore::default()),
+        })
     })
 }
 

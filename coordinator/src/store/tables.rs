@@ -29,12 +29,12 @@ pub(super) async fn apply_all(sql: &mut impl Sql, writes: &[Write]) -> Result<()
     // Results that follow each other go in together: a database that is far away is asked once.
     let mut results = Vec::new();
     for write in writes {
-        if let Write::Results { job, round, ranges, worker } = write {
+        if let Write::Results { job, round, ranges, finder } = write {
             results.extend(ranges.iter().map(|(first, outcomes)| ResultRow {
                 job: job.clone(),
                 round: *round,
                 first: *first,
-                outcomes: blob::encode_outcomes(outcomes, worker),
+                outcomes: blob::encode_outcomes(outcomes, finder),
             }));
             continue;
         }
@@ -159,8 +159,8 @@ async fn load_job(sql: &mut impl Sql, id: &JobId) -> Result<StoredJob, Trouble> 
     let query = "SELECT round, first, outcomes FROM results WHERE job = $1 ORDER BY round, first";
     for row in sql.rows(query, vec![id.into()]).await? {
         let (round, first) = (row.number(0)? as u32, row.number(1)? as u32);
-        let (outcomes, worker) = blob::decode_outcomes(&row.bytes(2)?)?;
-        results.push(StoredRange { round, first, outcomes, worker: worker.into() });
+        let (outcomes, finder) = blob::decode_outcomes(&row.bytes(2)?)?;
+        results.push(StoredRange { round, first, outcomes, finder });
     }
     let last_scores = match record.generations_done.checked_sub(1) {
         Some(generation) => scores(sql, id, generation).await?,

@@ -4,6 +4,7 @@ pub(crate) mod places;
 
 use super::*;
 use crate::record::{Charge, Claim, Dispute, Origin, Ruling, Source, Subject};
+use crate::scheduler::Finder;
 use places::{Database, File, Reopen, open_file};
 use proto::v1::job_event::Event;
 use sim_core::finish::{Examination, Question};
@@ -78,8 +79,12 @@ fn answer() -> Outcome {
     Outcome { scores, counts: Counts { nodes: 3, ..Counts::default() }, traces: b"{}".to_vec() }
 }
 
+fn finder() -> Finder {
+    Finder { worker: "w".into(), host: "h".into() }
+}
+
 fn stored_range(round: u32, first: u32, outcomes: Vec<Outcome>) -> StoredRange {
-    StoredRange { round, first, outcomes, worker: "w".into() }
+    StoredRange { round, first, outcomes, finder: finder() }
 }
 
 fn seal(record: &JobRecord, sequence: u64) -> Write {
@@ -122,7 +127,7 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let ranges = [(0, ODD.map(outcome).to_vec()), (9, vec![failed()])];
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.to_vec(), worker: "w".into() };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.to_vec(), finder: finder() };
         store.commit(epoch, vec![submit(&job), results]).await.unwrap();
 
         let store = store.reopen().await;
@@ -139,7 +144,7 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let best = |bits| Scored { generation: 0, candidate: 1, score: f64::from_bits(bits), genome: vec![-0.0, 1.5] };
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], worker: "w".into() };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], finder: finder() };
         let after = JobRecord {
             generations_done: 1,
             last_event: 3,
@@ -174,7 +179,7 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let source = |worker: &str| Source { worker: worker.into(), name: "n".into(), host: "h".into() };
-        let claim = |worker: &str, outcome: Outcome| Claim { source: source(worker), outcome };
+        let claim = |worker: &str, outcome: Outcome| Claim { source: source(worker), outcome, distrusted: worker == "b" };
         let candidate = Scored { generation: 1, candidate: 2, score: f64::from_bits(ODD[0]), genome: vec![0.5] };
         let dispute = Dispute {
             round: 0,
@@ -252,7 +257,7 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let results = |round, first, outcome| {
-            Write::Results { job: job.id.clone(), round, ranges: vec![(first, vec![outcome])], worker: "w".into() }
+            Write::Results { job: job.id.clone(), round, ranges: vec![(first, vec![outcome])], finder: finder() }
         };
         let over = JobRecord { generations_done: 2, state: JobState::Finishing, last_event: 3, ..job.clone() };
         store.commit(epoch, vec![submit(&job), seal(&over, 2)]).await.unwrap();
@@ -273,7 +278,7 @@ on_every_store! {
     async fn writes_of_an_earlier_epoch_change_nothing(store) {
         let old = store.start().await.unwrap().epoch;
         let job = record(1);
-        let results = |first| Write::Results { job: job.id.clone(), round: 0, ranges: vec![(first, vec![failed()])], worker: "w".into() };
+        let results = |first| Write::Results { job: job.id.clone(), round: 0, ranges: vec![(first, vec![failed()])], finder: finder() };
         store.commit(old, vec![submit(&job), results(0)]).await.unwrap();
         let before = store.start().await.unwrap();
         let done = JobRecord { state: JobState::Succeeded, generations_done: 1, last_event: 3, ..job.clone() };
@@ -312,7 +317,7 @@ on_every_store! {
         let bits = |i: u32| u64::from(i).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let range = |first: u32| (first, (first..first + 9).map(|i| outcome(bits(i))).collect::<Vec<_>>());
         let ranges: Vec<_> = (0..10_000).step_by(10).map(range).collect();
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.clone(), worker: "w".into() };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.clone(), finder: finder() };
         store.commit(epoch, vec![submit(&job), results]).await.unwrap();
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
@@ -391,7 +396,7 @@ on_every_store! {
     async fn an_ended_job_keeps_its_report_and_drops_what_nobody_needs(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], worker: "w".into() };
+        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], finder: finder() };
         let done = JobRecord { state: JobState::Succeeded, last_event: 2, ..job.clone() };
         let report = Write::Report {
             record: done.clone(),

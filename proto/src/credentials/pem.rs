@@ -15,7 +15,7 @@ use x509_parser::prelude::{FromDer as _, X509Certificate};
 pub struct Authority {
     /// As the transport wants it.
     pub certificate: tonic::transport::Certificate,
-    /// When the first of them ends: YYYY-MM-DD.
+    /// When the first of those that are valid ends: YYYY-MM-DD.
     pub valid_until: String,
 }
 
@@ -101,20 +101,40 @@ pub fn choose_provider() {
     let _ = ring::default_provider().install_default();
 }
 
-/// Reads the certificates of a CA, one or more, so that an old and a new one can be believed at once.
+/// Reads the certificates of CAs, one or more, so that an old and a new one can be believed at once. Of several those are
+/// believed that are valid today, if there are any.
 pub fn authority(file: &Path) -> Result<Authority, PemError> {
     let (text, certificates) = certificates(file)?;
-    let mut first_end = None;
-    for der in &certificates {
+    let text = String::from_utf8_lossy(&text);
+    let (mut believed, mut first_end, mut not_valid) = (String::new(), None, None);
+    for (der, pem) in certificates.iter().zip(blocks(&text)) {
         let certificate = parse(file, der)?;
         if !certificate.is_ca() {
             return Err(PemError::NoAuthority { file: file.to_owned() });
         }
-        let day = valid_until(file, &certificate)?;
-        first_end = Some(first_end.map_or(day.clone(), |first: String| first.min(day)));
+        match valid_until(file, &certificate) {
+            Ok(day) => {
+                believed += pem;
+                believed += "\n";
+                first_end = Some(first_end.map_or(day.clone(), |first: String| first.min(day)));
+            }
+            Err(error) => not_valid = not_valid.or(Some(error)),
+        }
     }
-    let valid_until = first_end.unwrap_or_default();
-    Ok(Authority { certificate: tonic::transport::Certificate::from_pem(text), valid_until })
+    match (first_end, not_valid) {
+        (Some(valid_until), _) => {
+            Ok(Authority { certificate: tonic::transport::Certificate::from_pem(believed), valid_until })
+        }
+        (None, Some(error)) => Err(error),
+        (None, None) => Err(PemError::NotPem { file: file.to_owned(), what: "certificate", label: "CERTIFICATE" }),
+    }
+}
+
+/// The certificates of a text as they are written there.
+fn blocks(text: &str) -> impl Iterator<Item = &str> {
+    const BEGIN: &str = "-----BEGIN CERTIFICATE-----";
+    const END: &str = "-----END CERTIFICATE-----";
+    text.split_inclusive(END).filter_map(|part| part.find(BEGIN).filter(|_| part.ends_with(END)).map(|at| &part[at..]))
 }
 
 /// Reads a certificate, with those that lead from it to its CA if there are any, and its private key.

@@ -5,10 +5,12 @@
 //! The call that finds this out fails. The next one goes to the next address: callers try again anyway.
 
 mod address;
+mod backoff;
 mod reason;
 mod way;
 
 pub use address::{Address, Addresses, BadAddress, MAX_ADDRESSES};
+pub use backoff::Backoff;
 pub use reason::{BadCertificate, bad_certificate, reason};
 pub use way::Way;
 

@@ -74,6 +74,9 @@ impl Job {
         spec.optimiser.validate()?;
         let fitness = Fitness::new(&spec.fitness, &environment)?;
         let bounds = bounds_of(&spec.gaits, robot.hinges.len())?;
+        let parameters = bounds.0.len() as f64 * f64::from(spec.optimiser.population());
+        let most = limits::MAX_GENERATION_PARAMETERS as f64;
+        in_range("parameters of a generation (candidates × length of the genome)", parameters, (1.0, most), "")?;
         let finish = spec.finish.resolve(spec.physics.scale)?;
         if let Some(finish) = &finish {
             whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;

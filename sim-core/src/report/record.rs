@@ -11,17 +11,30 @@ use crate::robot::State;
 use crate::rollout::{Outcome, Request, Rollout};
 use crate::score::{Counts, Scored};
 
-/// Seconds between two points of a recorded way.
+/// Seconds between two points of a recorded way, unless there are too many of them.
 const WAY_STEP: f32 = 1.0;
+/// Points that the ways of a tree have together, or those of a path, but for the ends of each way. With [`MAX_SAMPLES`] it
+/// keeps the largest report within what a worker may deliver.
+const MAX_WAY_POINTS: usize = 50_000;
+/// Samples that all gaits have together.
+const MAX_SAMPLES: usize = 8000;
+
+/// Seconds between two points of each of so many ways of gaits that take so long, s: whole steps, as many as are needed to
+/// keep to [`MAX_WAY_POINTS`].
+fn way_step(ways: usize, duration: f64) -> f32 {
+    let points = ways as f64 * duration / f64::from(WAY_STEP);
+    WAY_STEP * (points / MAX_WAY_POINTS as f64).ceil().max(1.0) as f32
+}
 
 /// The trial's first tree.
 pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
     let growth = &trial.growths[0];
     let tree = growth.tree();
+    let step = way_step(tree.nodes.len(), job.spec().gaits.duration);
     let nodes = tree.nodes.iter().enumerate().map(|(i, node)| {
         let way = growth.transition_to(i).zip(node.edge).and_then(|(key, (parent, _))| {
             let transition = trial.table.get(key)?;
-            Some(way(&transition.rollout, &growth.frame(&trial.table, parent, key)))
+            Some(way(&transition.rollout, &growth.frame(&trial.table, parent, key), step))
         });
         let Place { x, y, z, yaw } = node.place;
         NodeRecord {
@@ -46,8 +59,9 @@ pub(super) fn gaits(job: &Job, winner: &Scored, targets: &[Targets], counts: &mu
     let each = winner.genome.len() / targets.len();
     let root = job.root();
     let (start, terrain, frame) = from_place(job, job.start(), &root);
-    let trace = |(parameters, targets): (&[f64], &Targets)| {
-        let rollout = simulate(job, &start, targets, terrain, counts);
+    let rollouts: Vec<Rollout> = targets.iter().map(|t| simulate(job, &start, t, terrain, counts)).collect();
+    let stride = rollouts.iter().map(|r| r.trace.len()).sum::<usize>().div_ceil(MAX_SAMPLES).max(1);
+    let trace = |((parameters, targets), rollout): ((&[f64], &Targets), &Rollout)| {
         let sample = |i: usize| {
             let mut commanded = vec![0.0; targets.joints()];
             let time = f64::from(rollout.trace.time(i));
@@ -66,11 +80,11 @@ pub(super) fn gaits(job: &Job, winner: &Scored, targets: &[Targets], counts: &mu
         GaitTrace {
             parameters: parameters.to_vec(),
             joints: job.robot().joint_names(),
-            samples: (0..rollout.trace.len()).map(sample).collect(),
+            samples: (0..rollout.trace.len()).step_by(stride).map(sample).collect(),
             unstable: (rollout.outcome != Outcome::Completed).then(|| rollout.outcome.to_string()),
         }
     };
-    winner.genome.chunks(each).zip(targets).map(trace).collect()
+    winner.genome.chunks(each).zip(targets).zip(&rollouts).map(trace).collect()
 }
 
 /// The path run three ways.
@@ -83,6 +97,7 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
         PathTrace { mode, way, end_error }
     };
 
+    let step = way_step(path.len(), job.spec().gaits.duration);
     let root = job.root();
     let mut recorded = vec![[root.x, root.y]];
     for &node in path {
@@ -90,7 +105,7 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
             && let Some(transition) = trial.table.get(key)
         {
             let frame = trial.growths[0].frame(&trial.table, parent, key);
-            recorded.extend(way(&transition.rollout, &frame));
+            recorded.extend(way(&transition.rollout, &frame, step));
         }
     }
 
@@ -99,7 +114,7 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
     for &gait in &gaits {
         let (start, terrain, frame) = from_place(job, &state, &place);
         let rollout = simulate(job, &start, &trial.targets[gait], terrain, counts);
-        resimulated.extend(way(&rollout, &frame));
+        resimulated.extend(way(&rollout, &frame, step));
         let (p, yaw) = (rollout.end.pivot.translation, heading(rollout.end.pivot.rotation));
         place = frame.then(&Place { x: p.x.into(), y: p.y.into(), z: p.z.into(), yaw });
         state = rollout.end;
@@ -109,7 +124,7 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
     if !gaits.is_empty() {
         let chain = Targets::chain(&gaits.iter().map(|&g| &trial.targets[g]).collect::<Vec<_>>());
         let (start, terrain, frame) = from_place(job, job.start(), &root);
-        continuous.extend(way(&simulate(job, &start, &chain, terrain, counts), &frame));
+        continuous.extend(way(&simulate(job, &start, &chain, terrain, counts), &frame, step));
     }
     vec![
         trace(PathMode::Tree, recorded),
@@ -137,8 +152,8 @@ fn simulate(job: &Job, start: &State, targets: &Targets, terrain: &[Block], coun
     rollout
 }
 
-/// The pivot's way, laid out, about one point a second, ends included.
-fn way(rollout: &Rollout, frame: &Place) -> Vec<[f64; 2]> {
+/// The pivot's way, laid out, about one point every `step` s, ends included.
+fn way(rollout: &Rollout, frame: &Place, step: f32) -> Vec<[f64; 2]> {
     let last = rollout.trace.len() - 1;
     let mut due = 0.0;
     let mut points = Vec::new();
@@ -147,7 +162,7 @@ fn way(rollout: &Rollout, frame: &Place) -> Vec<[f64; 2]> {
             let p = rollout.trace.pivot(i).translation;
             let (x, y) = frame.point(p.x.into(), p.y.into());
             points.push([x, y]);
-            due += WAY_STEP;
+            due += step;
         }
     }
     points
@@ -157,4 +172,21 @@ fn way(rollout: &Rollout, frame: &Place) -> Vec<[f64; 2]> {
 fn laid_out_in(frame: &Place, state: &State) -> State {
     let pivot = frame.frame() * state.pivot;
     State { pivot, joints: state.joints.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limits::{MAX_DURATION, MAX_ITERATIONS};
+
+    #[test]
+    fn ways_have_a_point_a_second_unless_all_of_them_would_have_too_many() {
+        assert_eq!((way_step(1, 10.0), way_step(5000, 10.0)), (1.0, 1.0));
+        for (ways, duration) in [(5001, 10.0), (20_000, 30.0), (MAX_ITERATIONS as usize + 1, MAX_DURATION)] {
+            let step = way_step(ways, duration);
+            assert!(step > 1.0 && step.fract() == 0.0, "{ways} ways of {duration} s: {step} s");
+            let points = ways as f64 * (duration / f64::from(step));
+            assert!(points <= MAX_WAY_POINTS as f64, "{ways} ways of {duration} s: {points}");
+        }
+    }
 }

@@ -53,6 +53,23 @@ fn a_crash_beside_others_charges_nobody_and_the_culprit_is_found_alone() {
 }
 
 #[test]
+fn a_range_that_fails_makes_suspects_of_all_and_charges_none() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 2000, 1);
+    rig.connect("w", 1);
+    // Short work comes in ranges.
+    let first = rig.take().unwrap();
+    let compute = Duration::from_millis(2) * first.range().count;
+    let delivery = first.delivery();
+    rig.complete(Completed { compute, ..first.completed(delivery) });
+    let range = rig.take().unwrap();
+    assert!(range.range().count > 1);
+    rig.complete(range.completed(Delivery::Failure("it panicked".to_owned())));
+    let expected: BTreeMap<u32, u32> = range.range().indexes().map(|index| (index, 0)).collect();
+    assert_eq!(suspects(&rig, &job), expected, "which of them it was is not known");
+}
+
+#[test]
 fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
     let mut rig = Rig::new();
     let (job, other) = (rig.submit("a", 20, 1), rig.submit("b", 1000, 1));

@@ -32,89 +32,6 @@ fn all_slots_are_filled_from_the_start() {
     }
 }
 
-/// Steps of dispatching that a result costs while all workers are busy and work waits, with so many workers.
-fn steps_a_result(workers: u32) -> f64 {
-    let mut rig = Rig::new();
-    for worker in 0..workers {
-        rig.connect(&format!("w{worker}"), 1);
-    }
-    rig.submit("long", 20 * workers, 20);
-    let a_round_of_results = |rig: &mut Rig| {
-        for _ in 0..workers {
-            let given = rig.take().expect("work waits");
-            let mut completed = given.completed(given.delivery());
-            completed.compute = Duration::from_millis(50) * given.range().count;
-            rig.complete(completed);
-        }
-        rig.scheduler.room.steps
-    };
-    // Everybody has worked once: evaluations are known to be short, and some is handed out in advance.
-    let before = a_round_of_results(&mut rig);
-    (a_round_of_results(&mut rig) - before) as f64 / f64::from(workers)
-}
-
-#[test]
-fn what_a_result_costs_does_not_grow_with_the_workers() {
-    let (few, many) = (steps_a_result(10), steps_a_result(1000));
-    assert!(many <= few + 2.0, "{few} steps with 10 workers, {many} with 1000");
-}
-
-/// Looks that a heartbeat of an idle worker costs while as many others are busy.
-fn steps_a_heartbeat(busy: u32) -> f64 {
-    let mut rig = Rig::new();
-    let workers: Vec<String> = (0..2 * busy).map(|worker| format!("w{worker}")).collect();
-    let sessions: Vec<SessionId> = workers.iter().map(|id| rig.connect(id, 1)).collect();
-    rig.submit("wide", busy, 2);
-    let given = rig.take().expect("work");
-    rig.complete(given.completed(given.delivery()));
-    rig.now.since_start += Duration::from_millis(900);
-    let before = rig.scheduler.room.steps;
-    let idle = workers.iter().zip(sessions).filter(|(id, _)| rig.given.iter().all(|g| *g.worker.0 != **id));
-    for (id, session) in idle.collect::<Vec<_>>() {
-        rig.heartbeat(id, session, 0);
-    }
-    (rig.scheduler.room.steps - before) as f64 / f64::from(busy)
-}
-
-#[test]
-fn what_a_heartbeat_costs_does_not_grow_with_the_work_that_is_out() {
-    let (few, many) = (steps_a_heartbeat(10), steps_a_heartbeat(500));
-    assert!(many <= few + 2.0, "{few} looks with 10 ranges out, {many} with 500");
-}
-
-/// Looks that a result costs while a suspect waits for a worker that has nothing else, with so many workers.
-fn steps_beside_a_suspect(workers: u32) -> f64 {
-    let mut rig = Rig::new();
-    let sessions: Vec<SessionId> = (0..workers).map(|worker| rig.connect(&format!("w{worker}"), 1)).collect();
-    rig.submit("long", 40 * workers, 20);
-    let result = |rig: &mut Rig, at: usize| {
-        let given = rig.given.remove(at);
-        let mut completed = given.completed(given.delivery());
-        completed.compute = Duration::from_millis(50) * given.range().count;
-        rig.complete(completed);
-    };
-    // Everybody has something in advance from now on.
-    (0..workers).for_each(|_| result(&mut rig, 0));
-    let dead = WorkerId("w0".into());
-    rig.scheduler.disconnect(rig.now, &dead, sessions[0]);
-    rig.given.retain(|g| g.worker != dead);
-    rig.advance(LEASE / 5);
-    let cell = rig.scheduler.cells.values().next().expect("one is kept free").clone();
-    let before = rig.scheduler.room.steps;
-    for _ in 1..workers {
-        let other = rig.given.iter().position(|g| g.worker != cell).expect("work");
-        result(&mut rig, other);
-    }
-    assert!(rig.scheduler.cells.values().eq([&cell]), "it is still waited for");
-    (rig.scheduler.room.steps - before) as f64 / f64::from(workers - 1)
-}
-
-#[test]
-fn a_suspect_that_waits_costs_no_look_at_all_workers() {
-    let (few, many) = (steps_beside_a_suspect(10), steps_beside_a_suspect(500));
-    assert!(many <= few + 2.0, "{few} looks with 10 workers, {many} with 500");
-}
-
 #[test]
 fn slots_are_wanted_for_whole_rounds_until_the_last_job_has_ended() {
     let mut rig = Rig::new();
@@ -178,13 +95,14 @@ fn the_answer_to_a_repeated_late_or_wrong_result_says_what_it_is() {
     for who in ["x", "y"] {
         assert_eq!(rig.complete(by(who, delivery.clone())), Verdict::Quarantined, "whoever was wrong is not believed");
     }
-    // Another generation later nobody compares any more.
+    // Another generation later it is compared with what is stored.
     while rig.stored(&job).generations_done == 1 {
         let other = rig.take().unwrap();
         let d = other.delivery();
         rig.complete(other.completed(d));
     }
-    assert_eq!(rig.complete(given.completed(delivery.clone())), Verdict::Obsolete);
+    assert_eq!(rig.complete(by("z", delivery.clone())), Verdict::Duplicate);
+    assert_eq!(rig.complete(by("x", delivery.clone())), Verdict::Quarantined);
 
     let future = Delivery::Evaluations { generation: 7, first: 0, outcomes: vec![score(&vec![0.0, 0.0])] };
     assert_eq!(rig.complete(given.completed(future)), Verdict::Unknown);
@@ -374,6 +292,42 @@ fn a_failure_that_a_worker_reports_counts_like_a_crash() {
     let record = rig.stored(&job);
     assert_eq!((record.state, record.ended_at_ms), (JobState::Failed, rig.now.unix_ms));
     assert!(record.reason.ends_with("it panicked: why"), "{}", record.reason);
+}
+
+#[test]
+fn one_sick_worker_poisons_nothing_that_others_can_do() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 5, 2);
+    rig.connect("healthy", 1);
+    rig.connect("a-sick", 1);
+    // It is always the first to be free again.
+    while !crate::record::ended(rig.stored(&job).state) {
+        if let Some(given) = rig.take_of("a-sick") {
+            rig.complete(given.completed(Delivery::Failure("it panicked".to_owned())));
+        } else if let Some(given) = rig.take_of("healthy") {
+            let delivery = given.delivery();
+            rig.complete(given.completed(delivery));
+        } else {
+            rig.advance(LEASE / 2);
+            for id in ["a-sick", "healthy"] {
+                rig.connect(id, 1);
+            }
+        }
+    }
+    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 5, 2)), "{}", rig.stored(&job).reason);
+}
+
+#[test]
+fn a_coordinator_that_stood_still_has_lost_nobody() {
+    let mut rig = Rig::new();
+    rig.submit("a", 5, 1);
+    rig.connect("w", 1);
+    rig.now.since_start += 100 * LEASE;
+    rig.scheduler.stood_still(100 * LEASE);
+    rig.advance(Duration::ZERO);
+    assert_eq!(rig.scheduler.leases.len(), 1);
+    rig.advance(LEASE);
+    assert!(rig.scheduler.leases.is_empty(), "who says nothing from then on is lost");
 }
 
 #[test]

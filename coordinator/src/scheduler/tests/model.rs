@@ -141,7 +141,9 @@ impl World {
         let id = worker_id(worker);
         let mine = self.rig.given.iter().filter(|g| g.worker == id);
         let running = mine.map(|g| (g.assignment, g.job.clone(), g.range())).collect();
-        Greeting { running, ..greeting(&id.0, slots) }
+        // The liar is not alone on its machine.
+        let address = format!("10.0.0.{}:7", worker.max(1));
+        Greeting { running, address, ..greeting(&id.0, slots) }
     }
 
     /// Something that a worker has been given.
@@ -155,7 +157,7 @@ impl World {
         let lie = !matches!((&delivery, given.delivery()), (Delivery::Failure(_), _))
             && differs(&delivery, &given.delivery());
         let completed = Completed { worker, ..given.completed(delivery) };
-        let verdict = self.rig.scheduler.complete(self.rig.now, completed);
+        let verdict = self.rig.complete(completed);
         assert_ne!(verdict, Verdict::Unknown, "all of it was asked for");
         assert!(!(honest && verdict == Verdict::Quarantined), "only the liar is");
         if lie && matches!(verdict, Verdict::Accepted | Verdict::Conflict) {

@@ -132,6 +132,57 @@ fn a_worker_that_does_not_count_is_left_alone_and_so_is_work_that_waits_for_its_
 }
 
 #[test]
+fn work_that_never_reached_its_worker_is_missed_and_given_again() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 1, 1);
+    let session = rig.connect("w", 1);
+    let lost = rig.take().unwrap();
+    let id = WorkerId("w".into());
+    // It may be on its way for a while.
+    for _ in 0..4 {
+        rig.now.since_start += LEASE / 5;
+        assert!(rig.scheduler.heartbeat(rig.now, &id, session, &[], &[]));
+        rig.settle();
+    }
+    let again = rig.take().expect("it is given again");
+    assert!(again.assignment != lost.assignment && again.range() == lost.range());
+    assert!(rig.stored(&job).charges.is_empty(), "nobody is to blame");
+    // The first one came through after all, late: so much the better.
+    assert_eq!(in_a_second(&mut rig, &lost), Verdict::Accepted);
+}
+
+#[test]
+fn what_waits_behind_a_slot_that_is_lost_goes_to_others_and_is_not_to_blame() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 2, 1);
+    let session = rig.connect("lost", 2);
+    // Both slots hang in something that was cancelled long ago, so nothing begins, and nothing crashes either.
+    for _ in 0..6 {
+        rig.now.since_start += LEASE / 2;
+        rig.heartbeat("lost", session, 0);
+    }
+    assert_eq!(rig.cancelled.len(), 2, "taken back");
+    assert!(rig.stored(&job).charges.is_empty(), "{:?}", rig.stored(&job).charges);
+    rig.connect("other", 2);
+    rig.work_off();
+    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 2, 1)));
+}
+
+#[test]
+fn a_worker_that_finds_its_own_stuck_slots_is_given_the_time_to() {
+    let mut rig = Rig::new();
+    rig.submit("a", 1, 1);
+    let stuck_after = Some(10 * LEASE);
+    let session = rig.scheduler.connect(rig.now, Greeting { stuck_after, ..greeting("slow", 1) }).session;
+    rig.settle();
+    for beat in 0..25 {
+        rig.now.since_start += LEASE / 2;
+        rig.heartbeat("slow", session, 1);
+        assert_eq!(rig.cancelled.len(), usize::from(beat >= 24), "after {} leases", f64::from(beat) / 2.0);
+    }
+}
+
+#[test]
 fn a_worker_that_gets_nowhere_again_and_again_gets_no_more_work_until_it_starts_anew() {
     let mut rig = Rig::new();
     rig.submit("a", 50, 1);

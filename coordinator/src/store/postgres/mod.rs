@@ -30,6 +30,8 @@ const READERS: u32 = 4;
 const RETRY: Duration = Duration::from_millis(100);
 /// Least time that a try is given, whatever the time to a takeover.
 const LEAST_PATIENCE: Duration = Duration::from_secs(1);
+/// A server that is there and lets anybody in does so within this time.
+const CONNECT_WITHIN: Duration = Duration::from_secs(10);
 /// Held while the schema is made or changed: "evogait" as a number.
 const MIGRATION_LOCK: i64 = 0x65_766f_6761_6974;
 
@@ -88,7 +90,8 @@ impl PostgresStore {
             commits: Mutex::default(),
         };
         // Not from a pool, which would try again until its time is over.
-        let mut connection = options.connect().await.map_err(|e| store.failure(e))?;
+        let connected = tokio::time::timeout(CONNECT_WITHIN, options.connect()).await;
+        let mut connection = connected.map_err(|_| store.silent(CONNECT_WITHIN))?.map_err(|e| store.failure(e))?;
         store.migrate(&mut connection).await?;
         connection.close().await.map_err(|e| store.failure(e))?;
         Ok(store)
@@ -141,10 +144,42 @@ impl PostgresStore {
         tx.commit().await.map_err(|e| self.failure(e))
     }
 
-    /// For as long as nobody else takes over.
-    fn patience(&self) -> Patience<'_> {
-        let given = self.takeover.max(LEAST_PATIENCE);
-        Patience { store: &self.name, given, end: Instant::now() + given }
+    /// For how long an answer is waited for.
+    fn patience(&self) -> Duration {
+        self.takeover.max(LEAST_PATIENCE)
+    }
+
+    /// No answer came within this time.
+    fn silent(&self, within: Duration) -> StoreError {
+        let reason = format!("it did not answer within {} s", within.as_secs_f64());
+        StoreError::Unreachable { store: self.name.clone(), reason }
+    }
+
+    /// Asks again for as long as nobody else takes over.
+    async fn patiently<F>(&self, epoch: u64, ask: impl Fn() -> F) -> Result<(), StoreError>
+    where
+        F: Future<Output = Result<(), StoreError>>,
+    {
+        let patience = Patience { store: self, end: Instant::now() + self.patience() };
+        loop {
+            return match patience.attempt(ask()).await {
+                None => continue,
+                Some(Err(error @ StoreError::Unreachable { .. })) => {
+                    Err(self.replaced_meanwhile(epoch).await.unwrap_or(error))
+                }
+                Some(answer) => answer,
+            };
+        }
+    }
+
+    /// Whether a later epoch has begun: it may have been this coordinator that stood still, and not the database.
+    async fn replaced_meanwhile(&self, epoch: u64) -> Option<StoreError> {
+        let current = async {
+            let mut connection = self.readers.acquire().await?;
+            sqlx::query_scalar::<_, i64>("SELECT epoch FROM coordinator").fetch_one(&mut *connection).await
+        };
+        let by = tokio::time::timeout(LEAST_PATIENCE, current).await.ok()?.ok()? as u64;
+        (by != epoch).then_some(StoreError::Superseded { own: epoch, by })
     }
 
     /// Commits a group as the epoch's commit of this number.
@@ -194,8 +229,7 @@ impl PostgresStore {
 
 /// How long a database that does not answer is asked again.
 struct Patience<'a> {
-    store: &'a str,
-    given: Duration,
+    store: &'a PostgresStore,
     end: Instant,
 }
 
@@ -205,10 +239,7 @@ impl Patience<'_> {
         let error = match tokio::time::timeout_at(self.end, answer).await {
             Ok(Err(error @ StoreError::Unreachable { .. })) => error,
             Ok(answer) => return Some(answer),
-            Err(_) => {
-                let reason = format!("it did not answer within {} s", self.given.as_secs_f64());
-                StoreError::Unreachable { store: self.store.to_owned(), reason }
-            }
+            Err(_) => self.store.silent(self.store.patience()),
         };
         if Instant::now() + RETRY >= self.end {
             return Some(Err(error));
@@ -271,9 +302,18 @@ impl Dialect for PostgresStore {
 
     async fn start(&self) -> Result<Loaded, StoreError> {
         let mut commits = self.commits.lock().await;
-        let mut tx = self.writers.begin().await.map_err(|e| self.failure(e))?;
+        let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
         // First without the lock, for which the one at work would have to wait.
-        self.nobody_at_work(&mut tx, at_work!("")).await?;
+        let look = self.nobody_at_work(&mut connection, at_work!(""));
+        match tokio::time::timeout(self.patience(), look).await {
+            Ok(answer) => answer?,
+            Err(_) => {
+                // Lost on its way, as would be whatever goes the same way.
+                drop(connection.detach());
+                return Err(self.silent(self.patience()));
+            }
+        }
+        let mut tx = connection.begin().await.map_err(|e| self.failure(e))?;
         self.nobody_at_work(&mut tx, at_work!(" FOR UPDATE")).await?;
         let next = "UPDATE coordinator SET epoch = epoch + 1, commits = 0, takeover_ms = $1, released = FALSE
                     RETURNING epoch";
@@ -291,14 +331,10 @@ impl Dialect for PostgresStore {
 
     async fn commit(&self, epoch: u64, writes: Vec<Write>) -> Result<(), StoreError> {
         let mut commits = self.commits.lock().await;
-        let patience = self.patience();
-        loop {
-            if let Some(answer) = patience.attempt(self.commit_as(epoch, *commits + 1, &writes)).await {
-                answer?;
-                *commits += 1;
-                return Ok(());
-            }
-        }
+        let number = *commits + 1;
+        self.patiently(epoch, || self.commit_as(epoch, number, &writes)).await?;
+        *commits = number;
+        Ok(())
     }
 
     fn renew_every(&self) -> Option<Duration> {
@@ -306,23 +342,27 @@ impl Dialect for PostgresStore {
     }
 
     async fn renew(&self, epoch: u64) -> Result<(), StoreError> {
-        let patience = self.patience();
-        loop {
-            if let Some(answer) = patience.attempt(self.renew_once(epoch)).await {
-                return answer;
-            }
-        }
+        self.patiently(epoch, || self.renew_once(epoch)).await
     }
 
     async fn release(&self, epoch: u64) -> Result<(), StoreError> {
-        let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
-        let release = "UPDATE coordinator SET released = TRUE WHERE epoch = $1";
-        connection.run(release, vec![epoch.into()]).await.map_err(|e| self.failure(e)).map(drop)
+        let release = async {
+            let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
+            let release = "UPDATE coordinator SET released = TRUE WHERE epoch = $1";
+            connection.run(release, vec![epoch.into()]).await.map_err(|e| self.failure(e)).map(drop)
+        };
+        tokio::time::timeout(self.patience(), release).await.unwrap_or_else(|_| Err(self.silent(self.patience())))
     }
 
     async fn close(&self) -> Result<(), StoreError> {
-        self.readers.close().await;
-        self.writers.close().await;
+        let close = async {
+            self.readers.close().await;
+            self.writers.close().await;
+        };
+        // A farewell that a database out of reach does not get.
+        if tokio::time::timeout(LEAST_PATIENCE, close).await.is_err() {
+            tracing::warn!(store = %self.name, "left without saying goodbye: it does not answer");
+        }
         Ok(())
     }
 }

@@ -119,6 +119,23 @@ async fn a_coordinator_that_was_cut_off_in_mid_commit_stops_nobody_for_long() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_coordinator_that_stood_still_in_mid_commit_knows_that_it_was_replaced() {
+    let (name, url) = new_database("").await;
+    let store = open(&url, LEAST_PATIENCE).await;
+    let epoch = start(&store).await.unwrap().epoch;
+    Store::commit(&store, epoch, vec![]).await.unwrap();
+    let mut late = std::pin::pin!(Store::commit(&store, epoch, vec![submit(&record(1))]));
+    // It begins, and then nothing of this process goes on for longer than its patience.
+    assert!(tokio::time::timeout(Duration::ZERO, late.as_mut()).await.is_err());
+    std::thread::sleep(LEAST_PATIENCE * 2);
+    ask_server(&name, "UPDATE evogait.coordinator SET epoch = epoch + 1, commits = 0").await;
+    let found = late.await;
+    assert!(matches!(found, Err(StoreError::Superseded { own, by }) if (own, by) == (epoch, epoch + 1)), "{found:?}");
+    assert_eq!(store.jobs(u64::MAX, 10, &[]).await.unwrap(), []);
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
 async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
     let refused = async |url: &PostgresUrl| match PostgresStore::open(url, Duration::ZERO).await {
         Ok(_) => panic!("{url} opened"),

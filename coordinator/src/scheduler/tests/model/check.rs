@@ -99,8 +99,19 @@ impl World {
         }
         if let Some(round) = job.record.disputes.iter().find(|d| d.ruling.is_none()).map(|d| d.round) {
             assert!(round <= job.round.number);
-            assert!(scheduler.waits_for(id).is_some_and(|w| w.contains("differ")), "a dispute is told");
+            let told = |w: String| w.contains("differ") || w.contains("found by a worker that computes wrongly");
+            assert!(scheduler.waits_for(id).is_some_and(told), "a dispute is told");
         }
+        // What only a worker says that computes wrongly is asked again.
+        for worker in scheduler.quarantined.keys() {
+            for range in job.found_by(&worker.0) {
+                let dispute = job.dispute(range.round, range.first).expect("what the quarantined found is in doubt");
+                let trusted = |c: &crate::record::Claim| !c.distrusted;
+                assert!(dispute.ruling.is_none() || dispute.claims.iter().any(trusted), "on whose word");
+            }
+        }
+        let found: Vec<_> = job.record.disputes.iter().map(|d| job.dispute(d.round, d.index)).collect();
+        assert!(found.into_iter().eq(job.record.disputes.iter().map(Some)), "each dispute is found");
     }
 
     fn stored(&mut self, id: &JobId) {

@@ -1,5 +1,4 @@
-//! How long to wait before trying again: twice as long each time, with jitter, so that a thousand workers do not knock
-//! at a restarted coordinator in the same moment.
+//! How long to wait before trying again.
 
 use std::hash::{BuildHasher as _, RandomState};
 use std::time::Duration;
@@ -7,14 +6,23 @@ use std::time::Duration;
 const FIRST: Duration = Duration::from_millis(100);
 const MOST: Duration = Duration::from_secs(5);
 
+/// Waits between tries to reach a coordinator: from 0.05 s on, twice as long each time up to 5 s, with jitter, so that a
+/// thousand workers do not knock at a restarted coordinator in the same moment.
 #[derive(Clone, Debug)]
-pub(crate) struct Backoff {
+pub struct Backoff {
     next: Duration,
     random: RandomState,
     tries: u64,
 }
 
+impl Default for Backoff {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Backoff {
+    /// Nothing was tried yet.
     pub fn new() -> Self {
         Self { next: FIRST, random: RandomState::new(), tries: 0 }
     }
@@ -25,7 +33,7 @@ impl Backoff {
     }
 
     /// The next wait: half of it for sure, half by chance.
-    pub fn next(&mut self) -> Duration {
+    pub fn next_wait(&mut self) -> Duration {
         self.tries += 1;
         let share = self.random.hash_one(self.tries) as f64 / u64::MAX as f64;
         let wait = self.next.mul_f64(0.5 + 0.5 * share);
@@ -33,8 +41,9 @@ impl Backoff {
         wait
     }
 
+    /// Waits.
     pub async fn wait(&mut self) {
-        tokio::time::sleep(self.next()).await;
+        tokio::time::sleep(self.next_wait()).await;
     }
 }
 
@@ -47,12 +56,12 @@ mod tests {
         let mut backoff = Backoff::new();
         let mut full = FIRST;
         for _ in 0..20 {
-            let wait = backoff.next();
+            let wait = backoff.next_wait();
             assert!(wait >= full / 2 && wait <= full, "{wait:?} of {full:?}");
             full = (full * 2).min(MOST);
         }
         assert_eq!(full, MOST);
         backoff.reset();
-        assert!(backoff.next() <= FIRST);
+        assert!(backoff.next_wait() <= FIRST);
     }
 }

@@ -1,0 +1,74 @@
+//! What the standard health check says: whether calls are let through.
+
+use crate::api::Api;
+use proto::v1::job_service_server::JobServiceServer;
+use proto::v1::worker_service_server::WorkerServiceServer;
+use tonic::server::NamedService as _;
+use tonic_health::ServingStatus;
+use tonic_health::pb::health_server::HealthServer;
+use tonic_health::server::{HealthReporter, HealthService};
+
+/// The empty name stands for all services.
+const SERVICES: [&str; 3] = ["", JobServiceServer::<Api>::NAME, WorkerServiceServer::<Api>::NAME];
+
+/// Says of every service whether calls are let through.
+#[derive(Clone)]
+pub(super) struct Health(HealthReporter);
+
+impl Health {
+    /// Of services that let no call through yet. It knows them all before anybody can ask.
+    pub async fn new() -> Self {
+        let health = Self(HealthReporter::new());
+        health.set(ServingStatus::NotServing).await;
+        health
+    }
+
+    /// Calls are let through from now on.
+    pub async fn serving(&self) {
+        self.set(ServingStatus::Serving).await;
+    }
+
+    /// No call is let through any more.
+    pub async fn stopping(&self) {
+        self.set(ServingStatus::NotServing).await;
+    }
+
+    /// Answers who asks.
+    pub fn service(&self) -> HealthServer<HealthService> {
+        HealthServer::new(HealthService::from_health_reporter(self.0.clone()))
+    }
+
+    async fn set(&self, status: ServingStatus) {
+        for service in SERVICES {
+            self.0.set_service_status(service, status).await;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tonic::Request;
+    use tonic_health::pb::HealthCheckRequest;
+    use tonic_health::pb::health_check_response::ServingStatus as Told;
+    use tonic_health::pb::health_server::Health as _;
+
+    #[tokio::test]
+    async fn every_service_is_known_from_the_first_moment_and_followed_to_the_end() {
+        let health = Health::new().await;
+        let service = HealthService::from_health_reporter(health.0.clone());
+        let told = async || {
+            let mut told = Vec::new();
+            for service_name in SERVICES {
+                let request = HealthCheckRequest { service: service_name.to_owned() };
+                told.push(service.check(Request::new(request)).await.expect("it is known").into_inner().status());
+            }
+            told
+        };
+        assert_eq!(told().await, [Told::NotServing; 3]);
+        health.serving().await;
+        assert_eq!(told().await, [Told::Serving; 3]);
+        health.stopping().await;
+        assert_eq!(told().await, [Told::NotServing; 3]);
+    }
+}
