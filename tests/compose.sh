@@ -18,7 +18,9 @@ work=$(mktemp -d)
 docker compose version > /dev/null || { echo "compose.sh: neither docker compose nor docker-compose is there" >&2; exit 1; }
 
 step() { printf '\n-- %s (%s)\n' "$1" "$(date -u +%H:%M:%S)"; }
-fail() { echo "compose.sh: $*" >&2; exit 1; }
+fail() { reason=$*; exit 1; }
+reason=
+trap 'reason="line $LINENO: $BASH_COMMAND"' ERR
 
 # Names and ports of its own, so that it meets no cluster of the user's.
 export COMPOSE_PROJECT_NAME=evogait-test-$$
@@ -45,6 +47,7 @@ clean_up() {
         command docker unpause "$container" > /dev/null || true
     done
     compose --profile ha --profile observe --profile tools down --volumes --remove-orphans --timeout 2 > "$work/down.log" 2>&1 || cat "$work/down.log"
+    [ "$status" = 0 ] || echo "compose.sh: ${reason:-ended with $status}" >&2
     rm -rf "$work"
     exit "$status"
 }

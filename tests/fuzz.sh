@@ -2,6 +2,7 @@
 # Feeds every parser with inputs that libFuzzer makes up, guided by coverage.
 #
 #   tests/fuzz.sh SECONDS [PARSER …]     each parser (or those named) for so many seconds
+#   tests/fuzz.sh --build                builds it only
 #
 # Needs the Rust toolchain and a C++ compiler (g++), which builds libFuzzer. The corpus grows in fuzz/target/corpus. Prints how
 # many inputs each parser took. On a panic, a hang (10 s) or more than 2 GiB it says where the input is and fails; copy the
@@ -9,7 +10,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-seconds=${1:?how many seconds for each parser}
+seconds=${1:?how many seconds for each parser, or --build}
 shift
 command -v g++ >/dev/null || { echo "fuzz: g++ is missing; it builds libFuzzer (Debian: apt-get install g++)" >&2; exit 1; }
 
@@ -18,6 +19,7 @@ host=$(rustc -vV | sed -n 's/^host: //p')
 coverage="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters"
 coverage="$coverage -Cllvm-args=-sanitizer-coverage-pc-table -Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=16"
 RUSTFLAGS="$coverage" cargo build --quiet --locked --release --manifest-path fuzz/Cargo.toml --target "$host"
+[ "$seconds" != --build ] || exit 0
 program=fuzz/target/$host/release/fuzz
 
 all="job job-spec robot exchange environment fidelity hello complete assign messages blob store-url tokens token addresses"

@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # Coordinator and worker on two hosts (network namespaces, joined by a veth pair), with real packet loss between them: one way,
-# the other way, both, and a link of 20 kB/s. After each the job must get on within 30 s, and in the end have the bits that it
-# has on one machine. What the TCP proxy of the tests can't show: lost packets, half-open connections, the kernel's timers.
+# the other way, both, a link of 20 kB/s, and a coordinator whose host is gone without a word while another one begins at a second
+# address. After each the job must get on within 30 s, and in the end have the bits that it has on one machine; whoever watches it
+# from the other host sees its end. What the TCP proxy of the tests can't show: lost packets, half-open connections, the
+# kernel's timers.
 # Needs root, ip, nft and tc; nothing of it touches the machine's own network.
 #
 #   tests/partition.sh [SECONDS]      how long each partition lasts; 6 unless given (a lease lasts 2)
@@ -27,12 +29,13 @@ clean() {
     ip netns del "$other" 2> /dev/null || true
 }
 trap clean EXIT
-fail() { echo "partition failed: $1; logs in $dir" >&2; tail -n 5 "$dir"/*.log >&2; exit 1; }
+fail() { tail -n 5 "$dir"/*.log >&2; echo "partition failed: $1; logs in $dir" >&2; exit 1; }
 
 ip netns add "$one"
 ip netns add "$other"
 ip link add evo-c netns "$one" type veth peer name evo-w netns "$other"
 ip -n "$one" addr add 10.77.0.1/24 dev evo-c
+ip -n "$one" addr add 10.77.0.3/32 dev evo-c # of its own: the other way its packets would come from the first one
 ip -n "$other" addr add 10.77.0.2/24 dev evo-w
 for namespace in "$one" "$other"; do
     ip -n "$namespace" link set lo up
@@ -69,15 +72,24 @@ digest() { sed -n 's/^ *"result_digest": *"\([0-9a-f]*\)".*/\1/p' "$1/result.jso
 expected=$(digest "$dir/undisturbed")
 [ -n "$expected" ] || fail "no digest of the undisturbed run"
 
-url=http://10.77.0.1:7077
-ip netns exec "$one" "$bin/coordinator" --listen 10.77.0.1:7077 --insecure-bind --lease-seconds 2 \
-    --store "sqlite:$dir/store.db" > "$dir/coordinator.out" 2> "$dir/coordinator.log" &
-pids+=($!)
-for _ in $(seq 100); do grep -q listening "$dir/coordinator.out" && break; sleep 0.1; done
-ip netns exec "$other" env EVOGAIT_FAULT=slow@ms=20 "$bin/worker" --coordinator "$url" --slots 2 --keepalive 2 2> "$dir/worker.log" &
+first=http://10.77.0.1:7077 second=http://10.77.0.3:7077
+coordinator() { # ADDRESS NAME
+    ip netns exec "$one" "$bin/coordinator" --listen "$1" --insecure-bind --lease-seconds 2 \
+        --store "sqlite:$dir/store.db" > "$dir/$2.out" 2> "$dir/$2.log" &
+    coordinator=$!
+    pids+=("$coordinator")
+    for _ in $(seq 100); do grep -q listening "$dir/$2.out" && return; sleep 0.1; done
+    fail "the coordinator does not start"
+}
+coordinator 10.77.0.1:7077 coordinator
+url=$first
+ip netns exec "$other" env EVOGAIT_FAULT=slow@ms=20 "$bin/worker" --coordinator "$first,$second" --slots 2 --keepalive 2 2> "$dir/worker.log" &
 pids+=($!)
 evogait() { ip netns exec "$one" "$bin/evogait" "$@" --coordinator "$url"; }
 id=$(evogait submit "$dir/job.toml")
+ip netns exec "$other" "$bin/evogait" watch "$id" --coordinator "$first,$second" > "$dir/watch.out" 2> "$dir/watch.log" &
+watching=$!
+pids+=("$watching")
 # Evaluations that are in the store.
 progress() { evogait show "$id" --json | sed -n 's/^ *"\(evaluations\)": *\([0-9]*\),*$/\2/p'; }
 state() { evogait show "$id" --json | sed -n 's/^ *"state": *"\([a-z]*\)".*/\1/p'; }
@@ -106,6 +118,13 @@ gets_on "$seconds s of silence"
 ip netns exec "$other" tc qdisc add dev evo-w root tbf rate 160kbit burst 4kb latency 200ms
 gets_on "the link became slow"
 ip netns exec "$other" tc qdisc del dev evo-w root
+# No packet of its last moments arrives, and nobody answers for its address: the connections are half-open.
+ip netns exec "$one" nft add rule ip evogait out ip saddr 10.77.0.1 drop
+kill -9 "$coordinator"
+wait "$coordinator" 2> /dev/null || true
+coordinator 10.77.0.3:7077 second
+url=$second
+gets_on "the coordinator's host was gone and another one began elsewhere"
 
 start=$SECONDS
 while [ "$(state)" != succeeded ]; do
@@ -115,5 +134,6 @@ while [ "$(state)" != succeeded ]; do
 done
 evogait fetch "$id" --out "$dir/fetched" --quiet > /dev/null
 [ "$(digest "$dir/fetched")" = "$expected" ] || fail "the result differs from the undisturbed one"
+wait "$watching" || fail "who watched from the other host did not see the end: $(cat "$dir/watch.log")"
 echo "partitions change no bit"
 rm -rf "$dir"

@@ -12,7 +12,10 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 step() { printf '\n-- %s (%s)\n' "$1" "$(date -u +%H:%M:%S)"; }
-fail() { echo "slurm.sh: $*" >&2; exit 1; }
+fail() { reason=$*; exit 1; }
+reason=
+trap 'reason="line $LINENO: $BASH_COMMAND"' ERR
+trap '[ -z "$reason" ] || echo "slurm.sh: $reason" >&2' EXIT
 [ "$(id -u)" = 0 ] || fail "it starts daemons: run it as root"
 
 if ! command -v slurmctld slurmd munged sbatch > /dev/null; then
@@ -31,8 +34,10 @@ clean_up() {
     status=$?
     trap - EXIT INT TERM
     if [ "$status" != 0 ]; then
-        tail -n 30 "$work"/shared/evogait/*.log "$work"/shared/*.log "$work"/ctld.log "$work"/slurmd.log 2> /dev/null || true
+        tail -n 30 "$work"/ctld.log "$work"/slurmd.log "$home"/evogait/*.log "$home"/clone/*.log 2> /dev/null || true
         squeue 2> /dev/null || true
+        [ ! -e "$work/user.log" ] || cat "$work/user.log"
+        echo "slurm.sh: ${reason:-ended with $status}" >&2
     fi
     # The user's processes first, then what Slurm runs for him, then Slurm.
     [ -z "$follower" ] || kill -- "-$follower" 2> /dev/null || true
@@ -115,6 +120,8 @@ set -euo pipefail
 cd ~/clone
 work=$HOME
 . tests/page.sh
+# What runs is given back at once: a generation is so short that all of it would be finished within the page's grace time.
+export EVOGAIT_GRACE=0
 adapt() { sed "s/7077/$PORT/g; s/7078/$((PORT + 1))/g; s|/var/tmp/evogait-|$HOME/evogait-|; s/submit quadropod-empty\$/submit long.toml/"; }
 follow slurm-coordinator
 coordinator=$!
@@ -137,15 +144,20 @@ chown -R "$user" "$home"
 step "the page, by $user: coordinator, a job, workers that come and go"
 as_user "$home/as-user.sh" > "$work/user.log" 2>&1 &
 follower=$!
-# Slurm takes a running worker away once, as a preemption does.
-deadline=$((SECONDS + 60))
-until victim=$(squeue --noheader --states=running --format=%i | head -n 1) && [ -n "$victim" ]; do
-    (( SECONDS < deadline )) || { cat "$work/user.log"; fail "no worker ever ran"; }
-    sleep 1
+# Slurm takes running workers away, as a preemption does, until one had something to give back: between two generations it has not.
+metric() { curl -sS "http://127.0.0.1:$((PORT + 1))/metrics" | sed -n "s/^evogait_$1 //p"; }
+for _ in 1 2 3 4 5; do
+    deadline=$((SECONDS + 60))
+    until victim=$(squeue --noheader --states=running --format=%i | head -n 1) && [ -n "$victim" ]; do
+        (( SECONDS < deadline )) || fail "no worker ever ran"
+        sleep 1
+    done
+    sleep 5
+    scontrol requeue "$victim" || continue # its time was just up
+    sleep 2
+    [ "$(metric 'leases_ended_total{why="drained"}')" = 0 ] || break
 done
-sleep 10
-scontrol requeue "$victim"
-wait "$follower" || { cat "$work/user.log"; fail "the page can't be followed"; }
+wait "$follower" || fail "the page can't be followed"
 cat "$work/user.log"
 
 step "what came of it"
@@ -157,9 +169,16 @@ requeues=$(scontrol show job | grep -o 'Restarts=[0-9]*' | cut -d= -f2 | paste -
 requeues=$((requeues))
 (( requeues >= 2 )) || fail "no worker came back after its time was up ($requeues requeues)"
 echo "   $requeues times a worker was queued again"
-metric() { sed -n "s/^evogait_$1 //p" "$home/clone/metrics"; }
+metric() { sed -n "s/^evogait_$1 //p" "$home/clone/metrics"; } # as the job ended
+drains=$(cat "$home"/clone/evogait-*.log | grep -c "draining reason=\"its time is nearly up\"" || true)
+(( drains >= 2 )) || fail "$drains workers drained before their time was up"
 drained=$(metric 'leases_ended_total{why="drained"}')
 (( drained >= 1 )) || fail "no worker gave anything back as it drained"
 [ "$(metric attempts_total)" = 0 ] || fail "attempts were charged: $(metric attempts_total)"
-echo "   $drained assignments given back by drains, 0 attempts charged"
-[ "$(squeue --noheader | wc -l)" = 0 ] || fail "there are workers left"
+echo "   $drains drains before the wall time was up, $drained assignments given back," \
+    "$(metric 'leases_ended_total{why="lost"}') lost, 0 attempts charged"
+deadline=$((SECONDS + 30))
+until [ -z "$(squeue --noheader)" ]; do
+    (( SECONDS < deadline )) || fail "there are workers left"
+    sleep 1
+done

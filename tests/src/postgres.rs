@@ -1,5 +1,6 @@
-//! Databases on the PostgreSQL server that `tests/postgres.sh` starts.
+//! Databases on the PostgreSQL server that `tests/with-postgres.sh` starts.
 
+use crate::proxy::Proxy;
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -10,7 +11,7 @@ fn on_server(database: &str) -> String {
     set(POSTGRES).replace("DATABASE", database)
 }
 
-/// What `tests/postgres.sh` says.
+/// What `tests/with-postgres.sh` says.
 fn set(variable: &str) -> String {
     std::env::var(variable)
         .unwrap_or_else(|_| panic!("{variable} is not set: these tests are run by tests/postgres.sh"))
@@ -23,6 +24,21 @@ pub fn new_database_by_tls() -> (String, String, String) {
     ask(&on_server("postgres"), &format!("CREATE DATABASE {name}"));
     let url = set("EVOGAIT_TEST_POSTGRES_TLS").replace("DATABASE", &name);
     (url, set("EVOGAIT_TEST_POSTGRES_CA"), set("EVOGAIT_TEST_POSTGRES_OTHER_CA"))
+}
+
+/// The URL of a new database by TCP.
+pub fn new_database_by_tcp() -> String {
+    let (url, ..) = new_database_by_tls();
+    format!("{url}?sslmode=require")
+}
+
+/// A network that can be spoilt on the way to a database, and the URL by that way. `url`: by TCP.
+pub fn beyond_a_network(url: &str) -> (Proxy, String) {
+    let (before, after) = url.rsplit_once(':').expect("the URL names a port");
+    let (port, after) = after.split_once('/').expect("the URL names a database");
+    let proxy = Proxy::to(&format!("127.0.0.1:{port}"));
+    let beyond = format!("{before}:{}/{after}", proxy.port());
+    (proxy, beyond)
 }
 
 /// Asks about the server as a whole.

@@ -6,6 +6,7 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
@@ -35,12 +36,26 @@ pub struct Weather {
     pub bytes_per_second: u32,
     /// Counts the times that all connections were cut.
     cuts: u64,
+    /// Connections made before this many were accepted bring nothing any more.
+    lost_before: u64,
+}
+
+impl Weather {
+    fn is_blocked(&self, direction: Direction, connection: u64) -> bool {
+        let blocked = match direction {
+            Direction::Up => self.up_blocked,
+            Direction::Down => self.down_blocked,
+        };
+        blocked || connection < self.lost_before
+    }
 }
 
 /// The proxy. Lives on a thread of its own, so that a test may block.
 pub struct Proxy {
     address: SocketAddr,
     weather: watch::Sender<Weather>,
+    /// Counts the connections.
+    accepted: Arc<AtomicU64>,
     /// Dropped in the background: a test's own runtime may be around it.
     runtime: Option<Runtime>,
 }
@@ -54,18 +69,26 @@ impl Proxy {
         listener.set_nonblocking(true).expect("a socket can be set");
         let address = listener.local_addr().expect("it has an address");
         let (weather, watching) = watch::channel(Weather::default());
+        let accepted = Arc::<AtomicU64>::default();
+        let counter = accepted.clone();
         runtime.spawn(async move {
             let listener = TcpListener::from_std(listener).expect("a listener");
             while let Ok((near, _)) = listener.accept().await {
-                tokio::spawn(serve(near, upstream.clone(), watching.clone()));
+                let connection = counter.fetch_add(1, Ordering::Relaxed);
+                tokio::spawn(serve(connection, near, upstream.clone(), watching.clone()));
             }
         });
-        Self { address, weather, runtime: Some(runtime) }
+        Self { address, weather, accepted, runtime: Some(runtime) }
     }
 
     /// Where to dial.
     pub fn url(&self) -> String {
         format!("http://{}", self.address)
+    }
+
+    /// The port to dial, on loopback.
+    pub fn port(&self) -> u16 {
+        self.address.port()
     }
 
     /// Stops a direction, or lets it go on with all that has waited.
@@ -81,14 +104,22 @@ impl Proxy {
         self.weather.send_modify(|weather| (weather.delay, weather.bytes_per_second) = (delay, bytes_per_second));
     }
 
+    /// Connections that stand bring nothing any more, and nobody is told; new ones are not touched.
+    pub fn lose(&self) {
+        let accepted = self.accepted.load(Ordering::Relaxed);
+        self.weather.send_modify(|weather| weather.lost_before = accepted);
+    }
+
     /// Ends all connections that stand.
     pub fn cut(&self) {
         self.weather.send_modify(|weather| weather.cuts += 1);
     }
 
-    /// Good weather again; connections that stand go on.
+    /// Good weather again; connections that stand go on, but for those that are lost.
     pub fn heal(&self) {
-        self.weather.send_modify(|weather| *weather = Weather { cuts: weather.cuts, ..Weather::default() });
+        self.weather.send_modify(|weather| {
+            *weather = Weather { cuts: weather.cuts, lost_before: weather.lost_before, ..Weather::default() };
+        });
     }
 }
 
@@ -101,15 +132,15 @@ impl Drop for Proxy {
 }
 
 /// One connection, until a side ends it or it is cut.
-async fn serve(near: TcpStream, upstream: Arc<str>, mut weather: watch::Receiver<Weather>) {
+async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, mut weather: watch::Receiver<Weather>) {
     let cuts = weather.borrow().cuts;
     let Ok(far) = TcpStream::connect(&*upstream).await else { return };
     // Without it a small message would wait for the acknowledgement of the one before.
     let (Ok(()), Ok(())) = (near.set_nodelay(true), far.set_nodelay(true)) else { return };
     let ((near_read, near_write), (far_read, far_write)) = (near.into_split(), far.into_split());
     tokio::select! {
-        () = pass(near_read, far_write, weather.clone(), |weather| weather.up_blocked) => {}
-        () = pass(far_read, near_write, weather.clone(), |weather| weather.down_blocked) => {}
+        () = pass(near_read, far_write, weather.clone(), Direction::Up, connection) => {}
+        () = pass(far_read, near_write, weather.clone(), Direction::Down, connection) => {}
         _ = weather.wait_for(|weather| weather.cuts != cuts) => {}
     }
 }
@@ -118,7 +149,8 @@ async fn pass(
     mut from: OwnedReadHalf,
     mut to: OwnedWriteHalf,
     mut weather: watch::Receiver<Weather>,
-    blocked: fn(&Weather) -> bool,
+    direction: Direction,
+    connection: u64,
 ) {
     let mut buffer = [0; 16 * 1024];
     while let Ok(count @ 1..) = from.read(&mut buffer).await {
@@ -128,7 +160,8 @@ async fn pass(
             tokio::time::sleep(delay + rate).await;
         }
         // The proxy is gone if nobody makes the weather any more.
-        if weather.wait_for(|weather| !blocked(weather)).await.is_err() || to.write_all(&buffer[..count]).await.is_err()
+        if weather.wait_for(|weather| !weather.is_blocked(direction, connection)).await.is_err()
+            || to.write_all(&buffer[..count]).await.is_err()
         {
             return;
         }

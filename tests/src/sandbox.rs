@@ -2,6 +2,7 @@
 
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobState, SubmitJobRequest};
+use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
@@ -26,17 +27,30 @@ fn binaries() -> &'static Path {
             return folder;
         }
         folder.pop();
-        let mut build = Command::new(env!("CARGO"));
+        let mut build = Command::new(cargo());
         // The whole workspace with its tests, as `cargo test` built it: else dependencies, physics among them, would be built
         // again with fewer features.
         build.args(["build", "--quiet", "--workspace", "--bins", "--tests"]).current_dir(env!("CARGO_MANIFEST_DIR"));
         build.arg("--target-dir").arg(folder.parent().expect("the profile's folder is in the target folder"));
+        // What cargo tells a test of its package would look to some build scripts like a new setting: nearly all would be built
+        // again, and again by whoever builds next.
+        for (name, _) in std::env::vars_os() {
+            let text = name.to_string_lossy();
+            if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
+                build.env_remove(&name);
+            }
+        }
         if folder.ends_with("release") {
             build.arg("--release");
         }
         assert!(build.status().expect("cargo runs").success(), "coordinator and worker build");
         folder
     })
+}
+
+/// The cargo that runs this, or else the one that is found: the one that built it would not know which toolchain is meant.
+pub fn cargo() -> OsString {
+    std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
 }
 
 /// A process that is killed when it is dropped.
@@ -91,6 +105,27 @@ impl Drop for Process {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
+}
+
+/// Runs a program to its end and takes what it says. One that goes on is killed, and the test fails.
+pub fn output_of(command: &mut Command) -> Output {
+    let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    let child = child.expect("the program starts");
+    let pid = child.id().to_string();
+    let (ended, end) = std::sync::mpsc::channel();
+    let reading = std::thread::spawn(move || {
+        let output = child.wait_with_output();
+        // Nobody listens if it took too long.
+        let _ = ended.send(());
+        output
+    });
+    let in_time = end.recv_timeout(PATIENCE).is_ok();
+    if !in_time {
+        let _ = Command::new("kill").args(["-9", &pid]).status();
+    }
+    let output = reading.join().expect("it is only read").expect("it can be waited for");
+    assert!(in_time, "it does not end by itself: {}", String::from_utf8_lossy(&output.stderr));
+    output
 }
 
 /// A folder with a store, and the address its coordinator has or will have.
@@ -177,7 +212,8 @@ impl Sandbox {
         let store = self.store.clone().unwrap_or_else(file);
         command.args(["--store", &store, "--lease-seconds", "2"]);
         command.args(["--listen", self.address.as_deref().unwrap_or("127.0.0.1:0")]);
-        self.with_log(command, "coordinator.log")
+        let port = self.address.as_deref().and_then(|address| address.rsplit(':').next()).unwrap_or("0");
+        self.with_log(command, &format!("coordinator-{port}.log"))
     }
 
     /// Starts a worker for the sandbox's coordinator. What it does not finish within a moment it gives back when stopped.
@@ -213,7 +249,7 @@ impl Sandbox {
     pub fn evogait(&self, arguments: &[&str]) -> Output {
         let mut command = Command::new(binaries().join("evogait"));
         command.args(arguments).current_dir(self.folder.path()).env("EVOGAIT_COORDINATOR", self.url());
-        command.output().expect("evogait runs")
+        output_of(&mut command)
     }
 
     /// What it prints; it has to succeed.
@@ -285,4 +321,13 @@ pub fn tiny_job(seed: u32, generations: u32) -> String {
          [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = {generations}\n\
          [physics]\nengine = \"rapier\"\n[finish]\narchive = 3\nseeds = 2\n"
     )
+}
+
+/// The result digest of a job to which nothing happens.
+pub async fn undisturbed(job_toml: &str) -> Vec<u8> {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(2);
+    let job = sandbox.submit("r", job_toml).await;
+    sandbox.result(&job.id).await.result_digest
 }

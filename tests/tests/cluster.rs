@@ -1,6 +1,6 @@
 //! Coordinator and workers as processes of their own.
 
-use cluster_tests::sandbox::{Process, Sandbox, tiny_job};
+use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job};
 use proto::v1::job_event::Event;
 use proto::v1::{CancelJobRequest, JobEvent, JobState, ListWorkersRequest, SubmitJobRequest, WatchJobRequest};
 use std::process::Command;
@@ -149,6 +149,10 @@ async fn submitting_twice_gives_one_job() {
     let request = |job_toml: String| SubmitJobRequest { request_id: "same".to_owned(), job_toml, priority: 0 };
     let refused = client.submit_job(request(tiny_job(6, 2))).await.unwrap_err();
     assert_eq!(refused.code(), Code::AlreadyExists, "{refused}");
+    let sooner = |priority| SubmitJobRequest { priority, ..request(tiny_job(5, 2)) };
+    let refused = client.submit_job(sooner(20)).await.unwrap_err();
+    assert_eq!(refused.code(), Code::AlreadyExists, "{refused}");
+    assert!(client.submit_job(sooner(10)).await.is_ok(), "it has that");
     let refused = client.submit_job(SubmitJobRequest { request_id: "new".to_owned(), ..request("robot =".to_owned()) });
     let refused = refused.await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
@@ -263,7 +267,7 @@ async fn a_worker_waits_for_its_coordinator() {
 fn a_coordinator_that_can_not_start_says_why_in_one_sentence() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
-    let output = sandbox.coordinator_command().output().expect("coordinator runs");
+    let output = output_of(&mut sandbox.coordinator_command());
     let text = String::from_utf8(output.stderr).expect("messages are text");
     assert_eq!(output.status.code(), Some(1));
     assert!(text.starts_with("coordinator: 127.0.0.1:") && text.contains("is taken by another program"), "{text}");
@@ -271,8 +275,7 @@ fn a_coordinator_that_can_not_start_says_why_in_one_sentence() {
     assert_eq!(coordinator.terminate(), Some(0));
 
     let again = |arguments: &[&str]| {
-        let output = Command::new(sandbox.coordinator_command().get_program()).args(arguments).output();
-        let output = output.expect("coordinator runs");
+        let output = output_of(Command::new(sandbox.coordinator_command().get_program()).args(arguments));
         (output.status.code(), String::from_utf8(output.stderr).expect("messages are text"))
     };
     let (code, text) = again(&["--listen", "0.0.0.0:0", "--store", "memory:"]);

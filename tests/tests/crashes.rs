@@ -1,16 +1,7 @@
 //! What is acknowledged survives the death of the coordinator at every commit.
 
 use cluster_tests::crashes::{POINTS, Wish, cancelled_through_crashes, paused_through_crashes, through_crashes};
-use cluster_tests::sandbox::{Sandbox, tiny_job};
-
-/// The digest of a job that nothing happens to.
-async fn undisturbed(toml: &str) -> Vec<u8> {
-    let mut sandbox = Sandbox::new();
-    let _coordinator = sandbox.coordinator();
-    let _worker = sandbox.worker(1);
-    let job = sandbox.submit("r", toml).await;
-    sandbox.result(&job.id).await.result_digest
-}
+use cluster_tests::sandbox::{Sandbox, tiny_job, undisturbed};
 
 #[tokio::test]
 async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bit() {

@@ -1,7 +1,7 @@
 //! Bad networks between processes: delays, partitions in one direction, cuts. Progress resumes, and no bit changes.
 
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job, undisturbed};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{CancelJobRequest, Job, JobEvent, JobState, ListWorkersRequest, WatchJobRequest};
@@ -10,14 +10,6 @@ use std::time::{Duration, Instant};
 /// A job on the lockstep engine: cheap.
 fn cheap_job(seed: u32, generations: u32) -> String {
     tiny_job(seed, generations).replace("engine = \"rapier\"", "engine = \"lockstep\"")
-}
-
-async fn undisturbed(job: &str) -> Vec<u8> {
-    let mut sandbox = Sandbox::new();
-    let _coordinator = sandbox.coordinator();
-    let _worker = sandbox.worker(2);
-    let job = sandbox.submit("r", job).await;
-    sandbox.result(&job.id).await.result_digest
 }
 
 /// A worker behind a proxy, whose evaluations take a while without a core.
@@ -99,6 +91,66 @@ async fn a_worker_computes_on_while_it_is_cut_off_and_delivers_late() {
     assert!(start.elapsed() < Duration::from_millis(1900), "it was computed again: {:?}", start.elapsed());
 }
 
+/// A connection that will never bring anything again, though neither end is told: as if the other machine had lost power.
+fn falls_silent(proxy: &Proxy) {
+    proxy.block(Direction::Up, true);
+    proxy.block(Direction::Down, true);
+}
+
+#[tokio::test]
+async fn a_worker_leaves_a_coordinator_that_fell_silent_for_the_next_address() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let (silent, other) = (Proxy::to(&sandbox.url()), Proxy::to(&sandbox.url()));
+    let both = format!("{},{}", silent.url(), other.url());
+    let _worker = Process::start(sandbox.worker_command(&both, 2).env("EVOGAIT_FAULT", "slow@ms=20"));
+    let job = sandbox.submit("r", &cheap_job(35, 20)).await;
+    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    falls_silent(&silent);
+    assert_ne!(sandbox.job(&job.id).await.state(), JobState::Succeeded, "it has something left to do");
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(35, 20)).await);
+}
+
+#[tokio::test]
+async fn commands_leave_a_coordinator_that_fell_silent_for_the_next_address() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let (silent, other) = (Proxy::to(&sandbox.url()), Proxy::to(&sandbox.url()));
+    let both = format!("{},{}", silent.url(), other.url());
+    let job = sandbox.submit("r", &cheap_job(36, 20)).await;
+    std::thread::scope(|scope| {
+        let watching = scope.spawn(|| sandbox.evogait(&["watch", &job.id, "--coordinator", &both]));
+        // Longer than it takes to begin.
+        std::thread::sleep(Duration::from_secs(2));
+        falls_silent(&silent);
+        // This one finds silence where the other one had a connection that stood.
+        let cancelled = sandbox.evogait(&["cancel", &job.id, "--coordinator", &both]);
+        assert!(cancelled.status.success(), "{}", String::from_utf8_lossy(&cancelled.stderr));
+        let watched = watching.join().expect("it ran");
+        let told = String::from_utf8_lossy(&watched.stderr);
+        assert!(told.contains("lost the coordinator") && told.contains("was cancelled"), "{told}");
+    });
+}
+
+#[tokio::test]
+async fn a_result_that_finds_nobody_is_delivered_when_the_coordinator_is_back() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let mut command = sandbox.worker_command(&sandbox.url(), 1);
+    let _worker = Process::start(command.env("EVOGAIT_FAULT", "slow@ms=8000,candidate=0"));
+    let job = sandbox.submit("r", &cheap_job(38, 1)).await;
+    let before = sandbox.until(&job.id, |job| job.state() == JobState::Running).await;
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    coordinator.kill_9();
+    // Done meanwhile, and tried to be delivered more than once.
+    tokio::time::sleep(Duration::from_millis(9500)).await;
+    let _coordinator = sandbox.coordinator();
+    let start = Instant::now();
+    sandbox.until(&job.id, further(&before)).await;
+    // The last try may be 5 s ago and the next one as far away; to compute it again takes longer.
+    assert!(start.elapsed() < Duration::from_millis(7500), "it was computed again: {:?}", start.elapsed());
+}
+
 #[tokio::test]
 async fn a_cancelled_job_stays_cancelled_though_results_come_late() {
     let mut sandbox = Sandbox::new();
@@ -146,6 +198,31 @@ async fn watching_resumes_without_a_gap_over_a_network_that_breaks() {
     let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
     assert_eq!(sequence, (1..=events.len() as u64).collect::<Vec<_>>());
     assert!(events.len() >= 12, "{}", events.len());
+}
+
+#[tokio::test]
+async fn whoever_watches_by_command_sees_every_event_once_over_a_network_that_breaks() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let direct = Proxy::to(&sandbox.url());
+    let _worker = behind(&sandbox, &direct, 2);
+    let proxy = Proxy::to(&sandbox.url());
+    let job = sandbox.submit("r", &cheap_job(37, 12)).await;
+    let watched = std::thread::scope(|scope| {
+        let url = proxy.url();
+        let (sandbox, id) = (&sandbox, &job.id);
+        let watching = scope.spawn(move || sandbox.told(&["watch", id, "--json", "--coordinator", &url]));
+        while !watching.is_finished() {
+            std::thread::sleep(Duration::from_millis(500));
+            proxy.cut();
+        }
+        watching.join().expect("it ran")
+    });
+    let lines: Vec<serde_json::Value> = watched.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
+    let stored = |line: &&serde_json::Value| line["sequence"].is_u64() && line["event"] != "progress";
+    let sequence: Vec<u64> = lines.iter().filter(stored).filter_map(|line| line["sequence"].as_u64()).collect();
+    assert_eq!(sequence, (1..=sequence.len() as u64).collect::<Vec<_>>());
+    assert!(sequence.len() >= 12, "{watched}");
 }
 
 #[tokio::test]

@@ -1,7 +1,10 @@
 //! What coordinator and worker tell whoever runs them: metrics, health, logs.
 
 use cluster_tests::openmetrics::{self, Series};
-use cluster_tests::sandbox::{PATIENCE, Sandbox, free_port, tiny_job};
+use cluster_tests::proxy::{Direction, Proxy};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, tiny_job};
+use proto::v1::WatchJobRequest;
+use proto::v1::job_service_client::JobServiceClient;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::Stdio;
@@ -38,6 +41,74 @@ fn until(address: &str, wanted: impl Fn(&Series) -> bool) -> Series {
         assert!(start.elapsed() < PATIENCE, "{series:#?}");
         std::thread::sleep(Duration::from_millis(20));
     }
+}
+
+/// Twice the coordinator's keepalive, and some time for a busy machine.
+const CLOSED_WITHIN: Duration = Duration::from_secs(45);
+
+#[tokio::test]
+async fn a_connection_whose_other_end_is_gone_without_a_word_is_closed() {
+    let mut sandbox = Sandbox::new();
+    let metrics = free_port();
+    let _coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
+    let job = sandbox.submit("r", &tiny_job(22, 2)).await;
+    let proxy = Proxy::to(&sandbox.url());
+    let mut client = JobServiceClient::connect(proxy.url()).await.expect("the network is up");
+    let mut events = client.watch_job(WatchJobRequest { id: job.id, after: 0 }).await.expect("watching").into_inner();
+    events.message().await.expect("it is told that it was taken in");
+    let watched = until(&metrics, |s| s["evogait_connections"] == 1.0);
+    proxy.block(Direction::Up, true);
+    proxy.block(Direction::Down, true);
+    let start = Instant::now();
+    while scrape(&metrics)["evogait_connections"] > 0.0 {
+        assert!(start.elapsed() < CLOSED_WITHIN, "{watched:#?}");
+        tokio::time::sleep(Duration::from_millis(200)).await;
+    }
+}
+
+#[tokio::test]
+async fn what_is_done_and_not_yet_answered_is_not_handed_out_again() {
+    let mut sandbox = Sandbox::new();
+    let metrics = free_port();
+    let _coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
+    let proxy = Proxy::to(&sandbox.url());
+    let mut worker = sandbox.worker_command(&proxy.url(), 1);
+    let _worker = Process::start(worker.env("EVOGAIT_FAULT", "slow@ms=400"));
+    let job = sandbox.submit("r", &tiny_job(25, 2)).await;
+    for _ in 0..6 {
+        until(&metrics, |s| s["evogait_slots_busy"] == 1.0);
+        // Its result stands still on the way while its connection breaks.
+        proxy.block(Direction::Up, true);
+        tokio::time::sleep(Duration::from_millis(700)).await;
+        proxy.cut();
+        proxy.heal();
+        tokio::time::sleep(Duration::from_millis(300)).await;
+    }
+    sandbox.result(&job.id).await;
+    let done = scrape(&metrics);
+    assert_eq!(done["evogait_leases_ended_total{why=\"undelivered\"}"], 0.0, "{done:#?}");
+    assert_eq!(done["evogait_workers_lost_total"], 0.0, "{done:#?}");
+}
+
+#[tokio::test]
+async fn a_coordinator_that_stood_still_holds_nothing_against_its_workers() {
+    let mut sandbox = Sandbox::new();
+    let metrics = free_port();
+    let coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
+    let mut worker = sandbox.worker_command(&sandbox.url(), 1);
+    let _worker = Process::start(worker.env("EVOGAIT_FAULT", "slow@ms=1500"));
+    let job = sandbox.submit("r", &tiny_job(24, 1)).await;
+    until(&metrics, |s| s["evogait_slots_busy"] == 1.0);
+    for _ in 0..3 {
+        // Longer than a lease, in which the worker speaks to nobody.
+        coordinator.signal("STOP");
+        tokio::time::sleep(Duration::from_millis(2500)).await;
+        coordinator.signal("CONT");
+        tokio::time::sleep(Duration::from_millis(300)).await;
+    }
+    sandbox.result(&job.id).await;
+    let done = scrape(&metrics);
+    assert_eq!((done["evogait_workers_lost_total"], done["evogait_attempts_total"]), (0.0, 0.0), "{done:#?}");
 }
 
 #[tokio::test]
@@ -86,7 +157,7 @@ async fn what_happens_is_counted_and_can_be_scraped() {
 #[test]
 fn metrics_are_not_shown_to_other_machines_by_accident() {
     let sandbox = Sandbox::new();
-    let output = sandbox.coordinator_command().args(["--metrics", "0.0.0.0:0"]).output().expect("coordinator runs");
+    let output = output_of(sandbox.coordinator_command().args(["--metrics", "0.0.0.0:0"]));
     let text = String::from_utf8(output.stderr).expect("messages are text");
     assert!(!output.status.success() && text.contains("--metrics-insecure-bind"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");

@@ -2,10 +2,13 @@
 //! Run by `tests/postgres.sh`.
 
 use cluster_tests::crashes::{POINTS, Wish, cancelled_through_crashes, paused_through_crashes, through_crashes};
-use cluster_tests::postgres::{ask, ask_server, new_database, new_database_by_tls};
-use cluster_tests::sandbox::{Process, Sandbox, tiny_job};
+use cluster_tests::postgres::{
+    ask, ask_server, beyond_a_network, new_database, new_database_by_tcp, new_database_by_tls,
+};
+use cluster_tests::proxy::Direction;
+use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job};
 use proto::v1::{GetJobRequest, Job, JobState};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tonic::Code;
 use tonic_health::pb::HealthCheckRequest;
@@ -155,12 +158,95 @@ async fn a_coordinator_that_was_stopped_for_a_while_changes_nothing_any_more_and
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_coordinator_that_is_cut_off_from_the_database_ends_and_what_it_sent_late_changes_no_bit() {
+    let toml = tiny_job(36, 12);
+    let reference = digest(Sandbox::new(), &toml, 1).await;
+    for blocked in [vec![Direction::Up], vec![Direction::Down], vec![Direction::Up, Direction::Down]] {
+        let url = new_database_by_tcp();
+        let (proxy, beyond) = beyond_a_network(&url);
+        let (mut first, mut second) = (Sandbox::on(&beyond), Sandbox::on(&url));
+        let mut cut_off = coordinator(&mut first, SOON, &[]);
+        let _worker = first.worker(1);
+        let job = first.submit("r", &toml).await;
+        let _stands_by = coordinator(&mut second, LATER, &["--standby"]);
+        let _other_worker = second.worker(1);
+        first.until(&job.id, |job| job.generations_done >= 2).await;
+
+        blocked.iter().for_each(|direction| proxy.block(*direction, true));
+        let (after, _) = taken_over(&second, &job.id).await;
+        assert!(after.generations_done >= 2, "{blocked:?}: what was told was stored");
+        assert_eq!(cut_off.wait(), Some(1), "{blocked:?}: it can't know whether it was replaced");
+        // What stood still arrives now, with nobody behind it.
+        proxy.heal();
+        assert_eq!(second.result(&job.id).await.result_digest, reference, "{blocked:?}");
+    }
+}
+
+#[test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+fn a_coordinator_whose_database_is_out_of_reach_stops_when_told_and_does_not_start() {
+    let (proxy, beyond) = beyond_a_network(&new_database_by_tcp());
+    let mut sandbox = Sandbox::on(&beyond);
+    let stops = coordinator(&mut sandbox, SOON, &[]);
+    proxy.block(Direction::Up, true);
+    proxy.block(Direction::Down, true);
+    assert_eq!(stops.terminate(), Some(1), "it could not tell that another one may take over at once");
+
+    let output = output_of(&mut sandbox.coordinator_command());
+    let text = String::from_utf8(output.stderr).expect("messages are text");
+    assert!(output.status.code() == Some(1) && text.contains("it did not answer within 10 s"), "{text}");
+}
+
+/// Holds the table that all coordinators use for some seconds.
+fn nobody_is_answered(url: &str, seconds: u32) -> Process {
+    let held =
+        format!("BEGIN; LOCK TABLE evogait.coordinator IN ACCESS EXCLUSIVE MODE; SELECT pg_sleep({seconds}); COMMIT");
+    let mut holder = Command::new("psql");
+    holder.args(["--no-psqlrc", "--quiet", "--command", &held]);
+    Process::start(holder.arg(url).stdout(Stdio::null()))
+}
+
+#[test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+fn a_coordinator_whose_database_does_not_answer_ends_before_another_one_may_take_over() {
+    let url = new_database();
+    let mut waits = coordinator(&mut Sandbox::on(&url), SOON, &[]);
+    let mut holder = nobody_is_answered(&url, 20);
+    assert_eq!(waits.wait(), Some(1));
+    assert!(!holder.has_ended(), "it waited for an answer");
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_standby_whose_question_went_astray_asks_again() {
+    let url = new_database_by_tcp();
+    let (proxy, beyond) = beyond_a_network(&url);
+    let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&beyond));
+    let dies = coordinator(&mut first, 3 * SOON, &[]);
+    let _worker = first.worker(1);
+    let job = first.submit("r", &tiny_job(37, 1000)).await;
+    let _stands_by = coordinator(&mut second, SOON, &["--standby"]);
+    // The standby waits for an answer, and the one at work for its commit.
+    let mut holder = nobody_is_answered(&url, 4);
+    let waits = "SELECT count(*) FROM pg_locks WHERE NOT granted AND relation = 'evogait.coordinator'::regclass";
+    let start = Instant::now();
+    while ask(&url, waits).parse::<u32>().expect("a count") < 2 {
+        assert!(start.elapsed() < 3 * SOON, "nobody waits");
+    }
+    dies.kill_9();
+    proxy.lose();
+    assert_eq!(holder.wait(), Some(0));
+    taken_over(&second, &job.id).await;
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
 async fn a_second_coordinator_is_refused_unless_it_is_a_standby_and_shows_no_password() {
     let url = new_database().replace("evogait@", "evogait:s3cret@");
     let mut sandbox = Sandbox::on(&url);
     let _coordinator = sandbox.coordinator();
     let start = Instant::now();
-    let second = Sandbox::on(&url).coordinator_command().env("RUST_LOG", "debug").output().expect("coordinator runs");
+    let second = output_of(Sandbox::on(&url).coordinator_command().env("RUST_LOG", "debug"));
     let text = String::from_utf8(second.stderr).expect("messages are text");
     assert_eq!(second.status.code(), Some(1), "{text}");
     assert!(text.contains("another coordinator (start 1) is at work") && text.contains("--standby"), "{text}");
@@ -169,7 +255,7 @@ async fn a_second_coordinator_is_refused_unless_it_is_a_standby_and_shows_no_pas
 
     let program = sandbox.coordinator_command().get_program().to_owned();
     for wrong in ["postgres://ann:s3cret@127.0.0.1:1/gaits", "postgres://ann:s3cret@host:port/gaits"] {
-        let output = Command::new(&program).args(["--listen", "127.0.0.1:0", "--store", wrong]).output().unwrap();
+        let output = output_of(Command::new(&program).args(["--listen", "127.0.0.1:0", "--store", wrong]));
         let text = String::from_utf8(output.stderr).expect("messages are text");
         assert!(output.status.code() == Some(1) && !text.contains("s3cret"), "{text}");
     }
@@ -196,7 +282,7 @@ async fn the_way_to_the_database_is_encrypted_and_its_other_end_is_verified() {
     let refused = |store: &str| {
         let mut sandbox = Sandbox::on(store);
         sandbox.reserve_port();
-        let output = sandbox.coordinator_command().env_remove("PGSSLROOTCERT").output().expect("it runs");
+        let output = output_of(sandbox.coordinator_command().env_remove("PGSSLROOTCERT"));
         assert_eq!(output.status.code(), Some(1), "{store}");
         let text = String::from_utf8(output.stderr).expect("messages are text");
         assert_eq!(text.lines().count(), 1, "{text}");

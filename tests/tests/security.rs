@@ -1,6 +1,6 @@
 //! Closed doors, across processes: certificates, tokens and roles; and a coordinator that another one stands in for.
 
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, tiny_job};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, tiny_job};
 use proto::credentials::{Credentials, Sources};
 use proto::dial::{Dial, Way, reason};
 use proto::v1::job_event::Event;
@@ -260,7 +260,7 @@ fn plain_text_beyond_loopback_is_refused_on_both_sides() {
         for (option, file) in options {
             command.arg(option).arg(cluster.cert(file));
         }
-        let output = command.output().unwrap();
+        let output = output_of(&mut command);
         assert_eq!(output.status.code(), Some(1), "{}", text(&output));
         assert_eq!(text(&output).lines().count(), 1, "{}", text(&output));
         text(&output)
@@ -287,7 +287,7 @@ fn plain_text_beyond_loopback_is_refused_on_both_sides() {
             command.arg("list");
         }
         command.args(["--coordinator", "http://192.0.2.1:7077"]).env("EVOGAIT_TOKEN", "a-token-of-some-length");
-        let output = command.output().unwrap();
+        let output = output_of(&mut command);
         assert!(!output.status.success());
         assert!(text(&output).contains("a token is not sent to http://192.0.2.1:7077"), "{}", text(&output));
         assert!(!text(&output).contains("a-token-of"), "{}", text(&output));

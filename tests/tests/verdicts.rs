@@ -1,6 +1,6 @@
 //! Jobs that are paused, doubted, tainted, poisoned and done again, with real programs and what a user sees of it.
 
-use cluster_tests::sandbox::{PATIENCE, Sandbox, tiny_job};
+use cluster_tests::sandbox::{PATIENCE, Sandbox, tiny_job, undisturbed};
 use cluster_tests::scripted::{Scripted, honest, one_bit_off};
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::complete_response::Verdict;
@@ -10,15 +10,6 @@ use std::time::{Duration, Instant};
 
 fn read(job_toml: &str) -> Job {
     Job::from_toml(job_toml).expect("a valid job")
-}
-
-/// The result digest of the same job, undisturbed, on one worker.
-async fn undisturbed(job_toml: &str) -> Vec<u8> {
-    let mut sandbox = Sandbox::new();
-    let _coordinator = sandbox.coordinator();
-    let _worker = sandbox.worker(1);
-    let job = sandbox.submit("r", job_toml).await;
-    sandbox.result(&job.id).await.result_digest
 }
 
 /// Waits until a job has ended.
@@ -145,6 +136,63 @@ async fn a_sealed_value_that_loses_taints_the_job_and_a_restart_gives_the_bits_o
     assert_eq!(result.history.len(), 3);
     let shown = sandbox.told(&["show", again]);
     assert!(shown.contains(&format!("does again     {}: generations 0 to 0 were taken over", job.id)), "{shown}");
+}
+
+#[tokio::test]
+async fn a_wrong_value_of_long_ago_is_found_by_a_late_result_and_taints_the_job() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let text = tiny_job(35, 5);
+    let job = sandbox.submit("r", &text).await;
+    let parsed = read(&text);
+    let mut liar = Scripted::join(&sandbox, "liar").await;
+    let (mut honestly, mut lie) = (None, None);
+    // Of the first generation, by candidate; some score the same in the next.
+    let mut before: Vec<v1::Genome> = Vec::new();
+    while sandbox.job(&job.id).await.generations_done < 4 {
+        let (assign, task) = liar.is_given().await;
+        let right = honest(&parsed, &task);
+        let Outcome::Evaluate(mut wrong) = right.clone() else { panic!("evaluations") };
+        let mut moved = None;
+        match task.generation {
+            0 => before.extend(task.genomes.iter().cloned()),
+            1 if lie.is_none() => {
+                let old = before[task.first as usize..].iter().take(task.genomes.len()).cloned().collect();
+                let old = honest(&parsed, &v1::EvaluateTask { genomes: old, ..task.clone() });
+                let Outcome::Evaluate(old) = old else { panic!("evaluations") };
+                moved = old.evaluations.iter().zip(&wrong.evaluations).position(|(a, b)| a.score != b.score);
+            }
+            _ => {}
+        }
+        if let Some(at) = moved {
+            wrong.evaluations.rotate_left(at);
+            let Outcome::Evaluate(mut wrong) = one_bit_off(Outcome::Evaluate(wrong)) else { panic!("evaluations") };
+            wrong.evaluations.rotate_right(at);
+            liar.delivers(&assign, &parsed, Outcome::Evaluate(wrong)).await;
+            lie = Some((assign, right));
+        } else {
+            liar.delivers(&assign, &parsed, right.clone()).await;
+            honestly.get_or_insert((assign, right));
+        }
+    }
+    let (assign, right) = honestly.expect("it was honest once");
+    assert_eq!(liar.delivers_as("late", &assign, &parsed, right).await, Verdict::Duplicate);
+    assert!(sandbox.job(&job.id).await.disputes.is_empty());
+    let (assign, right) = lie.expect("it lied");
+    assert_eq!(liar.delivers_as("late", &assign, &parsed, right.clone()).await, Verdict::Conflict);
+    let shown = sandbox.told(&["show", &job.id]);
+    assert!(shown.contains("of generation 1 differ"), "{shown}");
+    // It was committed before it was answered.
+    coordinator.kill_9();
+    let _coordinator = sandbox.coordinator();
+    assert_eq!(sandbox.job(&job.id).await.disputes.len(), 1);
+    drop(liar);
+    let _worker = sandbox.worker(2);
+    let tainted = ended(&sandbox, &job.id).await;
+    assert_eq!(tainted.state(), JobState::Tainted, "{}", tainted.reason);
+    assert!(tainted.reason.contains("of generation 1 that was sealed in round 1 is wrong"), "{}", tainted.reason);
+    let again = sandbox.told(&["restart", &job.id]);
+    assert_eq!(sandbox.result(again.trim()).await.result_digest, undisturbed(&text).await);
 }
 
 #[tokio::test]

@@ -1,7 +1,8 @@
 //! Workers that leave, die, panic and get stuck, as processes of their own. `EVOGAIT_FAULT` makes them (worker/src/fault.rs).
 
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job};
-use proto::v1::{Job, JobState, ListWorkersRequest};
+use cluster_tests::proxy::{Direction, Proxy};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job, undisturbed};
+use proto::v1::{CancelJobRequest, Job, JobState, ListWorkersRequest};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -9,15 +10,6 @@ use std::time::{Duration, Instant};
 fn cheap_job(seed: u32, generations: u32) -> String {
     let job = tiny_job(seed, generations).replace("\"rapier\"", "\"lockstep\"");
     format!("{}[finish]\nkind = \"none\"\n", job.split("[finish]").next().expect("a job has text"))
-}
-
-/// The result digest of such a job, on one worker that nothing happens to.
-async fn undisturbed(job: &str) -> Vec<u8> {
-    let mut sandbox = Sandbox::new();
-    let _coordinator = sandbox.coordinator();
-    let _worker = sandbox.worker(2);
-    let job = sandbox.submit("r", job).await;
-    sandbox.result(&job.id).await.result_digest
 }
 
 fn faulty(sandbox: &Sandbox, slots: u32, fault: &str) -> Command {
@@ -73,6 +65,29 @@ async fn a_worker_that_drains_finishes_what_runs_and_takes_nothing_new() {
 }
 
 #[tokio::test]
+async fn a_worker_whose_leave_is_not_heard_takes_nothing_new_all_the_same() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let network = Proxy::to(&sandbox.url());
+    let mut leaves = sandbox.worker_command(&network.url(), 8);
+    let mut leaves = Process::start(leaves.args(["--grace", "60"]).env("EVOGAIT_FAULT", "slow@ms=1500"));
+    let begun = sandbox.submit("begun", &cheap_job(24, 1)).await;
+    busy(&sandbox, 1).await;
+    let held = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers[0].busy;
+
+    network.block(Direction::Up, true);
+    leaves.signal("TERM");
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let new = sandbox.submit("new", &cheap_job(25, 1)).await;
+    busy(&sandbox, held + 1).await;
+    network.heal();
+    assert_eq!(leaves.wait(), Some(0));
+    let (begun, new) = (sandbox.job(&begun.id).await, sandbox.job(&new.id).await);
+    assert!((begun.generations_done, begun.round_done) > (0, 0), "it finished what it had");
+    assert_eq!((new.generations_done, new.round_done), (0, 0), "and nothing else");
+}
+
+#[tokio::test]
 async fn preemption_costs_no_attempt_however_often_it_happens() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
@@ -118,7 +133,9 @@ async fn a_panic_costs_the_candidate_an_attempt_and_not_the_worker() {
     let poisoned = sandbox.submit("r", &cheap_job(23, 2)).await;
     let job = ended(&sandbox, &poisoned.id).await;
     assert_eq!(job.state(), JobState::Failed);
-    assert!(job.reason.contains("candidate 4 of generation 0") && job.reason.contains("panicked"), "{}", job.reason);
+    let said = |words: &str| assert!(job.reason.contains(words), "{}", job.reason);
+    said("candidate 4 of generation 0 failed 3 times");
+    said("panicked");
     // Its slots are free for others: one without a fifth candidate.
     let other = sandbox.submit("other", &cheap_job(23, 2).replace("particles = 5", "particles = 4")).await;
     assert_eq!(ended(&sandbox, &other.id).await.state(), JobState::Succeeded);
@@ -158,6 +175,22 @@ async fn a_stuck_slot_is_found_and_replaced() {
     assert_eq!(job.state(), JobState::Failed);
     assert!(job.reason.contains("candidate 4 of generation 0") && job.reason.contains("stuck"), "{}", job.reason);
     let other = sandbox.submit("other", &cheap_job(25, 2).replace("particles = 5", "particles = 4")).await;
+    assert_eq!(ended(&sandbox, &other.id).await.state(), JobState::Succeeded);
+    assert!(!worker.has_ended());
+}
+
+#[tokio::test]
+async fn a_slot_that_is_stuck_in_what_nobody_needs_any_more_is_replaced() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let mut worker = faulty(&sandbox, 1, "stall@generation=0,candidate=4");
+    let mut worker = Process::start(worker.args(["--stuck-after", "3"]));
+    let hangs = sandbox.submit("r", &cheap_job(29, 2)).await;
+    busy(&sandbox, 1).await;
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    sandbox.client().cancel_job(CancelJobRequest { id: hangs.id }).await.expect("it ends");
+    // Its slot does not hear of it. Others are neither kept waiting for ever nor blamed.
+    let other = sandbox.submit("other", &cheap_job(29, 2).replace("particles = 5", "particles = 4")).await;
     assert_eq!(ended(&sandbox, &other.id).await.state(), JobState::Succeeded);
     assert!(!worker.has_ended());
 }

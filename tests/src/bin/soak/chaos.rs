@@ -1,15 +1,21 @@
 //! What happens to the processes.
 
+use crate::coordinators::Coordinators;
+use crate::random::Random;
 use cluster_tests::proxy::{Direction, Proxy};
 use cluster_tests::sandbox::{PATIENCE, Process, Sandbox};
+use proto::credentials::Credentials;
+use proto::dial::{Addresses, Dial};
 use proto::v1::ListWorkersRequest;
+use proto::v1::job_service_client::JobServiceClient;
 use std::time::{Duration, Instant};
 
 const WORKERS: usize = 6;
 const EVERY: Duration = Duration::from_secs(2);
-const COORDINATOR_EVERY: Duration = Duration::from_secs(20);
 /// What a worker is told to add to each candidate, so that jobs last without a core.
 const SLOW: &str = "slow@ms=60";
+/// A client finds within twice this that a coordinator hangs.
+const KEEPALIVE: Duration = Duration::from_secs(1);
 
 /// What is wrong with a worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,68 +27,62 @@ enum Trouble {
 }
 
 struct Subject {
-    proxy: Proxy,
+    /// One for each coordinator.
+    network: Vec<Proxy>,
     process: Process,
     trouble: Option<(Trouble, Instant)>,
 }
 
-pub struct Chaos {
-    sandbox: Sandbox,
-    coordinator: Option<Process>,
-    workers: Vec<Subject>,
-    random: u64,
-    next: Instant,
-    next_coordinator: Instant,
-    coordinator_back: Instant,
-    start: Instant,
-    tally: [u32; 7],
+impl Subject {
+    /// What happens to its network happens on all ways.
+    fn everywhere(&self, what: impl Fn(&Proxy)) {
+        self.network.iter().for_each(what);
+    }
 }
 
-const NAMES: [&str; 7] =
-    ["kills", "drains", "stops", "partitions", "cuts", "slow networks", "kills of the coordinator"];
+pub struct Chaos {
+    coordinators: Coordinators,
+    workers: Vec<Subject>,
+    random: Random,
+    next: Instant,
+    start: Instant,
+    tally: [u32; 6],
+}
+
+const NAMES: [&str; 6] = ["kills", "drains", "stops", "partitions", "cuts", "slow networks"];
 
 impl Chaos {
-    pub fn start(mut sandbox: Sandbox, seed: u64) -> Self {
-        let coordinator = sandbox.coordinator();
+    pub fn start(coordinators: Coordinators, seed: u64) -> Self {
         let workers = (0..WORKERS)
             .map(|_| {
-                let proxy = Proxy::to(&sandbox.url());
-                Subject { process: worker(&sandbox, &proxy), proxy, trouble: None }
+                let network: Vec<Proxy> = coordinators.urls().iter().map(|url| Proxy::to(url)).collect();
+                Subject { process: worker(coordinators.sandbox(), &network), network, trouble: None }
             })
             .collect();
         let now = Instant::now();
-        Self {
-            sandbox,
-            coordinator: Some(coordinator),
-            workers,
-            random: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1,
-            next: now + EVERY,
-            next_coordinator: now + COORDINATOR_EVERY,
-            coordinator_back: now,
-            start: now,
-            tally: [0; 7],
-        }
+        Self { coordinators, workers, random: Random::new(seed), next: now + EVERY, start: now, tally: [0; 6] }
     }
 
-    pub fn url(&self) -> String {
-        self.sandbox.url()
+    /// A way to whoever is at work.
+    pub fn dial(&self) -> Dial {
+        let addresses: Addresses = self.coordinators.urls().join(",").parse().expect("they have addresses");
+        let dial = Dial::new(addresses, &Credentials::default());
+        dial.expect("without TLS and token there is nothing to refuse").keepalive(KEEPALIVE)
     }
 
     pub fn tally(&self) -> String {
         let told: Vec<String> = self.tally.iter().zip(NAMES).map(|(count, name)| format!("{count} {name}")).collect();
-        told.join(", ")
+        format!("{} of workers; {}", told.join(", "), self.coordinators.tally())
+    }
+
+    pub fn coordinators(&self) -> &Coordinators {
+        &self.coordinators
     }
 
     /// Repairs what was broken long enough, and breaks something if it is time.
-    pub fn go_on(&mut self) -> Result<(), String> {
+    pub async fn go_on(&mut self) -> Result<(), String> {
+        self.coordinators.go_on(&mut self.random).await?;
         let now = Instant::now();
-        if self.coordinator.is_none() && now >= self.coordinator_back {
-            self.coordinator = Some(self.sandbox.coordinator());
-            self.say("the coordinator is back");
-        }
-        if self.coordinator.as_mut().is_some_and(Process::has_ended) {
-            return Err("the coordinator ended by itself".to_owned());
-        }
         for at in 0..WORKERS {
             let due = self.workers[at].trouble.is_some_and(|(_, until)| now >= until);
             if due {
@@ -97,51 +97,41 @@ impl Chaos {
             self.next += EVERY;
             self.strike(now);
         }
-        if now >= self.next_coordinator {
-            self.next_coordinator += COORDINATOR_EVERY;
-            if let Some(coordinator) = self.coordinator.take() {
-                coordinator.kill_9();
-                self.tally[6] += 1;
-                self.coordinator_back = now + self.time(0, 2000);
-                self.say("the coordinator is killed");
-            }
-        }
         Ok(())
     }
 
     /// Repairs everything.
-    pub fn calm_down(&mut self) {
-        if self.coordinator.is_none() {
-            self.coordinator = Some(self.sandbox.coordinator());
-        }
+    pub async fn calm_down(&mut self) -> Result<(), String> {
         (0..WORKERS).for_each(|at| self.repair(at));
+        self.coordinators.calm_down(&mut self.random).await
     }
 
     pub async fn assert_slots_are_free(&self) -> Result<(), String> {
+        let mut client = JobServiceClient::new(self.dial().way());
         let start = Instant::now();
         loop {
-            let answer = self.sandbox.client().list_workers(ListWorkersRequest {}).await;
-            let workers = answer.map_err(|e| e.to_string())?.into_inner().workers;
-            if workers.len() == WORKERS && workers.iter().all(|w| w.busy == 0) {
+            // The first one that is asked may stand by.
+            let answer = client.list_workers(ListWorkersRequest {}).await.map(|answer| answer.into_inner().workers);
+            if answer.as_ref().is_ok_and(|workers| workers.len() == WORKERS && workers.iter().all(|w| w.busy == 0)) {
                 return Ok(());
             }
             if start.elapsed() > PATIENCE {
-                return Err(format!("slots are held, or workers lost: {workers:?}"));
+                return Err(format!("slots are held, or workers lost: {answer:?}"));
             }
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
     }
 
     fn strike(&mut self, now: Instant) {
-        let at = (self.number() % WORKERS as u64) as usize;
+        let at = (self.random.number() % WORKERS as u64) as usize;
         if self.workers[at].trouble.is_some() {
             // It has enough to bear; another time.
             self.next = now;
             return;
         }
-        let until = now + self.time(300, 6000);
-        let what = self.number() % 10;
-        let delay = self.time(5, 200);
+        let until = now + self.random.time(300, 6000);
+        let what = self.random.number() % 10;
+        let delay = self.random.time(5, 200);
         let subject = &mut self.workers[at];
         let (trouble, kind, told) = match what {
             0..=2 => {
@@ -157,19 +147,19 @@ impl Chaos {
                 (Trouble::Stopped, 2, "is stopped")
             }
             6 => {
-                subject.proxy.block(Direction::Up, true);
+                subject.everywhere(|way| way.block(Direction::Up, true));
                 (Trouble::Network, 3, "can't be heard")
             }
             7 => {
-                subject.proxy.block(Direction::Down, true);
+                subject.everywhere(|way| way.block(Direction::Down, true));
                 (Trouble::Network, 3, "hears nothing")
             }
             8 => {
-                subject.proxy.cut();
+                subject.everywhere(Proxy::cut);
                 (Trouble::Network, 4, "is cut off for a moment")
             }
             _ => {
-                subject.proxy.slow(delay, 50_000);
+                subject.everywhere(|way| way.slow(delay, 50_000));
                 (Trouble::Network, 5, "has a slow network")
             }
         };
@@ -179,12 +169,14 @@ impl Chaos {
     }
 
     fn repair(&mut self, at: usize) {
-        let Self { sandbox, workers, .. } = self;
+        let Self { coordinators, workers, .. } = self;
         let subject = &mut workers[at];
         match subject.trouble.take() {
-            Some((Trouble::Killed | Trouble::Drains, _)) => subject.process = worker(sandbox, &subject.proxy),
+            Some((Trouble::Killed | Trouble::Drains, _)) => {
+                subject.process = worker(coordinators.sandbox(), &subject.network)
+            }
             Some((Trouble::Stopped, _)) => subject.process.signal("CONT"),
-            Some((Trouble::Network, _)) => subject.proxy.heal(),
+            Some((Trouble::Network, _)) => subject.everywhere(Proxy::heal),
             None => {}
         }
     }
@@ -192,20 +184,9 @@ impl Chaos {
     fn say(&self, what: &str) {
         println!("{:7.1} s: {what}", self.start.elapsed().as_secs_f64());
     }
-
-    /// xorshift64*: any seed gives the same disturbances again, though not at the same moments of the jobs.
-    fn number(&mut self) -> u64 {
-        self.random ^= self.random >> 12;
-        self.random ^= self.random << 25;
-        self.random ^= self.random >> 27;
-        self.random.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 32
-    }
-
-    fn time(&mut self, least_ms: u64, most_ms: u64) -> Duration {
-        Duration::from_millis(least_ms + self.number() % (most_ms - least_ms))
-    }
 }
 
-fn worker(sandbox: &Sandbox, proxy: &Proxy) -> Process {
-    Process::start(sandbox.worker_command(&proxy.url(), 1).args(["--grace", "1"]).env("EVOGAIT_FAULT", SLOW))
+fn worker(sandbox: &Sandbox, network: &[Proxy]) -> Process {
+    let urls: Vec<String> = network.iter().map(Proxy::url).collect();
+    Process::start(sandbox.worker_command(&urls.join(","), 1).args(["--grace", "1"]).env("EVOGAIT_FAULT", SLOW))
 }

@@ -1,5 +1,6 @@
 //! A client that submits a job again and again, watches it over everything that happens, and holds it to what it said.
 
+use proto::dial::{Dial, Way};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{
@@ -7,7 +8,6 @@ use proto::v1::{
     ScoredCandidate, SubmitJobRequest, WatchJobRequest,
 };
 use std::time::{Duration, Instant};
-use tonic::transport::Channel;
 use tonic::{Code, Status};
 
 /// What a job gives whatever happens on the way.
@@ -37,8 +37,8 @@ impl Expected {
 }
 
 /// Runs a job as often as the time allows, at least once, and returns how often.
-pub async fn follow(url: &str, number: u32, toml: &str, expected: &Expected, end: Instant) -> Result<u32, String> {
-    let mut client = JobServiceClient::connect(url.to_owned()).await.map_err(|e| e.to_string())?;
+pub async fn follow(dial: &Dial, number: u32, toml: &str, expected: &Expected, end: Instant) -> Result<u32, String> {
+    let mut client = JobServiceClient::new(dial.way());
     let mut rounds = 0;
     while rounds == 0 || Instant::now() < end {
         let wrong = |what: String| format!("job {number}, run {rounds}: {what}");
@@ -65,9 +65,9 @@ pub async fn follow(url: &str, number: u32, toml: &str, expected: &Expected, end
     Ok(rounds)
 }
 
-type Client = JobServiceClient<Channel>;
+type Client = JobServiceClient<Way>;
 
-/// Asks until there is an answer: the coordinator may be away.
+/// Asks until there is an answer: the coordinator may be away, or stand by.
 async fn patiently<T, F>(client: &mut Client, ask: impl Fn(Client) -> F) -> Result<T, String>
 where
     F: Future<Output = Result<tonic::Response<T>, Status>>,
