@@ -60,6 +60,20 @@ step "binaries and base images"
 export EVOGAIT_BINARIES PATH="$root/$EVOGAIT_BINARIES:$PATH"
 deploy/images/local.sh runtime postgres prometheus binaries
 
+step "an image is built from what git keeps, and the binaries"
+# Builds that run meanwhile come and go in the folders git ignores; an image that is built from them fails by chance.
+ignored=$(sed -n 's#^/\([^*]*\)$#\1#p' .gitignore)
+[ -n "$ignored" ] || fail ".gitignore names no folders"
+for folder in $ignored; do
+    mkdir -p "$folder"
+    touch "$folder/probe-$$"
+done
+printf 'FROM %s\nCOPY . /context\n' "$EVOGAIT_RUNTIME_IMAGE" | command docker build --quiet --tag "$EVOGAIT_IMAGE-context" --file - . > /dev/null
+for folder in $ignored; do rm "$folder/probe-$$"; done
+found=$(command docker run --rm "$EVOGAIT_IMAGE-context" find /context -name "probe-$$")
+command docker rmi "$EVOGAIT_IMAGE-context" > /dev/null
+[ -z "$found" ] || fail ".dockerignore lets in what git ignores: $found"
+
 step "the image, by BuildKit as well"
 # With a client that has it: Docker's own from version 23 on needs buildx for it.
 with_buildkit() {
