@@ -135,6 +135,12 @@ fn unknown_and_missing_fields() {
         refused(&[("count = 2", "count = \"two\"")]),
         robot_refused(&[("pivot = \"a\"", "pivott = \"a\"")]),
         environment_refused(&[("top = 1.0", "height = 1.0")]),
+        // Tables of several kinds tell the line, too, and what belongs to another kind.
+        refused(&[("particles = 3", "particles = -3")]),
+        refused(&[("cell = 0.5", "cell = \"wide\"")]),
+        refused(&[("particles = 3", "particles = 3\nelite = 1")]),
+        refused(&[("kind = \"coverage\"", "kind = \"distance\"")]),
+        refused(&[("kind = \"pso\"", "")]),
     ];
     insta::assert_snapshot!(said.join("\n"));
 }

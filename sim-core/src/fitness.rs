@@ -41,7 +41,7 @@ impl Fitness {
             FitnessSpec::Coverage { cell, dimensions, height } => {
                 Grid::new(environment, cell, dimensions, height).map(Self::Coverage)
             }
-            FitnessSpec::Distance {} => match &environment.goal {
+            FitnessSpec::Distance => match &environment.goal {
                 Some(goal) => Ok(Self::Distance { x: goal.x, y: goal.y }),
                 None => Err(Invalid::Conflict {
                     field: "fitness.kind".into(),

@@ -2,6 +2,7 @@
 
 use super::FinishSpec;
 use crate::environment::Environment;
+use crate::error::only_settings_of;
 use crate::optimise::OptimiserSpec;
 use crate::robot::RobotSpec;
 use serde::de::value::MapAccessDeserializer;
@@ -160,22 +161,66 @@ pub enum Algorithm {
 
 /// The `[fitness]` table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "kebab-case", try_from = "FitnessTable")]
 pub enum FitnessSpec {
     /// Share of the map's cells that hold a node, percent. Maximised.
     Coverage {
         /// Side of a cell, mu.
-        #[serde(default = "default_cell")]
         cell: f64,
         /// 2 counts squares of the map, 3 cubes of the space above it up to `height`.
-        #[serde(default = "two")]
         dimensions: u32,
         /// Height of the counted space in three dimensions, mu.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[serde(skip_serializing_if = "Option::is_none")]
         height: Option<f64>,
     },
     /// Least planar distance of a node's pivot to the goal, mu. Minimised.
-    Distance {},
+    Distance,
+}
+
+/// The `[fitness]` table as it is read: the settings of all kinds side by side, so that a value of the wrong type is told
+/// with its line.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FitnessTable {
+    kind: FitnessKind,
+    cell: Option<f64>,
+    dimensions: Option<u32>,
+    height: Option<f64>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum FitnessKind {
+    Coverage,
+    Distance,
+}
+
+impl TryFrom<FitnessTable> for FitnessSpec {
+    type Error = String;
+
+    fn try_from(table: FitnessTable) -> Result<Self, String> {
+        const COVERAGE: &str = "coverage";
+        let kind = match table.kind {
+            FitnessKind::Coverage => COVERAGE,
+            FitnessKind::Distance => "distance",
+        };
+        only_settings_of(
+            kind,
+            &[
+                ("cell", table.cell.is_some(), &[COVERAGE]),
+                ("dimensions", table.dimensions.is_some(), &[COVERAGE]),
+                ("height", table.height.is_some(), &[COVERAGE]),
+            ],
+        )?;
+        Ok(match table.kind {
+            FitnessKind::Coverage => Self::Coverage {
+                cell: table.cell.unwrap_or(2.0),
+                dimensions: table.dimensions.unwrap_or(2),
+                height: table.height,
+            },
+            FitnessKind::Distance => Self::Distance,
+        })
+    }
 }
 
 /// How big the robot is, which gravity in map units tells.
@@ -286,12 +331,6 @@ pub enum JointKind {
 fn one() -> u64 {
     1
 }
-fn two() -> u32 {
-    2
-}
 fn paper_duration() -> f64 {
     30.0
-}
-fn default_cell() -> f64 {
-    2.0
 }

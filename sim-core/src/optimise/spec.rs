@@ -4,69 +4,55 @@ use crate::error::{Invalid, in_range};
 use crate::limits::{MAX_GENERATIONS, MAX_POPULATION};
 use serde::{Deserialize, Serialize};
 
+mod table;
+
 /// Which optimiser, with its settings. The defaults are the paper's where it states one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "kebab-case", try_from = "table::Table")]
 pub enum OptimiserSpec {
     /// Particle swarm by Eq. 1 and Algorithm 2 of Vonásek and Faigl (2016).
     Pso {
         /// p, particles.
-        #[serde(default = "twenty")]
         particles: u32,
         /// g, generations.
-        #[serde(default = "paper_generations")]
         generations: u32,
         /// w in Eq. 1.
-        #[serde(default = "paper_w")]
         inertia_weight: f64,
         /// φ₁ in Eq. 1, the pull to the particle's own best.
-        #[serde(default = "paper_phi")]
         cognitive: f64,
         /// φ₂ in Eq. 1, the pull to the swarm's best.
-        #[serde(default = "paper_phi")]
         social: f64,
     },
     /// The same swarm with Clerc and Kennedy's constriction: v ← χ (v + φ₁ r₁ (…) + φ₂ r₂ (…)),
     /// χ = 2 / |2 − φ − √(φ² − 4φ)| with φ = φ₁ + φ₂ > 4 (IEEE Trans. Evol. Comp. 6(1), 2002).
     PsoConstriction {
         /// Particles.
-        #[serde(default = "twenty")]
         particles: u32,
         /// Generations.
-        #[serde(default = "paper_generations")]
         generations: u32,
         /// φ₁.
-        #[serde(default = "constriction_phi")]
         cognitive: f64,
         /// φ₂.
-        #[serde(default = "constriction_phi")]
         social: f64,
     },
     /// Genetic algorithm on real vectors: tournaments, simulated binary crossover, Gaussian mutation, elitism.
     Ga {
         /// Individuals.
-        #[serde(default = "twenty")]
         population: u32,
         /// Generations.
-        #[serde(default = "paper_generations")]
         generations: u32,
         /// Individuals that compete for a parent's place.
-        #[serde(default = "two")]
         tournament: u32,
         /// Chance that a pair of parents is crossed rather than copied.
-        #[serde(default = "crossover_rate")]
         crossover_rate: f64,
         /// η of simulated binary crossover: larger keeps children nearer to their parents.
-        #[serde(default = "sbx_eta")]
         crossover_eta: f64,
         /// Chance of a gene to mutate; 1 / length unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[serde(skip_serializing_if = "Option::is_none")]
         mutation_rate: Option<f64>,
         /// Standard deviation of a mutation, as a share of the gene's range.
-        #[serde(default = "mutation_scale")]
         mutation_scale: f64,
         /// Best individuals that pass on unchanged.
-        #[serde(default = "one")]
         elite: u32,
     },
 }
@@ -139,35 +125,4 @@ impl OptimiserSpec {
             }
         }
     }
-}
-
-fn one() -> u32 {
-    1
-}
-fn two() -> u32 {
-    2
-}
-fn twenty() -> u32 {
-    20
-}
-fn paper_generations() -> u32 {
-    150
-}
-fn paper_w() -> f64 {
-    0.1
-}
-fn paper_phi() -> f64 {
-    2.0
-}
-fn constriction_phi() -> f64 {
-    2.05
-}
-fn crossover_rate() -> f64 {
-    0.9
-}
-fn sbx_eta() -> f64 {
-    10.0
-}
-fn mutation_scale() -> f64 {
-    0.1
 }
