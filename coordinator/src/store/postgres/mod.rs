@@ -32,8 +32,22 @@ const RETRY: Duration = Duration::from_millis(100);
 const LEAST_PATIENCE: Duration = Duration::from_secs(1);
 /// A server that is there and lets anybody in does so within this time.
 const CONNECT_WITHIN: Duration = Duration::from_secs(10);
+/// Making the tables, or loading all jobs at a takeover, takes its time where a store is large, but no longer than this.
+const PREPARE_WITHIN: Duration = Duration::from_secs(300);
 /// Held while the schema is made or changed: "evogait" as a number.
 const MIGRATION_LOCK: i64 = 0x65_766f_6761_6974;
+
+/// A stamp from the future is one, too, after the database's clock was set back.
+macro_rules! at_work {
+    ($lock:literal) => {
+        concat!(
+            "SELECT CASE WHEN NOT released AND abs(extract(epoch FROM clock_timestamp() - renewed_at)) * 1000 < takeover_ms
+                    THEN 1 ELSE 0 END::BIGINT,
+                    epoch, (extract(epoch FROM renewed_at) * 1000000)::BIGINT FROM coordinator",
+            $lock
+        )
+    };
+}
 
 /// A store in a PostgreSQL database.
 pub struct PostgresStore {
@@ -43,6 +57,7 @@ pub struct PostgresStore {
     writers: PgPool,
     /// Without a renewal for this long this coordinator is taken for dead, and so it must not try for longer.
     takeover: Duration,
+    prepare_within: Duration,
     /// Commits of this epoch.
     commits: Mutex<u64>,
 }
@@ -87,12 +102,14 @@ impl PostgresStore {
             writers: pool(2, options.clone()),
             name,
             takeover,
+            prepare_within: PREPARE_WITHIN,
             commits: Mutex::default(),
         };
         // Not from a pool, which would try again until its time is over.
         let connected = tokio::time::timeout(CONNECT_WITHIN, options.connect()).await;
         let mut connection = connected.map_err(|_| store.silent(CONNECT_WITHIN))?.map_err(|e| store.failure(e))?;
-        store.migrate(&mut connection).await?;
+        let migrated = tokio::time::timeout(PREPARE_WITHIN, store.migrate(&mut connection)).await;
+        migrated.unwrap_or_else(|_| Err(store.silent(PREPARE_WITHIN)))?;
         connection.close().await.map_err(|e| store.failure(e))?;
         Ok(store)
     }
@@ -218,6 +235,23 @@ impl PostgresStore {
         Err(StoreError::Superseded { own: epoch, by: current.await.map_err(|e| self.failure(e))? as u64 })
     }
 
+    /// Begins an epoch, unless somebody else did meanwhile, and loads the jobs.
+    async fn take_over(&self, connection: &mut PgConnection) -> Result<Loaded, StoreError> {
+        let mut tx = connection.begin().await.map_err(|e| self.failure(e))?;
+        self.nobody_at_work(&mut tx, at_work!(" FOR UPDATE")).await?;
+        let next = "UPDATE coordinator SET epoch = epoch + 1, commits = 0, takeover_ms = $1, released = FALSE
+                    RETURNING epoch";
+        let takeover = Value::Number(self.takeover.as_millis() as i64);
+        let row = tx.rows(next, vec![takeover]).await.map_err(|e| self.failure(e))?.pop();
+        let epoch = row.ok_or(sqlx::Error::RowNotFound).and_then(|row| row.number(0)).map_err(|e| self.failure(e))?;
+        let loaded = tables::load(&mut *tx, epoch as u64).await.map_err(|e| self.trouble(e))?;
+        // Last, since loading takes a while.
+        let stamp = "UPDATE coordinator SET renewed_at = clock_timestamp()";
+        tx.run(stamp, vec![]).await.map_err(|e| self.failure(e))?;
+        tx.commit().await.map_err(|e| self.failure(e))?;
+        Ok(loaded)
+    }
+
     /// Refuses if another coordinator is at work.
     async fn nobody_at_work(&self, connection: &mut PgConnection, query: &'static str) -> Result<(), StoreError> {
         let row = sqlx::query(query).fetch_one(connection).await.map_err(|e| self.failure(e))?;
@@ -248,18 +282,6 @@ impl Patience<'_> {
         tokio::time::sleep(RETRY).await;
         None
     }
-}
-
-/// A stamp from the future is one, too, after the database's clock was set back.
-macro_rules! at_work {
-    ($lock:literal) => {
-        concat!(
-            "SELECT CASE WHEN NOT released AND abs(extract(epoch FROM clock_timestamp() - renewed_at)) * 1000 < takeover_ms
-                    THEN 1 ELSE 0 END::BIGINT,
-                    epoch, (extract(epoch FROM renewed_at) * 1000000)::BIGINT FROM coordinator",
-            $lock
-        )
-    };
 }
 
 impl Sql for PgConnection {
@@ -305,26 +327,20 @@ impl Dialect for PostgresStore {
         let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
         // First without the lock, for which the one at work would have to wait.
         let look = self.nobody_at_work(&mut connection, at_work!(""));
-        match tokio::time::timeout(self.patience(), look).await {
-            Ok(answer) => answer?,
-            Err(_) => {
-                // Lost on its way, as would be whatever goes the same way.
-                drop(connection.detach());
-                return Err(self.silent(self.patience()));
+        let (answer, within) = match tokio::time::timeout(self.patience(), look).await {
+            Ok(Ok(())) => {
+                let within = self.prepare_within;
+                (tokio::time::timeout(within, self.take_over(&mut connection)).await, within)
             }
-        }
-        let mut tx = connection.begin().await.map_err(|e| self.failure(e))?;
-        self.nobody_at_work(&mut tx, at_work!(" FOR UPDATE")).await?;
-        let next = "UPDATE coordinator SET epoch = epoch + 1, commits = 0, takeover_ms = $1, released = FALSE
-                    RETURNING epoch";
-        let takeover = Value::Number(self.takeover.as_millis() as i64);
-        let row = tx.rows(next, vec![takeover]).await.map_err(|e| self.failure(e))?.pop();
-        let epoch = row.ok_or(sqlx::Error::RowNotFound).and_then(|row| row.number(0)).map_err(|e| self.failure(e))?;
-        let loaded = tables::load(&mut *tx, epoch as u64).await.map_err(|e| self.trouble(e))?;
-        // Last, since loading takes a while.
-        let stamp = "UPDATE coordinator SET renewed_at = clock_timestamp()";
-        tx.run(stamp, vec![]).await.map_err(|e| self.failure(e))?;
-        tx.commit().await.map_err(|e| self.failure(e))?;
+            Ok(Err(error)) => return Err(error),
+            Err(silence) => (Err(silence), self.patience()),
+        };
+        let Ok(answer) = answer else {
+            // Lost on its way, as would be whatever goes the same way.
+            drop(connection.detach());
+            return Err(self.silent(within));
+        };
+        let loaded = answer?;
         *commits = 0;
         Ok(loaded)
     }

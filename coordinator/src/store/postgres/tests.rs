@@ -119,6 +119,24 @@ async fn a_coordinator_that_was_cut_off_in_mid_commit_stops_nobody_for_long() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
+async fn a_takeover_that_hears_nothing_any_more_is_given_up_and_tried_again() {
+    let (_, url) = new_database("").await;
+    let mut store = open(&url, LONG).await;
+    store.prepare_within = LEAST_PATIENCE;
+    let other = open(&url, LONG).await;
+    let mut silence = other.writers.begin().await.unwrap();
+    silence.run("LOCK TABLE jobs IN ACCESS EXCLUSIVE MODE", vec![]).await.unwrap();
+    // More often than it has connections.
+    for _ in 0..4 {
+        let heard = tokio::time::timeout(LEAST_PATIENCE * 2, start(&store)).await.expect("it is given up");
+        assert!(matches!(heard, Err(StoreError::Unreachable { .. })), "{heard:?}");
+    }
+    silence.rollback().await.unwrap();
+    assert_eq!(start(&store).await.unwrap().epoch, 1, "what was given up began no epoch");
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL: tests/postgres.sh"]
 async fn a_coordinator_that_stood_still_in_mid_commit_knows_that_it_was_replaced() {
     let (name, url) = new_database("").await;
     let store = open(&url, LEAST_PATIENCE).await;
