@@ -6,7 +6,8 @@
 #   tests/soak.sh [SECONDS [SEED]]      600 and 1 unless given; the jobs that run then are still waited for
 #   tests/soak.sh --postgres [SECONDS [SEED]]
 #
-# The second one has two coordinators on a PostgreSQL server that it starts and ends. The one at work is killed, or stopped until
+# The second one has two coordinators on a PostgreSQL server that it starts and ends, and closed doors: everybody shows a
+# certificate and a token. The coordinator at work is killed, or stopped until
 # some time after the other one has taken over, or cut off from the database in one direction or both: when it goes on, or what it
 # sent arrives, that must change nothing, and if it was replaced it must end.
 #

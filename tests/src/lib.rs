@@ -1,5 +1,6 @@
 //! Tests across processes: real coordinators and workers, talking over loopback, killed at will.
 
+pub mod certificates;
 pub mod crashes;
 pub mod openmetrics;
 pub mod parsers;

@@ -53,6 +53,11 @@ pub fn cargo() -> OsString {
     std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
 }
 
+/// One of the programs: coordinator, worker, evogait.
+pub fn program(name: &str) -> Command {
+    Command::new(binaries().join(name))
+}
+
 /// A process that is killed when it is dropped.
 #[derive(Debug)]
 pub struct Process(Child);
@@ -207,7 +212,7 @@ impl Sandbox {
 
     /// What `coordinator` starts, for tests of its refusals.
     pub fn coordinator_command(&self) -> Command {
-        let mut command = Command::new(binaries().join("coordinator"));
+        let mut command = program("coordinator");
         let file = || format!("sqlite:{}", self.folder.path().join("store.db").display());
         let store = self.store.clone().unwrap_or_else(file);
         command.args(["--store", &store, "--lease-seconds", "2"]);
@@ -229,7 +234,7 @@ impl Sandbox {
 
     /// A worker that dials the coordinator at a URL of its own, with options still to be added.
     pub fn worker_command(&self, url: &str, slots: u32) -> Command {
-        let mut command = Command::new(binaries().join("worker"));
+        let mut command = program("worker");
         command.args(["--coordinator", url, "--slots", &slots.to_string(), "--keepalive", "1"]);
         let name = url.rsplit(':').next().unwrap_or_default();
         self.with_log(command, &format!("worker-{name}.log"))
@@ -247,7 +252,7 @@ impl Sandbox {
 
     /// Runs `evogait` against the sandbox's coordinator to its end.
     pub fn evogait(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(binaries().join("evogait"));
+        let mut command = program("evogait");
         command.args(arguments).current_dir(self.folder.path()).env("EVOGAIT_COORDINATOR", self.url());
         output_of(&mut command)
     }

@@ -1,9 +1,8 @@
 //! Coordinator and workers as processes of their own.
 
-use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job};
+use cluster_tests::sandbox::{Process, Sandbox, output_of, program, tiny_job};
 use proto::v1::job_event::Event;
 use proto::v1::{CancelJobRequest, JobEvent, JobState, ListWorkersRequest, SubmitJobRequest, WatchJobRequest};
-use std::process::Command;
 use std::time::Duration;
 use tonic::{Code, Status};
 
@@ -275,7 +274,7 @@ fn a_coordinator_that_can_not_start_says_why_in_one_sentence() {
     assert_eq!(coordinator.terminate(), Some(0));
 
     let again = |arguments: &[&str]| {
-        let output = output_of(Command::new(sandbox.coordinator_command().get_program()).args(arguments));
+        let output = output_of(program("coordinator").args(arguments));
         (output.status.code(), String::from_utf8(output.stderr).expect("messages are text"))
     };
     let (code, text) = again(&["--listen", "0.0.0.0:0", "--store", "memory:"]);

@@ -6,7 +6,7 @@ use cluster_tests::postgres::{
     ask, ask_server, beyond_a_network, new_database, new_database_by_tcp, new_database_by_tls,
 };
 use cluster_tests::proxy::Direction;
-use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job};
+use cluster_tests::sandbox::{Process, Sandbox, output_of, program, tiny_job};
 use proto::v1::{GetJobRequest, Job, JobState};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -253,9 +253,8 @@ async fn a_second_coordinator_is_refused_unless_it_is_a_standby_and_shows_no_pas
     assert!(start.elapsed() < WITHIN);
     assert!(!text.contains("s3cret"), "{text}");
 
-    let program = sandbox.coordinator_command().get_program().to_owned();
     for wrong in ["postgres://ann:s3cret@127.0.0.1:1/gaits", "postgres://ann:s3cret@host:port/gaits"] {
-        let output = output_of(Command::new(&program).args(["--listen", "127.0.0.1:0", "--store", wrong]));
+        let output = output_of(program("coordinator").args(["--listen", "127.0.0.1:0", "--store", wrong]));
         let text = String::from_utf8(output.stderr).expect("messages are text");
         assert!(output.status.code() == Some(1) && !text.contains("s3cret"), "{text}");
     }

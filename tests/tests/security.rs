@@ -1,7 +1,8 @@
 //! Closed doors, across processes: certificates, tokens and roles; and a coordinator that another one stands in for.
 
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, tiny_job};
-use proto::credentials::{Credentials, Sources};
+use cluster_tests::certificates::{Certificates, closed};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, program, tiny_job};
+use proto::credentials::Credentials;
 use proto::dial::{Dial, Way, reason};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
@@ -12,7 +13,7 @@ use proto::v1::{
 };
 use std::error::Error as _;
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
 use tonic::{Code, Status, Streaming};
@@ -31,73 +32,52 @@ impl Drop for Started {
 /// A cluster with certificates and tokens on the loopback interface.
 struct Cluster {
     sandbox: Sandbox,
+    certificates: Certificates,
 }
 
 impl Cluster {
     fn new() -> Self {
-        let cluster = Self { sandbox: Sandbox::new() };
-        let made = cluster.program("evogait").args(["certs", "init"]).arg(cluster.certs()).output().unwrap();
-        assert!(made.status.success(), "{}", text(&made));
-        let told = String::from_utf8_lossy(&made.stdout);
-        assert!(told.contains("valid for 365 days") && told.contains("--token-file"), "{told}");
-        cluster
-    }
-
-    fn certs(&self) -> PathBuf {
-        self.sandbox.path().join("certs")
+        let sandbox = Sandbox::new();
+        let certificates = Certificates::make(&sandbox.file("certs"));
+        Self { sandbox, certificates }
     }
 
     fn cert(&self, name: &str) -> PathBuf {
-        self.certs().join(name)
-    }
-
-    fn program(&self, name: &str) -> Command {
-        let coordinator = self.sandbox.coordinator_command();
-        let mut command = Command::new(Path::new(coordinator.get_program()).with_file_name(name));
-        command.env("RUST_LOG", "debug").env("EVOGAIT_LOG", "debug");
-        command
+        self.certificates.file(name)
     }
 
     fn log(&self, name: &str) -> File {
-        File::create(self.sandbox.path().join(name)).unwrap()
+        File::create(self.sandbox.file(name)).unwrap()
     }
 
     fn coordinator(&mut self) -> Process {
         let mut command = self.sandbox.coordinator_command();
         command.env("RUST_LOG", "debug").stderr(self.log("coordinator.log"));
-        for (option, file) in [
-            ("--tls-cert", "coordinator.pem"),
-            ("--tls-key", "coordinator.key"),
-            ("--client-ca", "ca.pem"),
-            ("--tokens", "tokens"),
-        ] {
-            command.arg(option).arg(self.cert(file));
-        }
+        self.certificates.close(&mut command);
         self.sandbox.start(command)
     }
 
     fn url(&self) -> String {
-        self.sandbox.url().replace("http://", "https://")
+        closed(&self.sandbox.url())
     }
 
     /// A client's or a worker's options.
     fn shown(&self, mut command: Command, who: &str) -> Command {
-        command.args(["--coordinator", &self.url()]).arg("--ca").arg(self.cert("ca.pem"));
-        command.arg("--cert").arg(self.cert(&format!("{who}.pem"))).arg("--key").arg(self.cert(&format!("{who}.key")));
-        command.arg("--token-file").arg(self.cert(&format!("{who}.token")));
+        command.args(["--coordinator", &self.url()]);
+        self.certificates.show(&mut command, who);
         command
     }
 
     fn dial(&self, certificate: Option<&str>, token: Option<&str>) -> Way {
-        let sources = Sources {
-            ca: Some(self.cert("ca.pem")),
-            cert: certificate.map(|who| self.cert(&format!("{who}.pem"))),
-            key: certificate.map(|who| self.cert(&format!("{who}.key"))),
-            token_file: token.map(|who| self.cert(&format!("{who}.token"))),
-        };
-        let credentials = Credentials::read(sources, |_| None).unwrap();
-        Dial::new(self.url().parse().unwrap(), &credentials).unwrap().way()
+        self.certificates.dial(&self.sandbox.url(), certificate, token).way()
     }
+}
+
+/// A program that says all it has to say.
+fn talkative(name: &str) -> Command {
+    let mut command = program(name);
+    command.env("RUST_LOG", "debug").env("EVOGAIT_LOG", "debug");
+    command
 }
 
 fn text(output: &Output) -> String {
@@ -131,17 +111,17 @@ fn code<T>(answer: Result<T, Status>) -> Code {
 async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_another_s_work() {
     let mut cluster = Cluster::new();
     let coordinator = cluster.coordinator();
-    let mut command = cluster.shown(cluster.program("worker"), "worker");
+    let mut command = cluster.shown(talkative("worker"), "worker");
     let mut worker = Started(command.args(["--slots", "2"]).stderr(cluster.log("worker.log")).spawn().unwrap());
 
     // The whole way of a small job, with the command line's own client.
-    let job = cluster.sandbox.path().join("job.toml");
+    let job = cluster.sandbox.file("job.toml");
     fs::write(&job, tiny_job(21, 2)).unwrap();
-    let mut command = cluster.program("evogait");
-    command.arg("run").arg(&job).arg("--out").arg(cluster.sandbox.path().join("out"));
+    let mut command = talkative("evogait");
+    command.arg("run").arg(&job).arg("--out").arg(cluster.sandbox.file("out"));
     let run = cluster.shown(command, "client").output().unwrap();
     assert!(run.status.success(), "{}", text(&run));
-    fs::write(cluster.sandbox.path().join("evogait.log"), &run.stderr).unwrap();
+    fs::write(cluster.sandbox.file("evogait.log"), &run.stderr).unwrap();
 
     let client = || cluster.dial(Some("client"), Some("client"));
     let listed = list(client()).await.unwrap();
@@ -181,7 +161,7 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     let plain = Dial::new(cluster.sandbox.url().parse().unwrap(), &Credentials::default()).unwrap();
     assert_ne!(code(list(plain.way()).await), Code::Ok);
     let other = Cluster::new();
-    let mut command = cluster.program("evogait");
+    let mut command = talkative("evogait");
     command.args(["list", "--coordinator", &cluster.url()]).env("EVOGAIT_CA", other.cert("ca.pem"));
     let output = command.env("EVOGAIT_TOKEN_FILE", cluster.cert("client.token")).output().unwrap();
     assert!(text(&output).contains("not signed by the CA that --ca names"), "{}", text(&output));
@@ -224,11 +204,10 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     assert_eq!(coordinator.terminate(), Some(0));
     // Nobody wrote a secret down.
     for log in ["coordinator.log", "worker.log", "evogait.log"] {
-        let text = fs::read_to_string(cluster.sandbox.path().join(log)).unwrap();
+        let text = fs::read_to_string(cluster.sandbox.file(log)).unwrap();
         assert!(!text.is_empty(), "{log} has something to say at level debug");
         for who in ["client", "worker", "admin"] {
-            let token = fs::read_to_string(cluster.cert(&format!("{who}.token"))).unwrap();
-            assert!(!text.contains(token.trim()), "the {who}'s token is in {log}");
+            assert!(!text.contains(&cluster.certificates.token(who)), "the {who}'s token is in {log}");
         }
     }
 }
@@ -244,7 +223,7 @@ fn hang_up(cluster: &Cluster, heard: &str) {
     let pids: Vec<String> = ours.collect();
     assert_eq!(pids.len(), 1, "one coordinator has these tokens");
     assert!(Command::new("kill").args(["-HUP", &pids[0]]).status().unwrap().success());
-    let (start, log) = (Instant::now(), cluster.sandbox.path().join("coordinator.log"));
+    let (start, log) = (Instant::now(), cluster.sandbox.file("coordinator.log"));
     while !fs::read_to_string(&log).unwrap().contains(heard) {
         assert!(start.elapsed() < PATIENCE, "SIGHUP was not heard");
         std::thread::sleep(Duration::from_millis(10));
@@ -255,7 +234,7 @@ fn hang_up(cluster: &Cluster, heard: &str) {
 fn plain_text_beyond_loopback_is_refused_on_both_sides() {
     let cluster = Cluster::new();
     let coordinator = |options: &[(&str, &str)]| {
-        let mut command = cluster.program("coordinator");
+        let mut command = talkative("coordinator");
         command.args(["--listen", "0.0.0.0:0", "--store", "memory:"]).env("RUST_LOG", "error");
         for (option, file) in options {
             command.arg(option).arg(cluster.cert(file));
@@ -278,11 +257,11 @@ fn plain_text_beyond_loopback_is_refused_on_both_sides() {
     assert!(coordinator(&[("--tls-cert", "tokens"), key]).contains("tokens holds no certificate in PEM"));
     assert!(coordinator(&[cert, key, ("--tokens", "nowhere")]).contains("can't read the tokens in"));
     let text_of_token = coordinator(&[cert, key, ("--tokens", "client.token")]);
-    let secret = fs::read_to_string(cluster.cert("client.token")).unwrap();
-    assert!(text_of_token.contains("line 1") && !text_of_token.contains(secret.trim()), "{text_of_token}");
+    let secret = cluster.certificates.token("client");
+    assert!(text_of_token.contains("line 1") && !text_of_token.contains(&secret), "{text_of_token}");
 
     for program in ["worker", "evogait"] {
-        let mut command = cluster.program(program);
+        let mut command = talkative(program);
         if program == "evogait" {
             command.arg("list");
         }
@@ -301,8 +280,6 @@ async fn workers_and_clients_go_on_with_the_coordinator_that_stands_in() {
     let url = sandbox.url();
     let second = free_port();
     let both = format!("{url},http://{second}");
-    let coordinator = sandbox.coordinator_command();
-    let program = |name: &str| Command::new(Path::new(coordinator.get_program()).with_file_name(name));
     let _worker = Started(program("worker").args(["--coordinator", &both, "--slots", "2"]).spawn().unwrap());
     let (job, out) = (sandbox.path().join("job.toml"), sandbox.path().join("out"));
     fs::write(&job, tiny_job(23, 6)).unwrap();

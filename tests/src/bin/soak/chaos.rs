@@ -3,9 +3,7 @@
 use crate::coordinators::Coordinators;
 use crate::random::Random;
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox};
-use proto::credentials::Credentials;
-use proto::dial::{Addresses, Dial};
+use cluster_tests::sandbox::{PATIENCE, Process};
 use proto::v1::ListWorkersRequest;
 use proto::v1::job_service_client::JobServiceClient;
 use std::time::{Duration, Instant};
@@ -14,8 +12,6 @@ const WORKERS: usize = 6;
 const EVERY: Duration = Duration::from_secs(2);
 /// What a worker is told to add to each candidate, so that jobs last without a core.
 const SLOW: &str = "slow@ms=60";
-/// A client finds within twice this that a coordinator hangs.
-const KEEPALIVE: Duration = Duration::from_secs(1);
 
 /// What is wrong with a worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,18 +52,11 @@ impl Chaos {
         let workers = (0..WORKERS)
             .map(|_| {
                 let network: Vec<Proxy> = coordinators.urls().iter().map(|url| Proxy::to(url)).collect();
-                Subject { process: worker(coordinators.sandbox(), &network), network, trouble: None }
+                Subject { process: worker(&coordinators, &network), network, trouble: None }
             })
             .collect();
         let now = Instant::now();
         Self { coordinators, workers, random: Random::new(seed), next: now + EVERY, start: now, tally: [0; 6] }
-    }
-
-    /// A way to whoever is at work.
-    pub fn dial(&self) -> Dial {
-        let addresses: Addresses = self.coordinators.urls().join(",").parse().expect("they have addresses");
-        let dial = Dial::new(addresses, &Credentials::default());
-        dial.expect("without TLS and token there is nothing to refuse").keepalive(KEEPALIVE)
     }
 
     pub fn tally(&self) -> String {
@@ -107,7 +96,7 @@ impl Chaos {
     }
 
     pub async fn assert_slots_are_free(&self) -> Result<(), String> {
-        let mut client = JobServiceClient::new(self.dial().way());
+        let mut client = JobServiceClient::new(self.coordinators.dial().way());
         let start = Instant::now();
         loop {
             // The first one that is asked may stand by.
@@ -172,9 +161,7 @@ impl Chaos {
         let Self { coordinators, workers, .. } = self;
         let subject = &mut workers[at];
         match subject.trouble.take() {
-            Some((Trouble::Killed | Trouble::Drains, _)) => {
-                subject.process = worker(coordinators.sandbox(), &subject.network)
-            }
+            Some((Trouble::Killed | Trouble::Drains, _)) => subject.process = worker(coordinators, &subject.network),
             Some((Trouble::Stopped, _)) => subject.process.signal("CONT"),
             Some((Trouble::Network, _)) => subject.everywhere(Proxy::heal),
             None => {}
@@ -186,7 +173,8 @@ impl Chaos {
     }
 }
 
-fn worker(sandbox: &Sandbox, network: &[Proxy]) -> Process {
+fn worker(coordinators: &Coordinators, network: &[Proxy]) -> Process {
     let urls: Vec<String> = network.iter().map(Proxy::url).collect();
-    Process::start(sandbox.worker_command(&urls.join(","), 1).args(["--grace", "1"]).env("EVOGAIT_FAULT", SLOW))
+    let mut command = coordinators.worker_command(&urls.join(","));
+    Process::start(command.args(["--grace", "1"]).env("EVOGAIT_FAULT", SLOW))
 }

@@ -1,12 +1,15 @@
 //! The coordinators: one on SQLite; on PostgreSQL two, of which one is at work and the other one stands by.
 
 use crate::random::Random;
+use cluster_tests::certificates::{Certificates, closed};
 use cluster_tests::postgres::{ask, beyond_a_network};
 use cluster_tests::proxy::{Direction, Proxy};
 use cluster_tests::sandbox::{Process, Sandbox};
+use proto::credentials::Credentials;
+use proto::dial::{Dial, Way};
 use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant};
-use tonic::transport::{Channel, Endpoint};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
@@ -21,6 +24,8 @@ const WITHIN: Duration = Duration::from_secs(60);
 const SETTLED: Duration = Duration::from_secs(10);
 /// A health check that takes longer finds nobody.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(1);
+/// How often a client looks whether a coordinator hangs.
+const KEEPALIVE: Duration = Duration::from_secs(1);
 /// The exit code of a coordinator that was replaced.
 const REPLACED: Option<i32> = Some(3);
 /// And of one that can't reach its database, and so does not know.
@@ -61,7 +66,7 @@ struct Seat {
     sandbox: Sandbox,
     /// The way to the database, if it is one.
     network: Option<Proxy>,
-    health: HealthClient<Channel>,
+    health: HealthClient<Way>,
     process: Option<Process>,
     trouble: Option<Trouble>,
 }
@@ -84,6 +89,8 @@ pub struct Coordinators {
     seats: Vec<Seat>,
     /// The PostgreSQL database, if it is one.
     database: Option<String>,
+    /// Where there are any, all connections are encrypted, and everybody shows a certificate and a token.
+    certificates: Option<Certificates>,
     /// Who is at work, if it is known.
     at_work: Option<usize>,
     /// Who was, when it was known last.
@@ -96,7 +103,7 @@ pub struct Coordinators {
 }
 
 impl Coordinators {
-    /// One coordinator on a file, or two on a PostgreSQL database.
+    /// One coordinator on a file, or two on a PostgreSQL database and behind closed doors.
     pub fn start(database: Option<String>, logs: &Path) -> Self {
         let sandboxes = match &database {
             Some(url) => [(); 2]
@@ -105,10 +112,13 @@ impl Coordinators {
                 .into(),
             None => vec![(Sandbox::new(), None)],
         };
+        let certificates = database.as_ref().map(|_| Certificates::make(&logs.join("certificates")));
+        let dial = |url: &str| dial(certificates.as_ref(), url);
         let now = Instant::now();
         let mut coordinators = Self {
-            seats: sandboxes.into_iter().map(|(sandbox, network)| Seat::new(sandbox, network, logs)).collect(),
+            seats: sandboxes.into_iter().map(|(sandbox, network)| Seat::new(sandbox, network, logs, dial)).collect(),
             database,
+            certificates,
             at_work: None,
             last: 0,
             nobody_since: now,
@@ -157,14 +167,23 @@ impl Coordinators {
         self.seats.len() == 1
     }
 
-    /// Of each of them.
+    /// Of each of them, as it would be with open doors.
     pub fn urls(&self) -> Vec<String> {
         self.seats.iter().map(|seat| seat.sandbox.url()).collect()
     }
 
-    /// Makes the workers' commands.
-    pub fn sandbox(&self) -> &Sandbox {
-        &self.seats[0].sandbox
+    /// A way to whoever is at work, for a client.
+    pub fn dial(&self) -> Dial {
+        dial(self.certificates.as_ref(), &self.urls().join(","))
+    }
+
+    /// A worker with one slot, with options still to be added.
+    pub fn worker_command(&self, addresses: &str) -> Command {
+        let sandbox = &self.seats[0].sandbox;
+        let Some(certificates) = &self.certificates else { return sandbox.worker_command(addresses, 1) };
+        let mut command = sandbox.worker_command(&closed(addresses), 1);
+        certificates.show(&mut command, "worker");
+        command
     }
 
     /// Repairs what was broken long enough, and breaks something if it is time.
@@ -316,9 +335,16 @@ impl Coordinators {
 
     /// Starts a coordinator; where there are two, as the one that waits for its turn.
     fn sit_down(&mut self, at: usize) {
-        let standby: &[&str] = if self.alone() { &[] } else { &["--standby", "--takeover-seconds", TAKEOVER_SECONDS] };
+        let alone = self.alone();
         let seat = &mut self.seats[at];
-        seat.process = Some(seat.sandbox.coordinator_with(standby));
+        let mut command = seat.sandbox.coordinator_command();
+        if !alone {
+            command.args(["--standby", "--takeover-seconds", TAKEOVER_SECONDS]);
+        }
+        if let Some(certificates) = &self.certificates {
+            certificates.close(&mut command);
+        }
+        seat.process = Some(seat.sandbox.start(command));
         seat.trouble = None;
     }
 
@@ -327,12 +353,21 @@ impl Coordinators {
     }
 }
 
+/// As a client, who finds within twice the time below that a coordinator hangs.
+fn dial(certificates: Option<&Certificates>, urls: &str) -> Dial {
+    let dial = match certificates {
+        Some(certificates) => certificates.dial(urls, Some("client"), Some("client")),
+        None => Dial::new(urls.parse().expect("they have addresses"), &Credentials::default())
+            .expect("without TLS and token there is nothing to refuse"),
+    };
+    dial.keepalive(KEEPALIVE)
+}
+
 impl Seat {
-    fn new(mut sandbox: Sandbox, network: Option<Proxy>, logs: &Path) -> Self {
+    fn new(mut sandbox: Sandbox, network: Option<Proxy>, logs: &Path, dial: impl Fn(&str) -> Dial) -> Self {
         sandbox.log_to(logs);
         sandbox.reserve_port();
-        let endpoint = Endpoint::from_shared(sandbox.url()).expect("an address is a URL");
-        Self { health: HealthClient::new(endpoint.connect_lazy()), sandbox, network, process: None, trouble: None }
+        Self { health: HealthClient::new(dial(&sandbox.url()).way()), sandbox, network, process: None, trouble: None }
     }
 
     /// The way to the database is free.

@@ -1,7 +1,8 @@
 //! Three jobs and six workers under a random kill, stop or bad network every two seconds, and a kill of the coordinator every
-//! twenty: all jobs end, with the bits of an undisturbed run, and nothing that was told is ever taken back. On PostgreSQL there
-//! is a second coordinator, which takes over when the one at work is killed, hangs or is cut off from the database; one that
-//! hung goes on later, what was under way arrives later, and both must change nothing.
+//! twenty: all jobs end, with the bits of an undisturbed run, and nothing that was told is ever taken back. On PostgreSQL all
+//! doors are closed (mutual TLS, tokens), and there is a second coordinator, which takes over when the one at work is killed,
+//! hangs or is cut off from the database; one that hung goes on later, what was under way arrives later, and both must change
+//! nothing.
 //!
 //! `tests/soak.sh` runs it. Ends with code 0 if all held; else says what did not, and leaves the logs of all processes.
 
@@ -52,7 +53,7 @@ fn job(number: u32) -> String {
 async fn soak(postgres: bool, time: Duration, seed: u64) -> Result<(), String> {
     let logs = std::env::temp_dir().join(format!("evogait-soak-{}", std::process::id()));
     std::fs::create_dir_all(&logs).map_err(|e| format!("{}: {e}", logs.display()))?;
-    let store = if postgres { "PostgreSQL, two coordinators" } else { "SQLite" };
+    let store = if postgres { "PostgreSQL, two coordinators, mutual TLS and tokens" } else { "SQLite" };
     println!("soak: {store}, {} s, seed {seed}; logs in {}", time.as_secs(), logs.display());
 
     let mut expected = Vec::new();
@@ -65,7 +66,7 @@ async fn soak(postgres: bool, time: Duration, seed: u64) -> Result<(), String> {
     let start = Instant::now();
     let mut chaos = Chaos::start(coordinators, seed);
     let follow = |number: u32| {
-        let (dial, expected) = (chaos.dial(), expected[number as usize].clone());
+        let (dial, expected) = (chaos.coordinators().dial(), expected[number as usize].clone());
         tokio::spawn(async move { follow(&dial, number, &job(number), &expected, start + time).await })
     };
     let mut followers: Vec<_> = (0..JOBS).map(follow).collect();
