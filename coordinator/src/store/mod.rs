@@ -106,16 +106,23 @@ impl Write {
         }
     }
 
-    /// Whose change it is; `None` if it is of no job.
-    pub fn job(&self) -> Option<&JobId> {
+    /// The job as it stands after it, if it has that in full.
+    fn record(&self) -> Option<&JobRecord> {
         match self {
             Self::Submit { record, .. }
             | Self::Seal { record, .. }
             | Self::Change { record, .. }
             | Self::Note { record }
-            | Self::Report { record, .. } => Some(&record.id),
+            | Self::Report { record, .. } => Some(record),
+            Self::Results { .. } | Self::Carry { .. } | Self::Quarantine(_) => None,
+        }
+    }
+
+    /// Whose change it is; `None` if it is of no job.
+    pub fn job(&self) -> Option<&JobId> {
+        match self {
             Self::Results { job, .. } | Self::Carry { to: job, .. } => Some(job),
-            Self::Quarantine(_) => None,
+            _ => self.record().map(|record| &record.id),
         }
     }
 }

@@ -5,6 +5,7 @@ use super::sql::{ResultRow, Row as _, Sql};
 use super::{Loaded, StoreError, StoredJob, StoredRange, StoredResult, Write};
 use crate::record::{JobId, JobRecord, JobState, ended};
 use proto::v1;
+use std::collections::BTreeSet;
 
 /// What can go wrong: the database, or what it holds.
 pub(super) enum Trouble {
@@ -28,7 +29,7 @@ impl From<StoreError> for Trouble {
 pub(super) async fn apply_all(sql: &mut impl Sql, writes: &[Write]) -> Result<(), sqlx::Error> {
     // Results that follow each other go in together: a database that is far away is asked once.
     let mut results = Vec::new();
-    for write in writes {
+    for (write, has_last_record) in writes.iter().zip(last_records(writes)) {
         if let Write::Results { job, round, ranges, finder } = write {
             results.extend(ranges.iter().map(|(first, outcomes)| ResultRow {
                 job: job.clone(),
@@ -41,12 +42,22 @@ pub(super) async fn apply_all(sql: &mut impl Sql, writes: &[Write]) -> Result<()
         if !results.is_empty() {
             sql.insert_results(std::mem::take(&mut results)).await?;
         }
-        apply(sql, write).await?;
+        apply(sql, write, has_last_record).await?;
     }
     if results.is_empty() { Ok(()) } else { sql.insert_results(results).await }
 }
 
-async fn apply(sql: &mut impl Sql, write: &Write) -> Result<(), sqlx::Error> {
+/// Of each write, whether no later one has its job's record, too: a record with many doubts is large, and changes with each
+/// answer.
+fn last_records(writes: &[Write]) -> Vec<bool> {
+    let mut seen = BTreeSet::new();
+    let mut last: Vec<bool> =
+        writes.iter().rev().map(|write| write.record().is_none_or(|r| seen.insert(&r.id))).collect();
+    last.reverse();
+    last
+}
+
+async fn apply(sql: &mut impl Sql, write: &Write, has_last_record: bool) -> Result<(), sqlx::Error> {
     match write {
         Write::Submit { record, toml, search, event } => {
             let values = vec![
@@ -89,10 +100,13 @@ async fn apply(sql: &mut impl Sql, write: &Write) -> Result<(), sqlx::Error> {
             insert_events(sql, &record.id, events).await
         }
         Write::Change { record, event } => {
-            update_record(sql, record).await?;
+            if has_last_record {
+                update_record(sql, record).await?;
+            }
             insert_events(sql, &record.id, std::slice::from_ref(event)).await
         }
-        Write::Note { record } => update_record(sql, record).await,
+        Write::Note { record } if has_last_record => update_record(sql, record).await,
+        Write::Note { .. } => Ok(()),
         Write::Carry { from, to, generations } => {
             let values = vec![to.into(), from.into(), (*generations).into()];
             let carry = "INSERT INTO generations (job, generation, statistics, scores)
@@ -222,4 +236,53 @@ pub(super) async fn result(sql: &mut impl Sql, id: &JobId) -> Result<StoredResul
     let report = sql.rows("SELECT report FROM reports WHERE job = $1", vec![id.into()]).await?.pop();
     let report = report.map(|row| row.bytes(0)).transpose()?.unwrap_or_default();
     Ok(StoredResult { history, report })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sql::Value;
+    use super::super::tests::{event, record, submit};
+    use super::*;
+    use crate::scheduler::Finder;
+    use sqlx::sqlite::SqliteRow;
+
+    /// Counts what it is told to change.
+    #[derive(Default)]
+    struct Counter(Vec<&'static str>);
+
+    impl Sql for Counter {
+        type Row = SqliteRow;
+
+        async fn run(&mut self, sql: &'static str, _: Vec<Value<'_>>) -> Result<u64, sqlx::Error> {
+            self.0.push(sql);
+            Ok(1)
+        }
+
+        async fn rows(&mut self, _: &'static str, _: Vec<Value<'_>>) -> Result<Vec<SqliteRow>, sqlx::Error> {
+            Ok(Vec::new())
+        }
+
+        async fn insert_results(&mut self, _: Vec<ResultRow>) -> Result<(), sqlx::Error> {
+            self.0.push("INSERT INTO results");
+            Ok(())
+        }
+    }
+
+    #[tokio::test]
+    async fn a_job_that_changes_often_in_a_commit_is_written_once() {
+        let (job, other) = (record(1), record(2));
+        let mut writes = vec![submit(&job), submit(&other), Write::Note { record: other.clone() }];
+        for sequence in 2..100 {
+            writes.push(Write::Change { record: job.clone(), event: event(sequence, JobState::Running) });
+            writes.push(Write::Note { record: job.clone() });
+            let results =
+                Write::Results { job: job.id.clone(), round: 0, ranges: Vec::new(), finder: Finder::default() };
+            writes.push(results);
+        }
+        let mut counter = Counter::default();
+        apply_all(&mut counter, &writes).await.unwrap();
+        let count = |what: &str| counter.0.iter().filter(|sql| sql.starts_with(what)).count();
+        assert_eq!(count("UPDATE jobs SET state"), 2, "each job");
+        assert_eq!(count("INSERT INTO events"), 2 + 98);
+    }
 }

@@ -216,6 +216,32 @@ on_every_store! {
         assert_eq!(store.events(&job.id, 0, 10).await.unwrap().len(), 1);
     }
 
+    async fn of_several_changes_in_a_commit_the_last_one_stands_and_all_are_told(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let (job, other) = (record(1), record(2));
+        let step = |n: u64| {
+            let record = JobRecord { last_event: n, paused: n.is_multiple_of(2), ..job.clone() };
+            Write::Change { record, event: event(n, JobState::Running) }
+        };
+        let note = Write::Note { record: JobRecord { last_event: 1, paused: true, ..job.clone() } };
+        let writes = vec![submit(&job), submit(&other), note, step(2), step(3), Write::Note { record: other.clone() }, step(4)];
+        store.commit(epoch, writes).await.unwrap();
+        let store = store.reopen().await;
+        let expected = JobRecord { last_event: 4, paused: true, ..job.clone() };
+        assert_eq!(store.job(&job.id).await.unwrap().unwrap().0, expected);
+        assert_eq!(store.events(&job.id, 0, 10).await.unwrap().len(), 4);
+
+        // However it ends, nothing of what it needed is left.
+        let epoch = store.start().await.unwrap().epoch;
+        let last = JobRecord { state: JobState::Cancelled, last_event: 5, ..job.clone() };
+        let cancel = Write::Change { record: last.clone(), event: event(5, JobState::Cancelled) };
+        store.commit(epoch, vec![cancel, Write::Note { record: last.clone() }]).await.unwrap();
+        let store = store.reopen().await;
+        let loaded = store.start().await.unwrap();
+        assert_eq!(loaded.ended, std::slice::from_ref(&job.id));
+        assert_eq!(loaded.active.len(), 1);
+    }
+
     async fn a_restart_takes_over_the_generations_before_it_and_no_others(store) {
         let epoch = store.start().await.unwrap().epoch;
         let (old, new) = (record(1), record(2));
