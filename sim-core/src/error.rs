@@ -130,9 +130,17 @@ pub enum Invalid {
 
 impl From<toml::de::Error> for Invalid {
     fn from(error: toml::de::Error) -> Self {
-        Self::Syntax { message: error.to_string().trim_end().to_owned() }
+        let message = error.to_string().trim_end().to_owned();
+        Self::Syntax { message: EXPECTED.iter().fold(message, |text, (rust, words)| text.replace(rust, words)) }
     }
 }
+
+/// What a parser says is allowed, and how to say it to somebody who writes no Rust.
+const EXPECTED: [(&str, &str); 3] = [
+    ("expected u32", "expected a whole number, 0 to 4294967295"),
+    ("expected u64", "expected a whole number from 0 on"),
+    ("expected f64", "expected a number"),
+];
 
 fn unit_suffix(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
