@@ -132,16 +132,19 @@ impl Drop for Proxy {
 }
 
 /// One connection, until a side ends it or it is cut.
-async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, mut weather: watch::Receiver<Weather>) {
+async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, weather: watch::Receiver<Weather>) {
     let cuts = weather.borrow().cuts;
     let Ok(far) = TcpStream::connect(&*upstream).await else { return };
     // Without it a small message would wait for the acknowledgement of the one before.
     let (Ok(()), Ok(())) = (near.set_nodelay(true), far.set_nodelay(true)) else { return };
     let ((near_read, near_write), (far_read, far_write)) = (near.into_split(), far.into_split());
+    let mut cut = weather.clone();
     tokio::select! {
+        // First: what stands still does not slip through when a connection is cut and the weather gets better at once.
+        biased;
+        _ = cut.wait_for(|weather| weather.cuts != cuts) => {}
         () = pass(near_read, far_write, weather.clone(), Direction::Up, connection) => {}
-        () = pass(far_read, near_write, weather.clone(), Direction::Down, connection) => {}
-        _ = weather.wait_for(|weather| weather.cuts != cuts) => {}
+        () = pass(far_read, near_write, weather, Direction::Down, connection) => {}
     }
 }
 
