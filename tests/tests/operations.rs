@@ -3,8 +3,8 @@
 use cluster_tests::openmetrics::{self, Series};
 use cluster_tests::proxy::{Direction, Proxy};
 use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, tiny_job};
-use proto::v1::WatchJobRequest;
 use proto::v1::job_service_client::JobServiceClient;
+use proto::v1::{Job, WatchJobRequest};
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::Stdio;
@@ -88,6 +88,64 @@ async fn what_is_done_and_not_yet_answered_is_not_handed_out_again() {
     let done = scrape(&metrics);
     assert_eq!(done["evogait_leases_ended_total{why=\"undelivered\"}"], 0.0, "{done:#?}");
     assert_eq!(done["evogait_workers_lost_total"], 0.0, "{done:#?}");
+}
+
+/// A worker with one slot that is told to be slow with the first of five candidates, with a job in hand.
+struct SlowWorker {
+    sandbox: Sandbox,
+    coordinator: Process,
+    way: Proxy,
+    worker: Process,
+    job: Job,
+    of_coordinator: String,
+    of_worker: String,
+}
+
+impl SlowWorker {
+    async fn at_work() -> Self {
+        let mut sandbox = Sandbox::new();
+        let (of_coordinator, of_worker) = (free_port(), free_port());
+        let coordinator = sandbox.coordinator_with(&["--metrics", &of_coordinator]);
+        let way = Proxy::to(&sandbox.url());
+        let mut command = sandbox.worker_command(&way.url(), 1);
+        command.args(["--metrics", &of_worker]).env("EVOGAIT_FAULT", "slow@ms=2000,candidate=0");
+        let worker = Process::start(&mut command);
+        until(&of_coordinator, |s| s["evogait_slots"] == 1.0);
+        let job = sandbox.submit("r", &tiny_job(38, 1)).await;
+        until(&of_worker, |s| s["evogait_worker_slots_busy"] == 1.0);
+        Self { sandbox, coordinator, way, worker, job, of_coordinator, of_worker }
+    }
+
+    /// Waits until the job has succeeded. Nothing was computed twice for that.
+    async fn computed_once(self) {
+        self.sandbox.result(&self.job.id).await;
+        let (taken, done) = (scrape(&self.of_coordinator), scrape(&self.of_worker));
+        assert_eq!(taken["evogait_evaluations_total"], 5.0);
+        let needed = 5.0 + taken["evogait_examinations_total"];
+        assert_eq!(done["evogait_worker_evaluations_total"], needed, "{done:#?}");
+        assert_eq!(self.worker.terminate(), Some(0));
+    }
+}
+
+#[tokio::test]
+async fn a_result_that_finds_nobody_is_delivered_when_the_coordinator_is_back() {
+    let mut slow = SlowWorker::at_work().await;
+    slow.coordinator.kill_9();
+    until(&slow.of_worker, |s| s["evogait_worker_delivery_retries_total"] >= 2.0);
+    slow.coordinator = slow.sandbox.coordinator_with(&["--metrics", &slow.of_coordinator]);
+    slow.computed_once().await;
+}
+
+#[tokio::test]
+async fn a_worker_computes_on_while_it_is_cut_off_and_delivers_late() {
+    let slow = SlowWorker::at_work().await;
+    slow.way.block(Direction::Up, true);
+    slow.way.block(Direction::Down, true);
+    until(&slow.of_coordinator, |s| s["evogait_leases_ended_total{why=\"lost\"}"] > 0.0);
+    until(&slow.of_worker, |s| s["evogait_worker_evaluations_total"] > 0.0);
+    assert_eq!(slow.sandbox.job(&slow.job.id).await.generations_done, 0);
+    slow.way.heal();
+    slow.computed_once().await;
 }
 
 #[tokio::test]
