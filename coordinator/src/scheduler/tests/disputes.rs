@@ -359,27 +359,42 @@ fn workers_that_are_all_on_one_machine_decide_among_themselves() {
     assert_eq!(rulings(&rig, &job), [Some(Ruling::Corrected)]);
 }
 
+/// A result of machine 1, its generation sealed or not, and a coordinator that was started again since.
+fn found_before_a_restart(sealed: bool, wrong: bool) -> (Rig, JobId, Given) {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 2, 3);
+    connect_at(&mut rig, "first", 1);
+    let given = rig.take().unwrap();
+    says(&mut rig, "first", &given, wrong);
+    if sealed {
+        let second = rig.take().unwrap();
+        rig.complete(second.completed(second.delivery()));
+    }
+    assert_eq!(rig.stored(&job).generations_done, u32::from(sealed));
+    rig.given.clear();
+    rig.restart(|_| 2);
+    (rig, job, given)
+}
+
 #[test]
 fn it_is_known_after_a_restart_on_which_machine_something_was_found() {
     for sealed in [false, true] {
-        let mut rig = Rig::new();
-        let job = rig.submit("a", 2, 3);
-        connect_at(&mut rig, "bad", 1);
-        let given = rig.take().unwrap();
-        says(&mut rig, "bad", &given, true);
-        if sealed {
-            let second = rig.take().unwrap();
-            rig.complete(second.completed(second.delivery()));
-        }
-        assert_eq!(rig.stored(&job).generations_done, u32::from(sealed));
-        rig.given.clear();
-        rig.restart(|_| 2);
+        let (mut rig, job, given) = found_before_a_restart(sealed, true);
         for (id, host) in [("good", 2), ("bad too", 1)] {
             connect_at(&mut rig, id, host);
         }
         says(&mut rig, "good", &given, false);
         says(&mut rig, "bad too", &given, true);
-        assert_eq!(rulings(&rig, &job), [None], "sealed: {sealed}");
+        assert_eq!(rulings(&rig, &job), [None], "one machine has no more weight; sealed: {sealed}");
+
+        let (mut rig, job, given) = found_before_a_restart(sealed, false);
+        for (id, host) in [("bad", 2), ("good", 3)] {
+            connect_at(&mut rig, id, host);
+        }
+        says(&mut rig, "bad", &given, true);
+        assert_eq!(rulings(&rig, &job), [None]);
+        says(&mut rig, "good", &given, false);
+        assert_eq!(rulings(&rig, &job), [Some(Ruling::Upheld)], "and no less; sealed: {sealed}");
     }
 }
 
