@@ -104,8 +104,7 @@ async fn preemption_costs_no_attempt_however_often_it_happens() {
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
         assert_eq!(leaves.terminate(), Some(0));
-        // Neither the grace time of a minute nor the work was waited for.
-        assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
+        assert!(start.elapsed() < Duration::from_secs(3), "{:?}", start.elapsed());
     }
     let _stays = sandbox.worker(1);
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(21, 2)).await);
@@ -118,10 +117,10 @@ async fn a_worker_whose_time_is_limited_is_gone_before_its_end() {
     let job = sandbox.submit("r", &cheap_job(22, 2)).await;
     let start = Instant::now();
     let mut limited = faulty(&sandbox, 1, "slow@ms=60000");
-    let mut limited = Process::start(limited.args(["--grace", "0.5", "--time-left", "0:10"]));
+    let mut limited = Process::start(limited.args(["--grace", "0.5", "--time-left", "0:07"]));
     busy(&sandbox, 1).await;
     assert_eq!(limited.wait(), Some(0));
-    assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(7), "{:?}", start.elapsed());
     let _stays = sandbox.worker(1);
     sandbox.result(&job.id).await;
 }
