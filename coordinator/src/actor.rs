@@ -96,6 +96,7 @@ pub(crate) enum Command {
     Expel {
         worker: WorkerId,
         session: SessionId,
+        reason: String,
     },
     Complete {
         completed: Completed,
@@ -286,7 +287,8 @@ impl Actor {
                 self.hang_up(&worker, session);
                 self.scheduler.disconnect(now, &worker, session);
             }
-            Command::Expel { worker, session } => {
+            Command::Expel { worker, session, reason } => {
+                tracing::warn!(%worker, reason, "worker expelled");
                 self.hang_up(&worker, session);
                 self.scheduler.expel(now, &worker, session);
             }

@@ -1,6 +1,8 @@
 //! A worker whose every word is chosen by the test: it speaks the protocol, and lies or fails when it is told to.
 
 use crate::sandbox::{PATIENCE, Sandbox};
+use proto::credentials::Credentials;
+use proto::dial::{Dial, Way};
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::complete_response::Verdict;
 use proto::v1::worker_service_client::WorkerServiceClient;
@@ -17,13 +19,12 @@ use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::UnboundedReceiverStream;
-use tonic::transport::{Channel, Endpoint};
 use tonic::{Status, Streaming};
 
 /// See the module. Its connection breaks when it is dropped.
 pub struct Scripted {
     id: String,
-    client: WorkerServiceClient<Channel>,
+    client: WorkerServiceClient<Way>,
     heard: Streaming<CoordinatorMessage>,
     /// What it was ever given: it says that it still works on it.
     given: Arc<Mutex<Vec<u64>>>,
@@ -45,17 +46,21 @@ const HEARTBEAT: Duration = Duration::from_millis(300);
 impl Scripted {
     /// Connects with one slot.
     pub async fn join(sandbox: &Sandbox, id: &str) -> Self {
-        Self::connect(sandbox, id, None).await.expect("it is let in")
+        Self::join_by(open(sandbox), id).await
+    }
+
+    /// The same at a door that may be closed.
+    pub async fn join_by(way: Way, id: &str) -> Self {
+        Self::connect(way, id, None).await.expect("it is let in")
     }
 
     /// Connects as a worker of another build, which has this engine and no other.
     pub async fn of_another_build(sandbox: &Sandbox, id: &str, engine: Digest) -> Result<Self, Status> {
-        Self::connect(sandbox, id, Some(engine)).await
+        Self::connect(open(sandbox), id, Some(engine)).await
     }
 
-    async fn connect(sandbox: &Sandbox, id: &str, other_build: Option<Digest>) -> Result<Self, Status> {
-        let channel = Endpoint::from_shared(sandbox.url()).expect("an address").connect().await.expect("it is there");
-        let mut client = WorkerServiceClient::new(channel);
+    async fn connect(way: Way, id: &str, other_build: Option<Digest>) -> Result<Self, Status> {
+        let mut client = WorkerServiceClient::new(way);
         let engines: Vec<Digest> = match other_build {
             Some(engine) => vec![engine],
             None => sim_core::engine_digests().into_iter().map(|(_, digest)| digest).collect(),
@@ -82,6 +87,16 @@ impl Scripted {
     pub async fn hears(&mut self) -> coordinator_message::Message {
         let next = tokio::time::timeout(PATIENCE, self.heard.message()).await.expect("it is told something");
         next.expect("the session stands").and_then(|m| m.message).expect("a message")
+    }
+
+    /// Listens until it is told no more, and why.
+    pub async fn is_refused(mut self) -> Status {
+        loop {
+            match tokio::time::timeout(PATIENCE, self.heard.message()).await.expect("the session ends") {
+                Ok(message) => drop(message.expect("a reason")),
+                Err(status) => return status,
+            }
+        }
     }
 
     /// The next evaluations it is given.
@@ -140,6 +155,10 @@ impl Scripted {
         };
         self.client.complete(request).await.expect("it is answered").into_inner().verdict()
     }
+}
+
+fn open(sandbox: &Sandbox) -> Way {
+    Dial::new(sandbox.url().parse().expect("an address"), &Credentials::default()).expect("no secrets").way()
 }
 
 async fn beat(said: UnboundedSender<WorkerMessage>, given: Arc<Mutex<Vec<u64>>>) {

@@ -2,6 +2,7 @@
 
 use cluster_tests::certificates::{Certificates, closed};
 use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, program, tiny_job};
+use cluster_tests::scripted::Scripted;
 use proto::credentials::Credentials;
 use proto::dial::{Dial, Way, reason};
 use proto::v1::job_event::Event;
@@ -66,6 +67,36 @@ impl Cluster {
         command.args(["--coordinator", &self.url()]);
         self.certificates.show(&mut command, who);
         command
+    }
+
+    /// Takes away all tokens but the admin's while the coordinator runs.
+    async fn forget_all_but_the_admin(&self) {
+        let tokens = fs::read_to_string(self.cert("tokens")).unwrap();
+        let left: String = tokens.lines().filter(|l| l.starts_with("admin")).map(|l| format!("{l}\n")).collect();
+        fs::write(self.cert("tokens"), left).unwrap();
+        let listening = format!("--tokens\0{}", self.cert("tokens").display());
+        let ours = fs::read_dir("/proc").unwrap().filter_map(|entry| {
+            let folder = entry.ok()?.path();
+            let line = fs::read_to_string(folder.join("cmdline")).ok()?;
+            line.contains(&listening).then(|| folder.file_name().unwrap_or_default().to_string_lossy().into_owned())
+        });
+        let pids: Vec<String> = ours.collect();
+        assert_eq!(pids.len(), 1, "one coordinator has these tokens");
+        assert!(Command::new("kill").args(["-HUP", &pids[0]]).status().unwrap().success());
+        self.heard("the tokens were read again", 1).await;
+    }
+
+    /// Waits until the coordinator's log has these words so often.
+    async fn heard(&self, words: &str, times: usize) {
+        let (start, log) = (Instant::now(), self.sandbox.file("coordinator.log"));
+        loop {
+            let found = fs::read_to_string(&log).unwrap().matches(words).count();
+            if found == times {
+                return;
+            }
+            assert!(start.elapsed() < PATIENCE, "the log has \"{words}\" {found} times, not {times}");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
     }
 
     fn dial(&self, certificate: Option<&str>, token: Option<&str>) -> Way {
@@ -173,10 +204,7 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     let mut watched = watch(client(), &id).await;
     let mut by_admin = watch(admin(), &id).await;
     while !matches!(watched.message().await.unwrap().unwrap().event, Some(Event::GenerationSealed(_))) {}
-    let tokens = fs::read_to_string(cluster.cert("tokens")).unwrap();
-    let without: String = tokens.lines().filter(|l| l.starts_with("admin")).map(|l| format!("{l}\n")).collect();
-    fs::write(cluster.cert("tokens"), without).unwrap();
-    hang_up(&cluster, "the tokens were read again");
+    cluster.forget_all_but_the_admin().await;
     assert_eq!(code(list(client()).await), Code::Unauthenticated);
     assert_eq!(code(list(admin()).await), Code::Ok);
     let end = tokio::time::timeout(PATIENCE, async {
@@ -198,6 +226,7 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     };
     assert_eq!(ended.code(), Some(1), "a worker without a token has no place");
     assert!(by_admin.message().await.unwrap().is_some(), "others stay");
+    cluster.heard("worker expelled", 1).await;
     let request = GetJobRequest { id: id.clone() };
     let answer = JobServiceClient::new(admin()).get_job(request).await.unwrap().into_inner();
     let (job, standing) = (answer.job.unwrap(), answer.standing.unwrap());
@@ -214,22 +243,35 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     }
 }
 
-/// Sends SIGHUP to the coordinator and waits until its log says that it was heard.
-fn hang_up(cluster: &Cluster, heard: &str) {
-    let listening = format!("--tokens\0{}", cluster.cert("tokens").display());
-    let ours = fs::read_dir("/proc").unwrap().filter_map(|entry| {
-        let folder = entry.ok()?.path();
-        let line = fs::read_to_string(folder.join("cmdline")).ok()?;
-        line.contains(&listening).then(|| folder.file_name().unwrap_or_default().to_string_lossy().into_owned())
-    });
-    let pids: Vec<String> = ours.collect();
-    assert_eq!(pids.len(), 1, "one coordinator has these tokens");
-    assert!(Command::new("kill").args(["-HUP", &pids[0]]).status().unwrap().success());
-    let (start, log) = (Instant::now(), cluster.sandbox.file("coordinator.log"));
-    while !fs::read_to_string(&log).unwrap().contains(heard) {
-        assert!(start.elapsed() < PATIENCE, "SIGHUP was not heard");
-        std::thread::sleep(Duration::from_millis(10));
+/// So many workers lose their token at once: whichever of them is heard to hang up first must not be taken for dead.
+const EXPELLED: usize = 20;
+
+#[tokio::test]
+async fn what_a_worker_without_a_token_held_goes_back_at_once_and_nothing_is_to_blame() {
+    let mut cluster = Cluster::new();
+    let _coordinator = cluster.coordinator();
+    let job = tiny_job(24, 1000).replace("particles = 5", &format!("particles = {EXPELLED}"));
+    let id = submit(cluster.dial(Some("client"), Some("client")), "r", job).await.unwrap();
+    let mut workers = Vec::new();
+    for i in 0..EXPELLED {
+        let way = cluster.dial(Some("worker"), Some("worker"));
+        workers.push(Scripted::join_by(way, &format!("w{i}")).await);
     }
+    workers[0].is_given().await;
+    let standing = async || {
+        let admin = cluster.dial(Some("client"), Some("admin"));
+        let answer = JobServiceClient::new(admin).get_job(GetJobRequest { id: id.clone() }).await.unwrap();
+        answer.into_inner().standing.unwrap()
+    };
+    assert!(standing().await.held_total > 0);
+    let refused: Vec<_> = workers.into_iter().map(|worker| tokio::spawn(worker.is_refused())).collect();
+    cluster.forget_all_but_the_admin().await;
+    for refused in refused {
+        assert_eq!(refused.await.unwrap().code(), Code::Unauthenticated);
+    }
+    cluster.heard("worker expelled", EXPELLED).await;
+    let standing = standing().await;
+    assert!(standing.held.is_empty() && standing.attempts.is_empty(), "back at once, and at no cost: {standing:?}");
 }
 
 #[test]

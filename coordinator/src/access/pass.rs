@@ -32,29 +32,42 @@ impl Pass {
         extensions.get::<Self>().cloned().unwrap_or_default()
     }
 
+    /// Why it is good no more. Who asks knows at once; [`Self::ended`] hears of it a moment later, one holder after another.
+    pub fn check(&self) -> Result<(), Status> {
+        self.0.as_ref().map_or(Ok(()), Held::check)
+    }
+
     /// Waits until it is good no more, and says why; for ever if that never happens.
     pub async fn ended(&mut self) -> Status {
-        let Some(Held { token, rule, path, tokens }) = &mut self.0 else { return pending().await };
+        let Some(held) = &mut self.0 else { return pending().await };
         loop {
-            let role = tokens.borrow_and_update().get(token).copied();
-            if let Err(status) = judge(role, *rule, path) {
+            held.tokens.mark_unchanged();
+            if let Err(status) = held.check() {
                 return status;
             }
-            if tokens.changed().await.is_err() {
+            if held.tokens.changed().await.is_err() {
                 return pending().await;
             }
         }
     }
 
     /// A stream that ends with this pass.
-    pub fn over<S>(mut self, stream: S) -> Passing<S> {
-        Passing { stream, ended: Some(Box::pin(async move { self.ended().await })) }
+    pub fn over<S>(self, stream: S) -> Passing<S> {
+        let mut waiting = self.clone();
+        Passing { stream, pass: self, ended: Some(Box::pin(async move { waiting.ended().await })) }
+    }
+}
+
+impl Held {
+    fn check(&self) -> Result<(), Status> {
+        judge(self.tokens.borrow().get(&self.token).copied(), self.rule, &self.path)
     }
 }
 
 /// A stream that ends when its [`Pass`] does, with the reason.
 pub(crate) struct Passing<S> {
     stream: S,
+    pass: Pass,
     /// `None` once it has.
     ended: Option<Pin<Box<dyn Future<Output = Status> + Send>>>,
 }
@@ -72,6 +85,11 @@ where
             return Poll::Ready(Some(Err(status)));
         }
         let next = ready!(Pin::new(&mut self.stream).poll_next(cx));
+        if next.is_none() {
+            self.ended = None;
+            // Who fills it may have heard first that the token is gone.
+            return Poll::Ready(self.pass.check().err().map(Err));
+        }
         Poll::Ready(next)
     }
 }
@@ -120,6 +138,21 @@ mod tests {
         write(NEW.to_owned());
         access.reload().unwrap();
         said.send(Ok(8)).unwrap();
+        assert_eq!(stream.next().await.unwrap().unwrap_err().code(), Code::Unauthenticated);
+        assert!(stream.next().await.is_none());
+    }
+
+    #[tokio::test]
+    async fn a_stream_whose_source_heard_first_that_the_token_is_gone_tells_why() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), OLD).unwrap();
+        let access = Access::read(file.path()).unwrap();
+        let pass = session(&access);
+        std::fs::write(file.path(), NEW).unwrap();
+        // The word is still on its way to this holder when the other one has already hung up.
+        let (stream, ended) = (tokio_stream::empty::<Result<u8, Status>>(), Some(Box::pin(pending()) as _));
+        let mut stream = Passing { stream, pass, ended };
+        access.reload().unwrap();
         assert_eq!(stream.next().await.unwrap().unwrap_err().code(), Code::Unauthenticated);
         assert!(stream.next().await.is_none());
     }

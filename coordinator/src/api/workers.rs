@@ -98,22 +98,26 @@ impl Api {
         let mut stop = self.stopping.clone();
         loop {
             let received = tokio::select! {
-                received = inbound.message() => Ok(received),
+                received = inbound.message() => match received {
+                    Ok(Some(message)) => Ok(Some(message)),
+                    // Without its token it hears no more, and hangs up: that must not be taken for a crash.
+                    Ok(None) | Err(_) => pass.check().map(|()| None),
+                },
                 status = pass.ended() => Err(status),
                 _ = stop.wait_for(|stop| *stop) => return,
             };
             let received = match received {
                 Ok(received) => received,
                 Err(status) => {
-                    tracing::warn!(%worker, reason = status.message(), "a session is closed");
+                    let reason = status.message().to_owned();
                     // If the actor has gone there is nothing to take back.
-                    let _ = self.commands.send(Command::Expel { worker, session }).await;
+                    let _ = self.commands.send(Command::Expel { worker, session, reason }).await;
                     return;
                 }
             };
             let worker = worker.clone();
             let command = match received {
-                Ok(Some(WorkerMessage { message: Some(message) })) => match message {
+                Some(WorkerMessage { message: Some(message) }) => match message {
                     worker_message::Message::Heartbeat(Heartbeat { running: named, progress: told })
                         if named.len().max(told.len()) > MAX_RUNNING =>
                     {
@@ -142,8 +146,8 @@ impl Api {
                     worker_message::Message::Hello(_) => continue,
                 },
                 // A message of a later version.
-                Ok(Some(WorkerMessage { message: None })) => continue,
-                Ok(None) | Err(_) => {
+                Some(WorkerMessage { message: None }) => continue,
+                None => {
                     let _ = self.commands.send(Command::Disconnect { worker, session }).await;
                     return;
                 }
