@@ -90,7 +90,7 @@ impl Scripted {
     }
 
     /// Listens until it is told no more, and why.
-    pub async fn is_refused(mut self) -> Status {
+    pub async fn is_refused(&mut self) -> Status {
         loop {
             match tokio::time::timeout(PATIENCE, self.heard.message()).await.expect("the session ends") {
                 Ok(message) => drop(message.expect("a reason")),
