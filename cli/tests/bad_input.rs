@@ -238,6 +238,7 @@ fn wrong_usage() {
         failure(path, 2, &["run", "job.toml", "--workers", "0"]),
         failure(path, 2, &["run", "job.toml", "--seed", "-1"]),
         failure(path, 2, &["run", "job.toml", "--seed", "9223372036854775808"]),
+        failure(path, 2, &["evaluate", "job.toml", "--generation", "first"]),
         failure(path, 2, &["run", "job.toml", "--workers", "2", "--coordinator", "http://127.0.0.1:1"]),
         failure(path, 2, &["list", "--coordinator", "127.0.0.1:7077"]),
         failure(path, 2, &["list", "--coordinator", "https://127.0.0.1:7077"]),

@@ -49,12 +49,12 @@ struct Arguments {
     standby: bool,
 
     /// Out of touch with a PostgreSQL store for this long, this coordinator stops and another one may take over
-    #[arg(long, value_name = "SECONDS", default_value_t = 5.0)]
-    takeover_seconds: f64,
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "5")]
+    takeover_seconds: Duration,
 
     /// Without a sign of life for this long, a worker's work goes to others
-    #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
-    lease_seconds: f64,
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "15")]
+    lease_seconds: Duration,
 
     /// Certificate to encrypt connections with, PEM [default: $EVOGAIT_TLS_CERT]
     #[arg(long, value_name = "FILE")]
@@ -91,6 +91,12 @@ struct Arguments {
 
 fn store_url(text: &str) -> Result<Result<StoreUrl, BadStoreUrl>, Infallible> {
     Ok(text.parse())
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it is no number of seconds".to_owned())?;
+    // What is no duration is out of range, too.
+    Ok(Duration::try_from_secs_f64(seconds).unwrap_or_default())
 }
 
 /// The exit code when another coordinator has taken the store over.
@@ -157,9 +163,6 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         telemetry,
     } = arguments;
     let keda = keda.map(|addr| telemetry::Bind { addr, beyond_loopback: keda_insecure_bind });
-    // What is no duration is out of range, too.
-    let seconds = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or_default();
-    let (lease, takeover) = (seconds(lease_seconds), seconds(takeover_seconds));
     let signals = |kind| signal(kind).map_err(|e| Error::Server(format!("signals can't be received: {e}")));
     let (mut interrupt, mut terminate) = (signals(SignalKind::interrupt())?, signals(SignalKind::terminate())?);
     let mut hang_up = signals(SignalKind::hangup())?;
@@ -169,8 +172,8 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         listen,
         store: store?,
         standby,
-        takeover,
-        lease,
+        takeover: takeover_seconds,
+        lease: lease_seconds,
         tls,
         access: access.clone(),
         insecure_bind,

@@ -283,4 +283,6 @@ fn a_coordinator_that_can_not_start_says_why_in_one_sentence() {
     assert!(code == Some(1) && text.contains("there is no folder /nowhere/at"), "{text}");
     let (code, text) = again(&["--listen", "127.0.0.1:0", "--store", "memory:", "--lease-seconds", "NaN"]);
     assert!(code == Some(1) && text.contains("out of range"), "{text}");
+    let (code, text) = again(&["--lease-seconds", "soon"]);
+    assert!(code == Some(2) && text.contains("'--lease-seconds <SECONDS>': it is no number of seconds"), "{text}");
 }

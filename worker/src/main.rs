@@ -4,6 +4,7 @@ mod time_left;
 
 use clap::Parser;
 use proto::credentials::{Credentials, Sources};
+use proto::limits::MAX_SLOTS;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -53,7 +54,7 @@ struct Arguments {
     token_file: Option<PathBuf>,
 
     /// Evaluations at once [default: one a core]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = slots)]
     slots: Option<usize>,
 
     /// How people will see it in `evogait` [default: host and process]
@@ -80,6 +81,10 @@ struct Arguments {
     /// How often an idle connection is checked, and how long the coordinator has to answer
     #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
     keepalive: Duration,
+}
+
+fn slots(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| format!("whole numbers from 1 to {MAX_SLOTS} are allowed"))
 }
 
 #[tokio::main(worker_threads = 2)]

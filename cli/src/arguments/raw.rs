@@ -3,6 +3,7 @@
 mod bench;
 mod coordinator;
 mod job;
+mod number;
 
 pub use bench::{
     Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchFitness, BenchFleet, BenchPlan, BenchReuse,

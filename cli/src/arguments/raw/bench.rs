@@ -4,9 +4,11 @@ mod fleet;
 
 pub use fleet::BenchFleet;
 
+use super::number::{duration, seed, tolerance, whole};
 use super::{JobFile, RobotScale};
 use crate::setting::Setting;
 use clap::{Args, Subcommand, ValueEnum};
+use sim_core::limits::{MAX_REPEATS, MAX_VARIANTS};
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -179,24 +181,6 @@ pub struct Subject {
     pub scale: RobotScale,
 }
 
-/// Seeds are those of jobs.
-fn seed() -> clap::builder::RangedU64ValueParser {
-    clap::value_parser!(u64).range(0..=i64::MAX as u64)
-}
-
-/// How long a gait lasts, s.
-fn duration(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "it is not a number of seconds".to_owned())?;
-    let ticks = seconds / sim_core::control::TICK;
-    if !(0.1..=sim_core::limits::MAX_DURATION).contains(&seconds) {
-        Err(format!("allowed is 0.1 to {} s", sim_core::limits::MAX_DURATION))
-    } else if (ticks - ticks.round()).abs() > 1e-6 {
-        Err("it must be a multiple of 0.005 s".to_owned())
-    } else {
-        Ok(seconds)
-    }
-}
-
 #[derive(Debug, Args)]
 pub struct BenchRollout {
     #[command(flatten)]
@@ -207,7 +191,7 @@ pub struct BenchRollout {
     pub settings: Vec<Setting>,
 
     /// Random gaits
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = whole(1..=100_000))]
     pub gaits: u32,
 
     /// How long each is applied, s
@@ -229,7 +213,7 @@ pub struct BenchEvaluate {
     pub file: JobFile,
 
     /// How many
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=1_000_000))]
     pub evaluations: u32,
 
     /// Print JSON
@@ -256,11 +240,11 @@ pub struct BenchFidelity {
     pub reference: Option<Setting>,
 
     /// Random gaits
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole(0..=10_000))]
     pub random: u32,
 
     /// Evolved gaits
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole(0..=10_000))]
     pub evolved: u32,
 
     /// Take robot, physics, gait duration and evolved gaits from this run's folder
@@ -276,7 +260,7 @@ pub struct BenchFidelity {
     pub seed: u64,
 
     /// Gaits at once; speeds are truest with 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1..=1024))]
     pub threads: u32,
 
     /// Write tables and picture to this folder
@@ -298,11 +282,11 @@ pub struct BenchPlan {
     pub file: JobFile,
 
     /// Iterations of the largest tree
-    #[arg(long, value_name = "K", default_value_t = 12_800, value_parser = clap::value_parser!(u32).range(100..=100_000))]
+    #[arg(long, value_name = "K", default_value_t = 12_800, value_parser = whole(100..=100_000))]
     pub iterations: u32,
 
     /// Candidates to choose from
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=10_000))]
     pub candidates: u32,
 
     /// Print JSON
@@ -316,19 +300,19 @@ pub struct BenchDispatch {
     pub file: JobFile,
 
     /// Numbers of slots [default: 1, 2, 4, … up to the number of cores]
-    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = whole(1..=1024))]
     pub slots: Vec<u32>,
 
     /// Evaluations of the job
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole(1..=10_000))]
     pub evaluations: u32,
 
     /// Evaluations of the job with reuse_tolerance = 0, which take far longer; 0 leaves it out
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(0..=10_000))]
     pub plain: u32,
 
     /// Evaluations of almost no work; 0 leaves them out
-    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = whole(0..=10_000))]
     pub trivial: u32,
 
     /// Measure this one line, in this process
@@ -363,11 +347,11 @@ pub struct BenchReuse {
     pub environments: Vec<String>,
 
     /// Genomes
-    #[arg(long, value_name = "G", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    #[arg(long, value_name = "G", default_value_t = 100, value_parser = whole(2..=10_000))]
     pub genomes: u32,
 
     /// Generations of the evolution that half of them are from
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = whole(2..=10_000))]
     pub generations: u32,
 
     /// Tolerances to compare besides the job's
@@ -375,15 +359,15 @@ pub struct BenchReuse {
     pub tolerances: Vec<f64>,
 
     /// Numbers of variants to compare at each tolerance
-    #[arg(long, value_name = "V,…", value_delimiter = ',', default_value = "1,4", value_parser = variants())]
+    #[arg(long, value_name = "V,…", value_delimiter = ',', default_value = "1,4", value_parser = whole(1..=MAX_VARIANTS))]
     pub variants: Vec<u32>,
 
     /// Other draws of random streams, with the job's own reuse
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = whole(0..=1000))]
     pub seeds: u32,
 
     /// Numbers of trees an evaluation, which share a table
-    #[arg(long, value_name = "R,…", value_delimiter = ',', default_value = "1,3,5", value_parser = repeats())]
+    #[arg(long, value_name = "R,…", value_delimiter = ',', default_value = "1,3,5", value_parser = whole(1..=MAX_REPEATS))]
     pub repeats: Vec<u32>,
 
     /// Replace how long each gait is applied, s: plain evaluations take long
@@ -391,7 +375,7 @@ pub struct BenchReuse {
     pub gait_seconds: Option<f64>,
 
     /// Evaluations at once [default: number of cores]; the result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1024))]
     pub threads: Option<u32>,
 
     /// Write tables and pictures to this folder
@@ -438,19 +422,19 @@ pub struct BenchFitness {
     pub reference: Option<Setting>,
 
     /// Genomes of all ages
-    #[arg(long, value_name = "G", default_value_t = 100, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    #[arg(long, value_name = "G", default_value_t = 100, value_parser = whole(0..=10_000))]
     pub genomes: u32,
 
     /// Trees that each is scored on
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = whole(1..=1000))]
     pub seeds: u32,
 
     /// Generations of the evolution that they are from
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole(2..=10_000))]
     pub generations: u32,
 
     /// Evaluations at once [default: number of cores]; only times depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1024))]
     pub threads: Option<u32>,
 
     /// Write tables and picture to this folder
@@ -473,7 +457,7 @@ pub struct BenchSoundness {
     pub scale: RobotScale,
 
     /// Rollouts, 64 a robot
-    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = whole(1..=100_000_000))]
     pub rollouts: u32,
 
     /// How long each is, s
@@ -485,26 +469,12 @@ pub struct BenchSoundness {
     pub seed: u64,
 
     /// Robots at once [default: number of cores]; the result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1024))]
     pub threads: Option<u32>,
 
     /// Print JSON
     #[arg(long, display_order = 99)]
     pub json: bool,
-}
-
-/// As `planner.reuse_tolerance`.
-fn tolerance(text: &str) -> Result<f64, String> {
-    let tolerance: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
-    if (0.0..=1.0).contains(&tolerance) { Ok(tolerance) } else { Err("allowed is 0 to 1 rad".to_owned()) }
-}
-
-fn variants() -> clap::builder::RangedI64ValueParser<u32> {
-    clap::value_parser!(u32).range(1..=i64::from(sim_core::limits::MAX_VARIANTS))
-}
-
-fn repeats() -> clap::builder::RangedI64ValueParser<u32> {
-    clap::value_parser!(u32).range(1..=i64::from(sim_core::limits::MAX_REPEATS))
 }
 
 /// What is dispatched.

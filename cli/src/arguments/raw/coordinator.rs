@@ -1,6 +1,7 @@
 //! Options of the commands that talk to a coordinator, or make the certificates for that.
 
 use super::JobFile;
+use super::number::whole;
 use crate::certs::Host;
 use clap::{Args, Subcommand};
 use std::net::SocketAddr;
@@ -70,7 +71,7 @@ pub struct Submit {
     pub file: JobFile,
 
     /// Share of the workers relative to other jobs, 1 to 100 [default: 10]
-    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long, value_name = "P", value_parser = whole(1..=100))]
     pub priority: Option<u32>,
 
     /// Start anew even if the coordinator knows this job, as after a cancel
@@ -102,7 +103,7 @@ pub struct List {
     pub state: Vec<State>,
 
     /// At most so many [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub limit: Option<u32>,
 
     #[command(flatten)]
@@ -122,7 +123,7 @@ pub struct Show {
 #[derive(Debug, Args)]
 pub struct Restart {
     /// The first generation to be done again [default: where the job was tainted]
-    #[arg(long, value_name = "G")]
+    #[arg(long, value_name = "G", value_parser = whole(0..=u32::MAX))]
     pub from_generation: Option<u32>,
 
     /// Start anew even if the job was restarted from there before
@@ -178,6 +179,6 @@ pub struct CertsFolder {
     pub hosts: Vec<Host>,
 
     /// Days that the certificates are valid
-    #[arg(long, value_name = "DAYS", default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=3650))]
+    #[arg(long, value_name = "DAYS", default_value_t = 365, value_parser = whole(1..=3650))]
     pub days: u32,
 }

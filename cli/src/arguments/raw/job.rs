@@ -1,5 +1,6 @@
 //! Options of the commands about a job, its result and what it is made of.
 
+use super::number::{seed, whole};
 use super::{OnCoordinator, Shown};
 use clap::{Args, Subcommand};
 use sim_core::job::Scale;
@@ -13,7 +14,7 @@ pub struct JobFile {
     pub job: String,
 
     /// Replace the job's seed, 0 to 2⁶³ − 1
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seed())]
     pub seed: Option<u64>,
 }
 
@@ -27,7 +28,7 @@ pub struct Run {
     pub out: Option<PathBuf>,
 
     /// Evaluations at once [default: number of cores]; the result does not depend on it
-    #[arg(long, value_name = "N", conflicts_with = "coordinator", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", conflicts_with = "coordinator", value_parser = whole(1..=1024))]
     pub workers: Option<u32>,
 
     /// Run on this coordinator's workers instead of this machine
@@ -49,11 +50,11 @@ pub struct Evaluate {
     pub job: String,
 
     /// The candidate's generation, which its random numbers depend on [default: 0]
-    #[arg(long, value_name = "G")]
+    #[arg(long, value_name = "G", value_parser = whole(0..=u32::MAX))]
     pub generation: Option<u32>,
 
     /// Its index in the generation, likewise [default: 0]
-    #[arg(long, value_name = "C")]
+    #[arg(long, value_name = "C", value_parser = whole(0..=u32::MAX))]
     pub candidate: Option<u32>,
 
     /// Its parameters: numbers with commas between them
@@ -101,7 +102,7 @@ impl From<Question> for sim_core::finish::Question {
 #[group(id = "what", required = true, multiple = false)]
 pub struct ReplayWhat {
     /// This gait, counted from 1, from the settled start
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub gait: Option<u32>,
 
     /// The best path of the tree

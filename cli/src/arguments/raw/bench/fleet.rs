@@ -1,6 +1,6 @@
 //! `evogait bench fleet` as it is typed.
 
-use super::JobFile;
+use super::{JobFile, whole};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -36,19 +36,19 @@ pub struct BenchFleet {
     pub file: JobFile,
 
     /// Numbers of light workers
-    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "10,100,1000,5000", value_parser = clap::value_parser!(u32).range(1..=8000))]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "10,100,1000,5000", value_parser = whole(1..=8000))]
     pub workers: Vec<u32>,
 
     /// Numbers of jobs side by side
-    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,20,100", value_parser = clap::value_parser!(u32).range(0..=1000))]
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,20,100", value_parser = whole(0..=1000))]
     pub jobs: Vec<u32>,
 
     /// Slots of a worker
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1..=1024))]
     pub slots: u32,
 
     /// Candidates of a generation
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = whole(1..=10_000))]
     pub population: u32,
 
     /// Median time of an evaluation, s; 0: none takes any
@@ -72,11 +72,11 @@ pub struct BenchFleet {
     pub fail: f64,
 
     /// What is measured of a line, s
-    #[arg(long, value_name = "S", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=3600))]
+    #[arg(long, value_name = "S", default_value_t = 30, value_parser = whole(1..=3600))]
     pub seconds: u32,
 
     /// What goes before it, s: costs become known, jobs get out of step
-    #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=3600))]
+    #[arg(long, value_name = "S", default_value_t = 10, value_parser = whole(0..=3600))]
     pub warm_up: u32,
 
     /// Be the coordinator that is measured, with its store in this folder

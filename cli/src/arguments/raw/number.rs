@@ -1,0 +1,44 @@
+//! Numbers as they are typed. Whatever is wrong with one, the error tells what is allowed.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
+
+/// A whole number in this range.
+pub fn whole(allowed: RangeInclusive<u32>) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync {
+    among(allowed)
+}
+
+/// Seeds are those of jobs.
+pub fn seed() -> impl Fn(&str) -> Result<u64, String> + Clone + Send + Sync {
+    among(0..=i64::MAX as u64)
+}
+
+fn among<T>(allowed: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync
+where
+    T: FromStr + PartialOrd + Display + Clone + Send + Sync,
+{
+    move |typed| {
+        let number = typed.parse().ok().filter(|number| allowed.contains(number));
+        number.ok_or_else(|| format!("whole numbers from {} to {} are allowed", allowed.start(), allowed.end()))
+    }
+}
+
+/// How long a gait lasts, s.
+pub fn duration(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it is not a number of seconds".to_owned())?;
+    let ticks = seconds / sim_core::control::TICK;
+    if !(0.1..=sim_core::limits::MAX_DURATION).contains(&seconds) {
+        Err(format!("allowed is 0.1 to {} s", sim_core::limits::MAX_DURATION))
+    } else if (ticks - ticks.round()).abs() > 1e-6 {
+        Err("it must be a multiple of 0.005 s".to_owned())
+    } else {
+        Ok(seconds)
+    }
+}
+
+/// As `planner.reuse_tolerance`.
+pub fn tolerance(text: &str) -> Result<f64, String> {
+    let tolerance: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
+    if (0.0..=1.0).contains(&tolerance) { Ok(tolerance) } else { Err("allowed is 0 to 1 rad".to_owned()) }
+}
