@@ -7,7 +7,8 @@ use sim_core::environment::Environment;
 use sim_core::error::Invalid;
 use sim_core::job::{Job, JobSpec, Reference};
 use sim_core::limits;
-use sim_core::robot::{RobotSpec, exchange};
+use sim_core::robot::RobotSpec;
+use sim_core::robot::exchange::{self, Import};
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -33,7 +34,8 @@ pub fn job(file: &JobFile) -> Result<Job, Error> {
     let mut environment_label = source.label.clone();
     if let Reference::Named(name) = &spec.robot {
         let found = follow("robot", name, catalogue::robots(), &source)?;
-        spec.robot = Reference::Inline(Box::new(parse(&found, robot_spec)?));
+        let import = parse(&found, |text| robot_spec(text, &found.label, 1.0))?;
+        spec.robot = Reference::Inline(Box::new(import.robot));
         robot_label = found.label;
     }
     if let Reference::Named(name) = &spec.environment {
@@ -65,17 +67,37 @@ pub fn environment(name: &str) -> Result<(Environment, String), Error> {
     Ok((environment, source.label))
 }
 
-/// Reads a robot: a path, or the name of one that ships. Also tells how to call it in messages.
-pub fn robot(name: &str) -> Result<(RobotSpec, String), Error> {
+/// A robot with what its file is called in messages.
+pub struct RobotFile {
+    /// The robot.
+    pub spec: RobotSpec,
+    /// The file, or what ships under a name.
+    pub label: String,
+    /// What an import says of itself.
+    pub notes: Vec<String>,
+}
+
+/// Reads a robot: a path, or the name of one that ships. `unit`: the length in the file that becomes 1 mu.
+pub fn robot(name: &str, unit: Option<f64>) -> Result<RobotFile, Error> {
     let source = find("robot", name, catalogue::robots(), None)?;
-    let spec = parse(&source, robot_spec)?;
-    Ok((spec, source.label))
+    let Import { robot, notes } = parse(&source, |text| robot_spec(text, &source.label, unit.unwrap_or(1.0)))?;
+    if unit.is_some() && robot.bodies.is_empty() {
+        let message = format!("--unit: {} is made of modules, which have the size of their kind", source.label);
+        return Err(Error::Usage { message });
+    }
+    Ok(RobotFile { spec: robot, label: source.label, notes })
 }
 
 /// A robot file; MJCF and URDF begin with "<", which no TOML does.
-fn robot_spec(text: &str) -> Result<RobotSpec, Invalid> {
+fn robot_spec(text: &str, label: &str, unit: f64) -> Result<Import, Invalid> {
     let text = text.trim_start_matches('\u{feff}');
-    if text.trim_start().starts_with('<') { exchange::read(text) } else { Ok(toml::from_str(text)?) }
+    let xml = [".xml", ".mjcf", ".urdf"].iter().any(|ending| label.to_ascii_lowercase().ends_with(ending));
+    if xml || text.trim_start().starts_with('<') {
+        return exchange::read_in(text, unit);
+    }
+    let robot: RobotSpec = toml::from_str(text)?;
+    let robot = if unit == 1.0 { robot } else { robot.in_units_of(unit) };
+    Ok(Import { robot, notes: Vec::new() })
 }
 
 fn parse<T>(source: &Source, read: impl Fn(&str) -> Result<T, Invalid>) -> Result<T, Error> {
@@ -109,6 +131,7 @@ fn part(invalid: &Invalid) -> Part {
         | Invalid::Duplicate { field, .. }
         | Invalid::Name { field, .. }
         | Invalid::Conflict { field, .. } => of_field(field),
+        Invalid::Several(all) => all.first().map_or(Part::Job, part),
         Invalid::Syntax { .. } => Part::Job,
     }
 }

@@ -118,6 +118,9 @@ pub enum Invalid {
         /// Why not, and what is allowed.
         reason: String,
     },
+    /// Several of these, of one file.
+    #[error("{}", Several(.0))]
+    Several(Vec<Invalid>),
     /// Two settings that can't stand together, or one that needs another.
     #[error("{field}: {reason}")]
     Conflict {
@@ -141,6 +144,34 @@ const EXPECTED: [(&str, &str); 3] = [
     ("expected u64", "expected a whole number from 0 on"),
     ("expected f64", "expected a number"),
 ];
+
+impl Invalid {
+    /// Nothing, the one fault, or all of them.
+    ///
+    /// # Errors
+    /// If there is one.
+    pub fn all(mut faults: Vec<Invalid>) -> Result<(), Invalid> {
+        match faults.len() {
+            0 => Ok(()),
+            1 => Err(faults.swap_remove(0)),
+            _ => Err(Invalid::Several(faults)),
+        }
+    }
+}
+
+struct Several<'a>(&'a [Invalid]);
+
+impl fmt::Display for Several<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let most = crate::limits::MAX_FAULTS;
+        write!(f, "{} faults", self.0.len())?;
+        self.0.iter().take(most).try_for_each(|fault| write!(f, "\n  {fault}"))?;
+        match self.0.len().checked_sub(most) {
+            Some(more @ 1..) => write!(f, "\n  and {more} more: at most {most} are listed"),
+            _ => Ok(()),
+        }
+    }
+}
 
 fn unit_suffix(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }

@@ -14,6 +14,8 @@ pub const MAX_BODIES: usize = 64;
 pub const MAX_SHAPES: usize = 256;
 /// Deepest nesting of elements in a robot's XML.
 pub const MAX_XML_DEPTH: usize = 128;
+/// Most faults of a file that are listed at once.
+pub const MAX_FAULTS: usize = 10;
 /// Most obstacles, and most pieces of terrain, of an environment.
 pub const MAX_BOXES: usize = 256;
 /// Most gaits of a candidate, k.

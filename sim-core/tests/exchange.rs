@@ -3,11 +3,17 @@
 use proptest::prelude::*;
 use sim_core::catalogue;
 use sim_core::control::Targets;
+use sim_core::error::Invalid;
 use sim_core::job::{EngineKind, Job, JobSpec, Reference, Scale};
 use sim_core::math::{Vector, angle_between};
-use sim_core::robot::exchange::{Format, read};
+use sim_core::robot::exchange::{self, Format};
 use sim_core::robot::{Robot, RobotSpec};
 use sim_core::rollout::{Outcome, Physics, Request, engine, settle};
+
+/// Reads a robot without its notes.
+fn read(text: &str) -> Result<RobotSpec, Invalid> {
+    Ok(exchange::read(text)?.robot)
+}
 
 fn physics() -> Physics {
     Physics::of_scale(Scale::Paper)
@@ -253,7 +259,7 @@ const HINGE: &str = r#"<joint name="j" axis="0 0 1" range="-1.5708 1.5708"/>"#;
 const GEOM: &str = r#"<geom type="box" size=".1 .1 .1"/>"#;
 
 #[test]
-fn what_can_not_be_had_is_refused_by_name() {
+fn foreign_content_is_refused_by_line_and_reason() {
     let sound = format!("{HINGE}{GEOM}");
     Robot::compile(&read(&mjcf(&sound, "")).unwrap()).unwrap();
     let in_body = |more: &str| mjcf(more, "");
@@ -289,7 +295,8 @@ fn what_can_not_be_had_is_refused_by_name() {
         ("several parts", section("<include file=\"x.xml\"/>")),
         ("a loop", section("<equality><connect body1=\"a\" body2=\"b\"/></equality>")),
         ("a tendon", section("<tendon><spatial name=\"t\"/></tendon>")),
-        ("an unknown section", section("<deformable/>")),
+        ("an unknown section", section("<deformables/>")),
+        ("something soft", section("<deformable><flex/></deformable>")),
         ("a composite", in_body(&format!("{sound}<composite/>"))),
         ("an obstacle", section("<worldbody><geom name=\"wall\" type=\"box\" size=\"1 1 1\"/></worldbody>")),
         ("a slope", section("<worldbody><geom type=\"plane\" euler=\"0.1 0 0\"/></worldbody>")),

@@ -160,8 +160,8 @@ fn robot(bytes: &[u8]) {
 /// MJCF and URDF.
 fn exchanged(bytes: &[u8]) {
     with_text(bytes, |text| {
-        if let Ok(spec) = exchange::read(text) {
-            let _ = Robot::compile(&spec);
+        if let Ok(import) = exchange::read(text) {
+            Robot::compile(&import.robot).expect("a robot that was imported is a robot");
         }
     });
 }

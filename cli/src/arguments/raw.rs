@@ -12,7 +12,9 @@ pub use bench::{
 pub use coordinator::{
     Certs, CertsAction, CertsFolder, Fetch, Health, List, OnCoordinator, OneJob, Restart, Show, Shown, State, Submit,
 };
-pub use job::{Evaluate, JobFile, Replay, Robot, RobotScale, Run, Scenarios, ScenariosAction, Validate, Verify};
+pub use job::{
+    Evaluate, JobFile, Replay, Robot, RobotFormat, RobotScale, Run, Scenarios, ScenariosAction, Validate, Verify,
+};
 
 use clap::{Parser, Subcommand};
 

@@ -86,6 +86,7 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             output: RobotOutput::of(&mut robot)?,
             robot: robot.robot,
             variant: robot.variant,
+            unit: robot.unit,
             json: robot.json,
         }),
         raw::Command::Certs(certs) => {

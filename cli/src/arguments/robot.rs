@@ -11,6 +11,8 @@ pub struct Robot {
     /// A path, or the name of a robot that ships.
     pub robot: String,
     pub variant: Option<String>,
+    /// Length of 1 mu in the file's own unit.
+    pub unit: Option<f64>,
     pub output: Option<RobotOutput>,
     pub json: bool,
 }
@@ -25,16 +27,18 @@ pub enum RobotOutput {
         scale: Scale,
         to: Option<PathBuf>,
     },
+    /// As a robot file of ours; to standard output if there is no file.
+    File(Option<PathBuf>),
 }
 
 impl RobotOutput {
     /// A format that is not given follows from the file's name.
     pub(super) fn of(raw: &mut raw::Robot) -> Result<Option<Self>, Error> {
-        let given = raw.format.map(Format::from);
         let ending = raw.out.as_deref().and_then(Path::extension).and_then(|e| e.to_str());
-        let format = given.or(match ending {
-            Some("xml" | "mjcf") => Some(Format::Mjcf),
-            Some("urdf") => Some(Format::Urdf),
+        let format = raw.format.or(match ending {
+            Some("xml" | "mjcf") => Some(raw::RobotFormat::Mjcf),
+            Some("urdf") => Some(raw::RobotFormat::Urdf),
+            Some("toml") => Some(raw::RobotFormat::Toml),
             _ => None,
         });
         let usage = |message: String| Err(Error::Usage { message });
@@ -42,15 +46,21 @@ impl RobotOutput {
             (Some(_), None) if raw.json => {
                 usage("--json and --format both print to standard output: write one to a file with --out FILE".into())
             }
-            (Some(format), to) => {
-                Ok(Some(Self::Export { format, scale: raw.scale.map_or(Scale::Paper, Scale::from), to }))
+            (None | Some(raw::RobotFormat::Toml), _) if raw.scale.is_some() => {
+                usage("--scale belongs to MJCF and URDF: add --format mjcf or --format urdf".into())
             }
-            (None, _) if raw.scale.is_some() => {
-                usage("--scale is told to MJCF and URDF alone: add --format mjcf or --format urdf".into())
-            }
+            (Some(raw::RobotFormat::Toml), to) => Ok(Some(Self::File(to))),
+            (Some(raw::RobotFormat::Mjcf), to) => Ok(Some(Self::export(Format::Mjcf, raw.scale, to))),
+            (Some(raw::RobotFormat::Urdf), to) => Ok(Some(Self::export(Format::Urdf, raw.scale, to))),
             (None, Some(path)) => PictureFormat::of(&path).map(|format| Some(Self::Picture(path, format))),
             (None, None) => Ok(None),
         }
+    }
+}
+
+impl RobotOutput {
+    fn export(format: Format, scale: Option<raw::RobotScale>, to: Option<PathBuf>) -> Self {
+        Self::Export { format, scale: scale.map_or(Scale::Paper, Scale::from), to }
     }
 }
 
@@ -69,7 +79,7 @@ impl PictureFormat {
             _ => Err(Error::Usage {
                 message: format!(
                     "--out = \"{}\" does not tell what to write: it must end in .svg or .png (a picture), .xml or .mjcf \
-                     (MJCF) or .urdf",
+                     (MJCF), .urdf or .toml",
                     path.display()
                 ),
             }),
@@ -103,6 +113,9 @@ mod tests {
         assert_eq!(output("--out a.xml --scale real"), export(Format::Mjcf, Scale::Real, Some("a.xml")));
         assert_eq!(output("--out a.urdf --json"), export(Format::Urdf, Scale::Paper, Some("a.urdf")));
         assert_eq!(output("--out a.xml --format urdf"), export(Format::Urdf, Scale::Paper, Some("a.xml")));
+        assert_eq!(output("--out a.toml"), Ok(Some(RobotOutput::File(Some("a.toml".into())))));
+        assert_eq!(output("--format toml"), Ok(Some(RobotOutput::File(None))));
+        assert!(output("--out a.toml --scale real").unwrap_err().contains("--format"));
         assert!(output("--format urdf --json").unwrap_err().contains("--out FILE"));
         assert!(output("--scale real").unwrap_err().contains("--format"));
         assert!(output("--out a.stl").unwrap_err().contains(".urdf"));

@@ -27,11 +27,13 @@ struct View {
     size: [f64; 3],
     pivot: String,
     variants: BTreeMap<String, Vec<String>>,
+    /// What an import passed over, and what of the robot is hardly meant.
+    notes: Vec<String>,
 }
 
 /// Prints the facts; draws or exports if asked to.
 pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
-    let (mut spec, file) = load::robot(&args.robot)?;
+    let load::RobotFile { mut spec, label: file, notes } = load::robot(&args.robot, args.unit)?;
     let invalid = |source| Error::Invalid { file: file.clone(), source };
     let variants = spec.variants.clone();
     if let Some(variant) = &args.variant {
@@ -55,8 +57,15 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
             atomic::write_file(path, text.as_bytes())?;
             Some(format!("  export    {}", path.display()))
         }
+        Some(RobotOutput::File(to)) => {
+            let text =
+                toml::to_string(&spec).map_err(|e| Error::Draw { what: "the robot".into(), reason: e.to_string() })?;
+            let Some(path) = to else { return console::say(&text) };
+            atomic::write_file(path, text.as_bytes())?;
+            Some(format!("  file      {}", path.display()))
+        }
     };
-    let view = view(&spec, &robot, variants);
+    let view = View { notes: remarks(&robot, notes, &args.robot), ..view(&spec, &robot, variants) };
     if args.json {
         return console::say_json(&view);
     }
@@ -100,7 +109,22 @@ fn view(spec: &RobotSpec, robot: &Robot, variants: BTreeMap<String, Vec<String>>
         size: size(robot),
         pivot: spec.pivot.clone(),
         variants,
+        notes: Vec::new(),
     }
+}
+
+/// Notes of an import, and doubts about the robot.
+fn remarks(robot: &Robot, mut notes: Vec<String>, file: &str) -> Vec<String> {
+    notes.extend(robot.doubts());
+    if let Some(unit) = robot.unit_in_doubt() {
+        notes.push(format!(
+            "its bodies are about {unit} mu long, modules 1 mu: `evogait robot {file} --unit {unit} --out {}.toml` writes it \
+             with lengths divided by {unit}; gravity is then {:.1} mu/s² if the file is in metres",
+            robot.name,
+            9.81 / unit
+        ));
+    }
+    notes
 }
 
 /// Extent of all parts along the axes of the neutral configuration.
@@ -146,6 +170,7 @@ fn text(view: &View) -> String {
     for (name, failed) in &view.variants {
         lines.push(format!("  variant   {name}: {} fail", failed.join(", ")));
     }
+    lines.extend(view.notes.iter().map(|note| format!("  note      {note}")));
     lines.join("\n")
 }
 
@@ -157,10 +182,10 @@ mod tests {
 
     #[test]
     fn a_robot_counts_modules_and_an_imported_one_bodies() {
-        let (spec, _) = load::robot("lizard").unwrap();
+        let spec = load::robot("lizard", None).unwrap().spec;
         let robot = Robot::compile(&spec).unwrap();
         assert_eq!(pieces(&spec, &robot), format!("{} modules", spec.modules.len()));
-        let imported = read(&Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper))).unwrap();
+        let imported = read(&Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper))).unwrap().robot;
         let robot = Robot::compile(&imported).unwrap();
         assert_eq!(pieces(&imported, &robot), format!("{} bodies", robot.bodies.len()));
     }

@@ -5,6 +5,7 @@ mod body;
 pub mod exchange;
 mod kind;
 mod mechanics;
+mod plausible;
 mod pose;
 mod rigid;
 mod spec;

@@ -105,81 +105,84 @@ pub(super) fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
 }
 
 fn check(spec: &RobotSpec) -> Result<(), Invalid> {
-    name("robot.name", &spec.name)?;
+    in_range("number of robot.body", spec.bodies.len() as f64, (1.0, limits::MAX_BODIES as f64), "")?;
+    let mut faults = Vec::new();
+    let mut take = |checked: Result<(), Invalid>| faults.extend(checked.err());
+    take(name("robot.name", &spec.name));
     let length = spec.description.len() as f64;
-    in_range("robot.description length", length, (0.0, limits::MAX_DESCRIPTION_LENGTH as f64), "bytes")?;
+    take(in_range("robot.description length", length, (0.0, limits::MAX_DESCRIPTION_LENGTH as f64), "bytes"));
     if !spec.modules.is_empty() {
         let reason = "a robot consists of modules or of bodies, not of both: remove one kind".to_owned();
-        return Err(Invalid::Conflict { field: "robot.body".into(), reason });
+        take(Err(Invalid::Conflict { field: "robot.body".into(), reason }));
     }
-    in_range("number of robot.body", spec.bodies.len() as f64, (1.0, limits::MAX_BODIES as f64), "")?;
     let shapes: usize = spec.bodies.iter().map(|b| b.boxes.len() + b.capsules.len()).sum();
-    in_range("number of robot.body.box and .capsule", shapes as f64, (1.0, limits::MAX_SHAPES as f64), "")?;
+    take(in_range("number of robot.body.box and .capsule", shapes as f64, (1.0, limits::MAX_SHAPES as f64), ""));
     let hinges: Vec<&str> = spec.bodies.iter().filter_map(|b| Some(b.hinge.as_ref()?.name.as_str())).collect();
     for (i, body) in spec.bodies.iter().enumerate() {
         let field = |rest: &str| format!("robot.body[{i}].{rest}");
-        name(field("name"), &body.name)?;
+        take(name(field("name"), &body.name));
         if spec.bodies[..i].iter().any(|b| b.name == body.name) {
-            return Err(Invalid::Duplicate { field: field("name"), value: body.name.clone() });
+            take(Err(Invalid::Duplicate { field: field("name"), value: body.name.clone() }));
         }
         if let Some(hinge) = &body.hinge {
-            name(field("hinge.name"), &hinge.name)?;
-            if hinges.iter().filter(|h| **h == hinge.name).count() > 1 {
-                return Err(Invalid::Duplicate { field: field("hinge.name"), value: hinge.name.clone() });
+            take(name(field("hinge.name"), &hinge.name));
+            if spec.bodies[..i].iter().any(|b| b.hinge.as_ref().is_some_and(|h| h.name == hinge.name)) {
+                take(Err(Invalid::Duplicate { field: field("hinge.name"), value: hinge.name.clone() }));
             }
         }
-        numbers(body, &field)?;
+        numbers(body, &field, &mut take);
     }
     let variants = spec.variants.iter().map(|(v, failed)| (format!("robot.variants.{v}"), failed));
     for (field, failed) in variants.chain([("robot.failed".to_owned(), &spec.failed)]) {
         if let Some(unknown) = failed.iter().find(|f| !hinges.contains(&f.as_str())) {
             let known = hinges.iter().map(|h| (*h).to_owned()).collect();
-            return Err(Invalid::Unknown { field, value: unknown.clone(), known });
+            take(Err(Invalid::Unknown { field, value: unknown.clone(), known }));
         }
     }
-    spec.variants.keys().try_for_each(|variant| name("robot.variants", variant))
+    spec.variants.keys().for_each(|variant| take(name("robot.variants", variant)));
+    Invalid::all(faults)
 }
 
-/// All numbers of a body; `field` gives the path of one.
-fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String) -> Result<(), Invalid> {
-    let point = |what: &str, point: &[f64; 3], range: (f64, f64)| {
-        (0..3).try_for_each(|axis| in_range(field(&format!("{what}[{axis}]")), point[axis], range, "mu"))
+/// Checks all numbers of a body; `field` gives the path of one.
+fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnMut(Result<(), Invalid>)) {
+    let point = |take: &mut dyn FnMut(Result<(), Invalid>), what: &str, point: &[f64; 3], range: (f64, f64)| {
+        (0..3).for_each(|axis| take(in_range(field(&format!("{what}[{axis}]")), point[axis], range, "mu")));
     };
     let conflict = |what: &str, reason: &str| Invalid::Conflict { field: field(what), reason: reason.to_owned() };
-    in_range(field("mass"), body.mass, MASS, "kg")?;
-    point("center_of_mass", &body.center_of_mass, REACH)?;
-    for (i, moment) in body.inertia.iter().enumerate() {
-        in_range(field(&format!("inertia[{i}]")), *moment, (-1e12, 1e12), "kg·mu²")?;
-    }
+    take(in_range(field("mass"), body.mass, MASS, "kg"));
+    point(take, "center_of_mass", &body.center_of_mass, REACH);
+    let moment =
+        |(i, moment): (usize, &f64)| in_range(field(&format!("inertia[{i}]")), *moment, (-1e12, 1e12), "kg·mu²");
+    let wrong: Vec<Invalid> = body.inertia.iter().enumerate().filter_map(|m| moment(m).err()).collect();
     // The second moments of the mass itself, ∫ r rᵀ dm, whose diagonal can't be negative in any axes.
     let inertia = symmetric(body.inertia);
     let trace = inertia.trace();
     let spread = Matrix3::identity() * (trace * (0.5 + 1e-6)) - inertia;
-    if !positive(inertia - Matrix3::identity() * (trace * 1e-9)) || !positive(spread) {
+    if wrong.is_empty() && (!positive(inertia - Matrix3::identity() * (trace * 1e-9)) || !positive(spread)) {
         let reason = "nothing has such moments: they must be positive, and none greater than the two others together";
-        return Err(conflict("inertia", reason));
+        take(Err(conflict("inertia", reason)));
     }
+    wrong.into_iter().for_each(|fault| take(Err(fault)));
     if let Some(hinge) = &body.hinge {
-        point("hinge.anchor", &hinge.anchor, REACH)?;
-        point("hinge.axis", &hinge.axis, REACH)?;
+        point(take, "hinge.anchor", &hinge.anchor, REACH);
+        point(take, "hinge.axis", &hinge.axis, REACH);
         if Vector3::from(hinge.axis).norm() < 1e-6 {
-            return Err(conflict("hinge.axis", "an axis has a direction: not all of it can be 0"));
+            take(Err(conflict("hinge.axis", "an axis has a direction: not all of it can be 0")));
         }
     }
     for (i, part) in body.boxes.iter().enumerate() {
-        point(&format!("box[{i}].center"), &part.center, REACH)?;
-        point(&format!("box[{i}].half"), &part.half, SIZE)?;
+        point(take, &format!("box[{i}].center"), &part.center, REACH);
+        point(take, &format!("box[{i}].half"), &part.half, SIZE);
         let length = part.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
-        in_range(field(&format!("box[{i}].rotation length")), length, (0.999, 1.001), "")?;
+        take(in_range(field(&format!("box[{i}].rotation length")), length, (0.999, 1.001), ""));
     }
     for (i, part) in body.capsules.iter().enumerate() {
-        point(&format!("capsule[{i}].from"), &part.from, REACH)?;
-        point(&format!("capsule[{i}].to"), &part.to, REACH)?;
-        in_range(field(&format!("capsule[{i}].radius")), part.radius, SIZE, "mu")?;
+        point(take, &format!("capsule[{i}].from"), &part.from, REACH);
+        point(take, &format!("capsule[{i}].to"), &part.to, REACH);
+        take(in_range(field(&format!("capsule[{i}].radius")), part.radius, SIZE, "mu"));
         let length = (Vector3::from(part.to) - Vector3::from(part.from)).norm();
-        in_range(field(&format!("capsule[{i}] length")), length, SIZE, "mu")?;
+        take(in_range(field(&format!("capsule[{i}] length")), length, SIZE, "mu"));
     }
-    Ok(())
 }
 
 /// Sylvester's criterion.

@@ -1,10 +1,9 @@
 //! Options of the commands about a job, its result and what it is made of.
 
-use super::number::{seed, whole};
+use super::number::{length, seed, whole};
 use super::{OnCoordinator, Shown};
 use clap::{Args, Subcommand};
 use sim_core::job::Scale;
-use sim_core::robot::exchange::Format;
 use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
@@ -163,11 +162,16 @@ pub struct Robot {
     #[arg(long, value_name = "VARIANT")]
     pub variant: Option<String>,
 
-    /// Draw it to this file, .svg or .png; or export it, .xml or .mjcf (MJCF), .urdf
+    /// Length of 1 mu in the unit of the file, such as 0.065 for modules of 65 mm in a file in metres: all lengths are
+    /// divided by it
+    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    pub unit: Option<f64>,
+
+    /// Draw it to this file, .svg or .png; or write it, .xml or .mjcf (MJCF), .urdf, .toml
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 
-    /// Export it in this format, to standard output without --out [default: as --out ends]
+    /// Write it in this format, to standard output without --out [default: as --out ends]
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<RobotFormat>,
 
@@ -186,15 +190,7 @@ pub struct Robot {
 pub enum RobotFormat {
     Mjcf,
     Urdf,
-}
-
-impl From<RobotFormat> for Format {
-    fn from(raw: RobotFormat) -> Self {
-        match raw {
-            RobotFormat::Mjcf => Self::Mjcf,
-            RobotFormat::Urdf => Self::Urdf,
-        }
-    }
+    Toml,
 }
 
 /// A scale, as `--scale` takes it.

@@ -37,6 +37,12 @@ pub fn duration(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A length that another one is divided by.
+pub fn length(text: &str) -> Result<f64, String> {
+    let length: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
+    if (1e-6..=1e6).contains(&length) { Ok(length) } else { Err("allowed is 0.000001 to 1000000".to_owned()) }
+}
+
 /// As `planner.reuse_tolerance`.
 pub fn tolerance(text: &str) -> Result<f64, String> {
     let tolerance: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;

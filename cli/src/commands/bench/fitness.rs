@@ -95,7 +95,7 @@ fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
         file = format!("{file} in {label}");
     }
     if let Some(robot) = &args.robot {
-        spec.robot = Reference::Inline(Box::new(load::robot(robot)?.0));
+        spec.robot = Reference::Inline(Box::new(load::robot(robot, None)?.spec));
     }
     spec.gaits.duration = args.gait_seconds.unwrap_or(spec.gaits.duration);
     Job::new(spec).map_err(|source| Error::Invalid { file, source })

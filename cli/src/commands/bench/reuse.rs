@@ -125,7 +125,7 @@ fn in_environment(args: &BenchReuse, base: &Job, name: &str) -> Result<Job, Erro
     let mut spec = base.spec().clone();
     spec.environment = Reference::Inline(Box::new(environment));
     if let Some(robot) = &args.robot {
-        spec.robot = Reference::Inline(Box::new(load::robot(robot)?.0));
+        spec.robot = Reference::Inline(Box::new(load::robot(robot, None)?.spec));
     }
     spec.gaits.duration = args.gait_seconds.unwrap_or(spec.gaits.duration);
     let file = format!("{} in {label}", base.spec().name);

@@ -36,7 +36,7 @@ pub fn job(
     duration: f64,
     seed: u64,
 ) -> Result<Job, Error> {
-    let (robot, label) = load::robot(&subject.robot)?;
+    let load::RobotFile { spec: robot, label, .. } = load::robot(&subject.robot, None)?;
     let refused = |source| Error::Invalid { file: label.clone(), source };
     let mut spec: JobSpec = toml::from_str(FRAME).map_err(|e| refused(e.into()))?;
     spec.robot = Reference::Inline(Box::new(robot));

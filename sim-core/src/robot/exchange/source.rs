@@ -8,11 +8,19 @@ use roxmltree::{Document, Node};
 /// Largest magnitude of any number.
 const LARGEST: f64 = 1e9;
 
+/// Why a file that xacro has yet to expand is refused.
+pub(super) const XACRO: &str = "this is xacro, which makes URDF: run `xacro FILE > robot.urdf` first and import that";
+
+/// Whether a value is an expression that xacro has yet to expand.
+pub(super) fn has_expression(value: &str) -> bool {
+    value.contains("${") || value.contains("$(")
+}
+
 /// A document that is not too long and not too deep.
 pub(super) fn parse(text: &str) -> Result<Document<'_>, Invalid> {
     let length = text.len() as f64;
     crate::error::in_range("length of the robot's text", length, (0.0, MAX_TOML_LENGTH as f64), "bytes")?;
-    let document = Document::parse(text).map_err(|e| Invalid::Syntax { message: format!("this is not XML: {e}") })?;
+    let document = Document::parse(text).map_err(|error| not_xml(text, &error))?;
     let mut open = vec![(document.root_element(), 1)];
     while let Some((element, depth)) = open.pop() {
         if depth > MAX_XML_DEPTH {
@@ -24,6 +32,23 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, Invalid> {
         open.extend(children(element).map(|child| (child, depth + 1)));
     }
     Ok(document)
+}
+
+/// A refusal of a text that XML parsers refuse, or that has a document type.
+fn not_xml(text: &str, error: &roxmltree::Error) -> Invalid {
+    let start: String = text.trim_start().chars().take(200).collect::<String>().to_ascii_lowercase();
+    let message = if text.trim().is_empty() {
+        "the file is empty: MJCF begins with <mujoco>, URDF with <robot>".to_owned()
+    } else if start.contains("<html") || start.contains("<!doctype html") {
+        "this is a web page, no robot: download the file itself".to_owned()
+    } else if let roxmltree::Error::DtdDetected = error {
+        let at = text.to_ascii_lowercase().find("<!doctype").unwrap_or(0);
+        let line = 1 + text.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
+        format!("line {line}: a document type can't be imported: remove <!DOCTYPE …>")
+    } else {
+        format!("this is not XML: {error}")
+    };
+    Invalid::Syntax { message }
 }
 
 /// The elements in an element.
@@ -43,28 +68,36 @@ pub(super) fn child<'a>(element: Node<'a, 'a>, wanted: &str) -> Option<Node<'a, 
 
 /// A refusal of an element.
 pub(super) fn foreign(element: Node, reason: impl Into<String>) -> Invalid {
+    refusal(element, element.range().start, reason.into())
+}
+
+/// A refusal of an attribute of an element, on its own line.
+pub(super) fn foreign_attribute(element: Node, attribute: &str, reason: impl Into<String>) -> Invalid {
+    let own = element.attributes().find(|a| a.name() == attribute);
+    refusal(element, own.map_or(element.range().start, |a| a.range().start), reason.into())
+}
+
+fn refusal(element: Node, at: usize, reason: String) -> Invalid {
     // What tells a user which one it is.
     let known = ["name", "class", "link", "joint", "file"];
     let own = known.iter().find_map(|a| Some(format!(" {a}=\"{}\"", element.attribute(*a)?)));
     let shortened = |text: String| text.chars().take(100).collect::<String>();
     Invalid::Foreign {
-        line: element.document().text_pos_at(element.range().start).row,
+        line: element.document().text_pos_at(at).row,
         element: shortened(format!("<{}{}>", tag(element), own.unwrap_or_default())),
-        reason: reason.into(),
+        reason,
     }
-}
-
-/// Refuses an element by the elements that may stand there.
-pub(super) fn unknown(element: Node, allowed: &[&str]) -> Invalid {
-    foreign(element, format!("this element can't be imported here: allowed are {}", allowed.join(", ")))
 }
 
 /// Finite numbers separated by spaces, as many as there are.
 pub(super) fn numbers(element: Node, attribute: &str, text: &str) -> Result<Vec<f64>, Invalid> {
     let number = |word: &str| word.parse().ok().filter(|v: &f64| v.abs() <= LARGEST);
     text.split_whitespace().map(number).collect::<Option<Vec<f64>>>().ok_or_else(|| {
-        let reason = format!("{attribute} = \"{text}\" is no list of numbers: numbers between ±{LARGEST:e} are needed");
-        foreign(element, reason)
+        let reason = match has_expression(text) {
+            true => XACRO.to_owned(),
+            false => format!("{attribute} = \"{text}\" is no list of numbers: numbers between ±{LARGEST:e} are needed"),
+        };
+        foreign_attribute(element, attribute, reason)
     })
 }
 
@@ -72,7 +105,7 @@ pub(super) fn numbers(element: Node, attribute: &str, text: &str) -> Result<Vec<
 pub(super) fn exactly<const N: usize>(element: Node, attribute: &str, text: &str) -> Result<[f64; N], Invalid> {
     numbers(element, attribute, text)?.try_into().map_err(|_| {
         let plural = if N == 1 { "number is" } else { "numbers are" };
-        foreign(element, format!("{attribute} = \"{text}\": {N} {plural} needed"))
+        foreign_attribute(element, attribute, format!("{attribute} = \"{text}\": {N} {plural} needed"))
     })
 }
 
@@ -82,7 +115,7 @@ pub(super) fn zero(element: Node, attribute: &str, text: Option<&str>, why: &str
     if numbers(element, attribute, text)?.iter().all(|v| *v == 0.0) {
         return Ok(());
     }
-    Err(foreign(element, format!("{attribute} = \"{text}\": only 0 is allowed, {why}")))
+    Err(foreign_attribute(element, attribute, format!("{attribute} = \"{text}\": only 0 is allowed, {why}")))
 }
 
 /// A rotation from w, x, y, z. What is of unit length to f32 keeps its bits.
@@ -104,6 +137,20 @@ pub(super) fn turn(element: Node, axis: [f64; 3], angle: f64) -> Result<UnitQuat
     }
     let [x, y, z] = axis.map(|v| v / length * libm::sin(angle / 2.0));
     rotation(element, [libm::cos(angle / 2.0), x, y, z])
+}
+
+/// One of a few words.
+pub(super) fn keyword<'a>(element: Node, attribute: &str, text: &'a str, allowed: &[&str]) -> Result<&'a str, Invalid> {
+    if allowed.contains(&text) {
+        return Ok(text);
+    }
+    let reason = format!("{attribute} = \"{text}\": allowed are {}", allowed.join(", "));
+    Err(foreign_attribute(element, attribute, reason))
+}
+
+/// An attribute that has to be there.
+pub(super) fn required<'a>(element: Node<'a, 'a>, attribute: &str) -> Result<&'a str, Invalid> {
+    element.attribute(attribute).ok_or_else(|| foreign(element, format!("it needs {attribute}")))
 }
 
 /// The joint range that every joint here has, rad; others are refused.

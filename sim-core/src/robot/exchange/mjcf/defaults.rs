@@ -1,12 +1,15 @@
 //! What an attribute is where an element does not give it: `<default>` classes.
 
 use crate::error::Invalid;
-use crate::robot::exchange::source::{children, foreign, tag};
+use crate::robot::exchange::source::{children, foreign, foreign_attribute, tag};
 use roxmltree::Node;
 use std::collections::BTreeMap;
 
 /// The class that elements without one belong to.
 pub(super) const MAIN: &str = "main";
+
+/// Actuators share one set of defaults, whichever of these it is written as.
+const ACTUATORS: &[&str] = &["general", "motor", "position", "velocity", "intvelocity"];
 
 /// Classes by name: the class around each, and its elements.
 #[derive(Debug, Default)]
@@ -31,24 +34,64 @@ impl<'a> Defaults<'a> {
         children(default).filter(|c| tag(*c) == "default").try_for_each(|inner| self.read(inner, Some(name)))
     }
 
+    /// The class that an element names by an attribute, or else the inherited one.
+    ///
+    /// # Errors
+    /// If there is no such class.
+    pub fn class(&self, element: Node<'a, 'a>, attribute: &str, inherited: &'a str) -> Result<&'a str, Invalid> {
+        match element.attribute(attribute) {
+            Some(class) if class != MAIN && !self.0.contains_key(class) => {
+                Err(foreign_attribute(element, attribute, format!("there is no default class \"{class}\"")))
+            }
+            given => Ok(given.unwrap_or(inherited)),
+        }
+    }
+
     /// An element's attribute: its own, else that of its class, else those of the classes around that.
-    pub fn get(&self, element: Node<'a, 'a>, inherited: &str, attribute: &str) -> Result<Option<&'a str>, Invalid> {
-        if let Some(own) = element.attribute(attribute) {
+    pub fn get(&self, element: Node<'a, 'a>, inherited: &'a str, attribute: &str) -> Result<Option<&'a str>, Invalid> {
+        Ok(self.first(element, inherited, &[attribute])?.map(|(_, value)| value))
+    }
+
+    /// The first of several attributes that stand for each other, with its name: the element's own, else one of its class,
+    /// else of the classes around that.
+    ///
+    /// # Errors
+    /// If one place gives two of them.
+    pub fn first<'n>(
+        &self,
+        element: Node<'a, 'a>,
+        inherited: &'a str,
+        attributes: &[&'n str],
+    ) -> Result<Option<(&'n str, &'a str)>, Invalid> {
+        let of = |node: Node<'a, 'a>| {
+            let mut given = attributes.iter().filter_map(|name| Some((*name, node.attribute(*name)?)));
+            match (given.next(), given.next()) {
+                (Some((one, _)), Some((other, _))) => {
+                    Err(foreign_attribute(node, other, format!("both {one} and {other}: one of them is allowed")))
+                }
+                (first, _) => Ok(first),
+            }
+        };
+        let mut class = self.class(element, "class", inherited)?;
+        if let Some(own) = of(element)? {
             return Ok(Some(own));
         }
-        let given = element.attribute("class");
-        let mut class = given.unwrap_or(inherited);
-        if given.is_some() && class != MAIN && !self.0.contains_key(class) {
-            return Err(foreign(element, format!("there is no default class \"{class}\"")));
-        }
         while let Some((around, elements)) = self.0.get(class) {
-            let found = elements.iter().rev().filter(|e| tag(**e) == tag(element)).find_map(|e| e.attribute(attribute));
-            match (found, around) {
-                (Some(found), _) => return Ok(Some(found)),
-                (None, Some(next)) if *next != class => class = next,
-                (None, _) => break,
+            let of_its_kind = |e: &&Node<'a, 'a>| same_kind(tag(**e), tag(element));
+            for template in elements.iter().rev().filter(of_its_kind) {
+                if let Some(found) = of(*template)? {
+                    return Ok(Some(found));
+                }
+            }
+            match around {
+                Some(next) if *next != class => class = next,
+                _ => break,
             }
         }
         Ok(None)
     }
+}
+
+fn same_kind(a: &str, b: &str) -> bool {
+    a == b || (ACTUATORS.contains(&a) && ACTUATORS.contains(&b))
 }

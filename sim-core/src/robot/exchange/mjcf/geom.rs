@@ -1,8 +1,8 @@
 //! Geoms: what collides, and mass where a body has no `<inertial>`.
 
-use super::read::{Place, Reader};
+use super::read::Reader;
 use crate::error::Invalid;
-use crate::robot::exchange::source::{exactly, foreign, numbers};
+use crate::robot::exchange::source::{exactly, foreign, foreign_attribute, keyword, numbers};
 use crate::robot::exchange::tree::{Frame, Solid};
 use crate::robot::rigid::Lump;
 use nalgebra::{Matrix3, Vector3};
@@ -21,7 +21,7 @@ pub(super) struct Geom {
 
 impl<'a> Reader<'a> {
     /// Whether a geom touches others; those that touch only some are refused.
-    pub(super) fn collides(&self, geom: Node<'a, 'a>, class: &str) -> Result<bool, Invalid> {
+    pub(super) fn collides(&self, geom: Node<'a, 'a>, class: &'a str) -> Result<bool, Invalid> {
         let bits = |attribute| -> Result<f64, Invalid> {
             let text = self.defaults.get(geom, class, attribute)?.unwrap_or("1");
             exactly::<1>(geom, attribute, text).map(|[v]| v)
@@ -39,10 +39,20 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A geom of a body; none where its shape is only to be seen.
-    pub(super) fn geom(&self, geom: Node<'a, 'a>, class: &str, weighs: bool) -> Result<Option<Geom>, Invalid> {
+    /// A geom of a body that lies at `at`; none where its shape is only to be seen.
+    pub(super) fn geom(
+        &self,
+        geom: Node<'a, 'a>,
+        class: &'a str,
+        at: Frame,
+        weighs: bool,
+    ) -> Result<Option<Geom>, Invalid> {
         let get = |attribute| self.defaults.get(geom, class, attribute);
         let collides = self.collides(geom, class)?;
+        if collides && self.number(geom, class, "condim")? == Some(1.0) {
+            let reason = "condim = \"1\" (no friction) can't be imported: all contacts have the friction of a job";
+            return Err(foreign_attribute(geom, "condim", reason));
+        }
         let weighs = weighs && self.number(geom, class, "mass")?.or(self.number(geom, class, "density")?) != Some(0.0);
         let size = numbers(geom, "size", get("size")?.unwrap_or_default())?;
         let line = get("fromto")?.map(|text| exactly::<6>(geom, "fromto", text)).transpose()?;
@@ -50,7 +60,6 @@ impl<'a> Reader<'a> {
             let reason = format!("size has {} numbers: {what}", size.len());
             if size.len() >= n { Ok(()) } else { Err(foreign(geom, reason)) }
         };
-        let at = self.place(geom, class, Place::Geom)?;
         let solid = match (get("type")?.unwrap_or("sphere"), line) {
             ("box", None) => {
                 needs(3, "a box needs half of its three sides")?;
@@ -79,14 +88,16 @@ impl<'a> Reader<'a> {
         Ok(Some(Geom { collides, solid }))
     }
 
-    fn number(&self, geom: Node<'a, 'a>, class: &str, attribute: &str) -> Result<Option<f64>, Invalid> {
+    fn number(&self, geom: Node<'a, 'a>, class: &'a str, attribute: &str) -> Result<Option<f64>, Invalid> {
         let text = self.defaults.get(geom, class, attribute)?;
         text.map(|text| exactly::<1>(geom, attribute, text).map(|[v]| v)).transpose()
     }
 
     /// Mass and inertia of a geom, in its body's frame.
-    pub(super) fn weight(&self, geom: Node<'a, 'a>, class: &str, solid: &Solid) -> Result<Lump, Invalid> {
-        if self.defaults.get(geom, class, "shellinertia")? == Some("true") {
+    pub(super) fn weight(&self, geom: Node<'a, 'a>, class: &'a str, solid: &Solid) -> Result<Lump, Invalid> {
+        if let Some(text) = self.defaults.get(geom, class, "shellinertia")?
+            && keyword(geom, "shellinertia", text, &["true", "false"])? == "true"
+        {
             return Err(foreign(geom, "shellinertia = \"true\": only solid geoms are allowed"));
         }
         let density = self.number(geom, class, "density")?.unwrap_or(DENSITY);

@@ -1,132 +1,145 @@
 //! URDF to robot files.
 
+use super::schema::ROBOT;
 use crate::error::Invalid;
-use crate::robot::RobotSpec;
-use crate::robot::exchange::source::{child, children, exactly, foreign, quarter_turns, tag, turn, unknown, zero};
+use crate::robot::exchange::faults::Faults;
+use crate::robot::exchange::schema::{self, Passed};
+use crate::robot::exchange::source::{child, children, exactly, foreign, quarter_turns, required, tag, turn, zero};
 use crate::robot::exchange::tree::{Frame, Link, Solid, Turning, grow};
+use crate::robot::exchange::{Import, finish, names};
 use crate::robot::rigid::{Lump, symmetric};
 use nalgebra::Vector3;
 use roxmltree::Node;
 
-/// A robot from the `<robot>` element.
-pub(in crate::robot::exchange) fn read(robot: Node) -> Result<RobotSpec, Invalid> {
-    let mut links = Vec::new();
-    let mut joints = Vec::new();
-    for element in children(robot) {
-        match tag(element) {
-            "link" => links.push(element),
-            "joint" => joints.push(element),
-            "material" | "transmission" | "gazebo" => {}
-            _ => return Err(unknown(element, &["link", "joint", "material", "transmission", "gazebo"])),
+/// Reads a robot from the `<robot>` element.
+pub(in crate::robot::exchange) fn read<'a>(robot: Node<'a, 'a>, unit: f64) -> Result<Import, Invalid> {
+    let (mut faults, mut passed) = (Faults::default(), Passed::default());
+    schema::check(robot, &ROBOT, &mut faults, &mut passed);
+    let of = |wanted: &str| children(robot).filter(|e| tag(*e) == wanted).collect::<Vec<_>>();
+    let (links, joints) = (of("link"), of("joint"));
+    for element in links.iter().chain(&joints) {
+        faults.take(required(*element, "name"));
+    }
+    let order = order(robot, &links, &joints, &mut faults);
+    let found: Vec<Link> = order
+        .into_iter()
+        .map(|(element, carried)| {
+            let mut link = Link::new(element);
+            if let Some((parent, joint)) = carried {
+                link.parent = Some(parent);
+                link.frame = faults.take(origin(joint)).unwrap_or(Frame::none());
+                link.hinge = hinge(joint, &mut faults);
+            }
+            let parts = |wanted: &'static str| children(element).filter(move |e| tag(*e) == wanted);
+            for inertial in parts("inertial") {
+                let read = faults.take(lump(inertial));
+                link.incomplete |= read.is_none();
+                link.lumps.extend(read);
+            }
+            link.solids.extend(parts("collision").filter_map(|part| faults.take(solid(part)).flatten()));
+            link
+        })
+        .collect();
+    if faults.is_empty() && found.iter().all(|link| link.solids.is_empty()) {
+        let reason =
+            "no link has a <collision> with a <box> or <capsule>: what is only to be seen (<visual>) touches nothing";
+        faults.add(foreign(robot, reason));
+    }
+    let names = names::adopt(robot.attribute("name"), &found, &mut faults);
+    let tree = grow(&names, "URDF", &found, &mut faults);
+    finish(tree, unit, faults, [passed.note(), names.note].into_iter().flatten())
+}
+
+/// A link's element; what carries it, as an index into the same list, and by which joint.
+type Ordered<'a> = (Node<'a, 'a>, Option<(usize, Node<'a, 'a>)>);
+
+/// All links breadth first from the root, joints in the order of the file.
+fn order<'a>(
+    robot: Node<'a, 'a>,
+    links: &[Node<'a, 'a>],
+    joints: &[Node<'a, 'a>],
+    faults: &mut Faults,
+) -> Vec<Ordered<'a>> {
+    let names: Vec<&str> = links.iter().map(|link| link.attribute("name").unwrap_or_default()).collect();
+    for (i, link) in links.iter().enumerate() {
+        if let Some(first) = names[..i].iter().position(|name| !name.is_empty() && *name == names[i]) {
+            let line = links[first].document().text_pos_at(links[first].range().start).row;
+            faults.add(foreign(*link, format!("the name \"{}\" is used twice, first in line {line}", names[i])));
         }
     }
-    let name_of = |element: Node| match element.attribute("name") {
-        Some(name) => Ok(name.to_owned()),
-        None => Err(foreign(element, "it needs a name")),
-    };
-    let names: Vec<String> = links.iter().map(|l| name_of(*l)).collect::<Result<_, _>>()?;
-    let mut ends = Vec::new();
-    for joint in &joints {
+    // The joints whose ends are both known: parent, child, joint.
+    let mut ends: Vec<(usize, usize, Node)> = Vec::new();
+    for joint in joints {
         let end = |which: &str| {
             let link = child(*joint, which).and_then(|e| e.attribute("link")).unwrap_or_default();
-            names.iter().position(|n| n == link).ok_or_else(|| {
+            names.iter().position(|n| *n == link).ok_or_else(|| {
                 foreign(*joint, format!("its {which} link is \"{link}\", which does not exist: {}", names.join(", ")))
             })
         };
-        let (parent, child) = (end("parent")?, end("child")?);
-        if ends.iter().any(|(_, other)| *other == child) {
+        let (Some(parent), Some(child)) = (faults.take(end("parent")), faults.take(end("child"))) else { continue };
+        if ends.iter().any(|(_, other, _)| *other == child) {
             let reason = format!("link \"{}\" is carried twice: loops can't be imported, only trees", names[child]);
-            return Err(foreign(*joint, reason));
+            faults.add(foreign(*joint, reason));
+            continue;
         }
-        ends.push((parent, child));
+        ends.push((parent, child, *joint));
     }
-    let free: Vec<usize> = (0..links.len()).filter(|l| ends.iter().all(|(_, child)| child != l)).collect();
-    let [root] = free[..] else {
-        let told: Vec<&str> = free.iter().map(|f| names[*f].as_str()).collect();
-        let reason = format!("exactly one link is the root; no joint carries these: {}", told.join(", "));
-        return Err(foreign(robot, reason));
-    };
-
-    // Breadth first, joints in the order of the file.
-    let mut order = vec![root];
-    let mut found = vec![link(links[root], &names[root], None)?];
+    let free: Vec<usize> = (0..links.len()).filter(|l| ends.iter().all(|(_, child, _)| child != l)).collect();
+    if free.len() != 1 && faults.is_empty() {
+        let told: Vec<&str> = free.iter().map(|f| names[*f]).collect();
+        let told = if told.is_empty() { "none: the joints form a loop".to_owned() } else { told.join(", ") };
+        faults.add(foreign(robot, format!("exactly one link is the root, which no joint carries; here {told}")));
+    }
+    // Every link is read, so that all faults are found, but for those on a loop.
+    let mut order: Vec<usize> = free.clone();
+    let mut found: Vec<Ordered> = free.iter().map(|&root| (links[root], None)).collect();
     let mut at = 0;
     while at < order.len() {
         let carrier = order[at];
-        for (joint, (_, child)) in joints.iter().zip(&ends).filter(|(_, (parent, _))| *parent == carrier) {
-            found.push(link(links[*child], &names[*child], Some((at, *joint, name_of(*joint)?)))?);
-            order.push(*child);
+        for &(_, child, joint) in ends.iter().filter(|(parent, ..)| *parent == carrier) {
+            found.push((links[child], Some((at, joint))));
+            order.push(child);
         }
         at += 1;
     }
-    if let Some(lost) = (0..links.len()).find(|l| !order.contains(l)) {
-        return Err(foreign(links[lost], "it hangs on a loop of joints: only trees can be imported"));
+    if let Some(lost) = (0..links.len()).find(|l| !order.contains(l)).filter(|_| faults.is_empty()) {
+        faults.add(foreign(links[lost], "it hangs on a loop of joints: only trees can be imported"));
     }
-    Ok(grow(robot.attribute("name").unwrap_or("robot"), "URDF", &found)?.robot)
+    found
 }
 
-fn link<'a>(
-    element: Node<'a, 'a>,
-    name: &str,
-    carried: Option<(usize, Node<'a, 'a>, String)>,
-) -> Result<Link<'a>, Invalid> {
-    let mut link = Link {
-        element,
-        name: name.to_owned(),
-        parent: None,
-        frame: Frame::none(),
-        hinge: None,
-        lumps: Vec::new(),
-        solids: Vec::new(),
-    };
-    if let Some((parent, joint, joint_name)) = carried {
-        link.parent = Some(parent);
-        link.frame = origin(joint)?;
-        link.hinge = hinge(joint)?.map(|axis| Turning { name: joint_name, anchor: Vector3::zeros(), axis });
-    }
-    for part in children(element) {
-        match tag(part) {
-            "inertial" => link.lumps.push(lump(part)?),
-            "collision" => link.solids.push(solid(part)?),
-            "visual" => {}
-            _ => return Err(unknown(part, &["inertial", "collision", "visual"])),
-        }
-    }
-    Ok(link)
-}
-
-/// The axis of a hinge; none for a fixed joint.
-fn hinge(joint: Node) -> Result<Option<Vector3<f64>>, Invalid> {
+/// The hinge of a joint; none for a fixed joint.
+fn hinge<'a>(joint: Node<'a, 'a>, faults: &mut Faults) -> Option<Turning<'a>> {
     match joint.attribute("type") {
-        Some("fixed") => return Ok(None),
+        Some("fixed") => return None,
         Some("revolute") => {}
         other => {
             let reason = format!("type = \"{}\": only revolute and fixed are allowed", other.unwrap_or_default());
-            return Err(foreign(joint, reason));
+            faults.add(foreign(joint, reason));
         }
-    }
-    if child(joint, "mimic").is_some() {
-        return Err(foreign(joint, "it mimics another: only joints with a motor of their own are allowed"));
     }
     if let Some(dynamics) = child(joint, "dynamics") {
         for attribute in ["damping", "friction"] {
             let why = "a job's motors have damping of their own";
-            zero(joint, &format!("dynamics {attribute}"), dynamics.attribute(attribute), why)?;
+            faults.take(zero(dynamics, attribute, dynamics.attribute(attribute), why));
         }
     }
-    let range = match child(joint, "limit") {
-        Some(limit) => {
-            let end = |which| exactly::<1>(limit, which, limit.attribute(which).unwrap_or("0")).map(|[v]| v);
-            Some([end("lower")?, end("upper")?])
-        }
-        None => None,
+    if joint.attribute("type") == Some("revolute") {
+        faults.take(limits(joint));
+    }
+    let axis = match child(joint, "axis") {
+        Some(axis) => required(axis, "xyz").and_then(|text| exactly(axis, "xyz", text)),
+        None => Ok([1.0, 0.0, 0.0]),
     };
-    quarter_turns(joint, range)?;
-    let axis = match child(joint, "axis").and_then(|axis| axis.attribute("xyz")) {
-        Some(text) => exactly(joint, "axis", text)?,
-        None => [1.0, 0.0, 0.0],
-    };
-    Ok(Some(Vector3::from(axis)))
+    let axis = Vector3::from(faults.take(axis)?);
+    let name = joint.attribute("name").map(str::to_owned);
+    Some(Turning { element: joint, name, anchor: Vector3::zeros(), axis })
+}
+
+fn limits(joint: Node) -> Result<(), Invalid> {
+    let Some(limit) = child(joint, "limit") else { return quarter_turns(joint, None) };
+    let end = |which| exactly::<1>(limit, which, limit.attribute(which).unwrap_or("0")).map(|[v]| v);
+    quarter_turns(joint, Some([end("lower")?, end("upper")?]))
 }
 
 /// The `<origin>` of an element: xyz, and rotations about the fixed x, y and z axes.
@@ -142,7 +155,7 @@ fn origin(of: Node) -> Result<Frame, Invalid> {
 fn lump(inertial: Node) -> Result<Lump, Invalid> {
     let value = |of: &str, attribute: &str| {
         let element = child(inertial, of).ok_or_else(|| foreign(inertial, format!("it needs <{of}>")))?;
-        exactly::<1>(element, attribute, element.attribute(attribute).unwrap_or("0")).map(|[v]| v)
+        exactly::<1>(element, attribute, required(element, attribute)?).map(|[v]| v)
     };
     let mut moments = [0.0; 6];
     for (moment, name) in moments.iter_mut().zip(["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]) {
@@ -154,21 +167,26 @@ fn lump(inertial: Node) -> Result<Lump, Invalid> {
     Ok(Lump { mass: value("mass", "value")?, center: at.origin, inertia })
 }
 
-fn solid(collision: Node) -> Result<Solid, Invalid> {
-    let allowed = ["box", "capsule"];
+/// A shape; none where the schema has refused it.
+fn solid(collision: Node) -> Result<Option<Solid>, Invalid> {
     let geometry = child(collision, "geometry").ok_or_else(|| foreign(collision, "it needs <geometry>"))?;
-    let shape = children(geometry).next().ok_or_else(|| foreign(geometry, "it needs <box> or <capsule>"))?;
+    let mut shapes = children(geometry);
+    let Some(shape) = shapes.next() else { return Err(foreign(geometry, "it needs <box> or <capsule>")) };
+    if let Some(second) = shapes.next() {
+        let reason = "a second shape in one <geometry>: write a <collision> for each";
+        return Err(foreign(second, reason));
+    }
     let at = origin(collision)?;
-    let number = |attribute| exactly::<1>(shape, attribute, shape.attribute(attribute).unwrap_or("0")).map(|[v]| v);
+    let number = |attribute| exactly::<1>(shape, attribute, required(shape, attribute)?).map(|[v]| v);
     match tag(shape) {
         "box" => {
-            let size = exactly(shape, "size", shape.attribute("size").unwrap_or("0 0 0"))?;
-            Ok(Solid::Box { at, half: Vector3::from(size) / 2.0 })
+            let size = exactly(shape, "size", required(shape, "size")?)?;
+            Ok(Some(Solid::Box { at, half: Vector3::from(size) / 2.0 }))
         }
         "capsule" => {
             let half = Vector3::new(0.0, 0.0, number("length")? / 2.0);
-            Ok(Solid::Capsule { ends: [at.point(-half), at.point(half)], radius: number("radius")? })
+            Ok(Some(Solid::Capsule { ends: [at.point(-half), at.point(half)], radius: number("radius")? }))
         }
-        _ => Err(unknown(shape, &allowed)),
+        _ => Ok(None),
     }
 }
