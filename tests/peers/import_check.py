@@ -84,14 +84,15 @@ class Theirs:
         mujoco.mj_fwdPosition(model, self.data)
         self.neutral = self.data.xpos.copy(), self.data.xmat.reshape(-1, 3, 3).copy()
 
-    def overlaps(self) -> bool:
-        """Whether spheres around geoms of bodies that share no hinge come near each other in the neutral configuration."""
+    def fits(self) -> bool:
+        """Whether anything collides, and bodies that share no hinge are apart in the neutral configuration."""
         model, geoms = self.model, []
         for geom in range(model.ngeom):
             if model.geom_bodyid[geom] in self.of and model.geom_contype[geom]:
                 geoms.append((self.of[model.geom_bodyid[geom]], self.data.geom_xpos[geom], model.geom_rbound[geom]))
-        return any(a != b and self.parents[a] != b and self.parents[b] != a and np.linalg.norm(p - q) < r + s
-                   for (a, p, r), (b, q, s) in itertools.combinations(geoms, 2))
+        neighbours = lambda a, b: a == b or self.parents[a] == b or self.parents[b] == a
+        return bool(geoms) and all(neighbours(a, b) or np.linalg.norm(p - q) > r + s
+                                   for (a, p, r), (b, q, s) in itertools.combinations(geoms, 2))
 
     def move(self, angles):
         self.data.qpos[:] = self.model.qpos0
@@ -144,7 +145,9 @@ class Ours:
     def __init__(self, spec: dict):
         bodies = spec["body"]
         at = {body["name"]: i for i, body in enumerate(bodies)}
-        assert len(at) == len(bodies), "names of bodies repeat"
+        hinges = {body["hinge"]["name"] for body in bodies if body.get("hinge")}
+        if len(at) < len(bodies) or len(hinges) < len(bodies) - 1:
+            raise Different("the robot", "names repeat")
         self.bodies = bodies
         self.parents = [at[b["hinge"]["parent"]] if b.get("hinge") else None for b in bodies]
         self.root = at[spec["pivot"]]
@@ -280,7 +283,7 @@ def draw(seed: int, without=()) -> str:
     for attempt in range(100):
         text = Generator(1000 * seed + attempt, bodies, scale, without).text()
         try:
-            if not Theirs(text).overlaps():
+            if Theirs(text).fits():
                 return text
             scale *= 1.2
         except ValueError:

@@ -162,7 +162,7 @@ class Generator:
             if self.chance(0.3):
                 joint["pos"] = self.vector(self.random_vector(0.3))
             if self.chance(0.3):
-                joint |= {"damping": "0", "armature": "0.0"}
+                joint |= rng.choice([{"damping": "0", "armature": "0.0"}, {"type": "hinge"}, {"stiffness": "0", "ref": "0"}])
             own["joint"] = joint
         for motor, attributes in (("motor", {"gear": "50"}), ("position", {"kp": "100"}), ("general", {"gainprm": "2"})):
             if self.chance(0.2):
@@ -178,7 +178,7 @@ class Generator:
         self.xml.open("default", {"class": name} if depth or self.chance(0.3) else {})
         classes.own[name] = self.class_defaults(depth == 0)
         for element, attributes in classes.own[name].items():
-            if attributes or self.chance(0.5):
+            if attributes or self.chance(0.2):
                 self.xml.leaf(element, attributes)
         for _ in range(self.rng.choice([0, 1, 2, 3]) if depth < 3 else 0):
             inner = f"class {len(classes.own)}" if "names" in self.features and self.chance(0.2) else f"c{len(classes.own)}"
@@ -195,7 +195,7 @@ class Generator:
 
     # Elements.
 
-    def geom(self, inherited, light):
+    def geom(self, inherited, first, inertial):
         rng, own = self.rng, {}
         given, name = self.of_class(inherited)
         get = lambda key: self.classes.get("geom", name, own, key)
@@ -208,22 +208,23 @@ class Generator:
         seen = get("contype") == "0"
         if get("type") not in ("box", "capsule") or self.chance(0.4):
             own["type"] = rng.choice(["box", "capsule"])
-        if seen and self.chance(0.3):
+        if seen and (not first or inertial) and self.chance(0.4):
             own["type"], count = rng.choice(VISUAL_SHAPES)
             own["size"] = self.vector([rng.uniform(0.05, 0.2) for _ in range(count)])
             own |= self.pose(0.3)
-            # Where masses follow from geoms, such a shape must not have any.
-            own[rng.choice(["mass"] if get("mass") else ["mass", "density"])] = "0"
+            # Such a shape must not have any mass, unless the body's mass is written out.
+            if self.inertia == "true" or not inertial or self.chance(0.5):
+                own[rng.choice(["mass"] if get("mass") else ["mass", "density"])] = "0"
             self.xml.leaf("geom", own)
             return
-        line = get("type") == "capsule" and get("pos") is None and self.chance(0.5)
+        line = get("type") == "capsule" and not any(get(key) for key in ("pos", *SPELLINGS)) and self.chance(0.5)
         if get("size") is None or self.chance(0.5):
             size = [rng.uniform(0.05, 0.2) for _ in range(3)]
             count = 3 if get("type") == "box" else 1 if line else rng.choice([2, 2, 3])
             # MuJoCo takes the numbers that are not given from the class.
             count = 1 if get("size") is not None and "sizes" in self.features and self.chance(0.2) else count
             own["size"] = self.vector(size[:count])
-        if line and not any(get(s) for s in SPELLINGS):
+        if line:
             start = np.array(self.random_vector(0.3))
             own["fromto"] = self.vector([*start, *(start + self.random_vector(0.2) + [0.05, 0.0, 0.0])])
         else:
@@ -232,7 +233,7 @@ class Generator:
             own["mass"] = self.number(rng.uniform(0.1, 3))
         if self.chance(0.25):
             own["density"] = self.number(rng.uniform(100, 2000))
-        if light and self.chance(0.15):
+        if (not first or inertial) and self.chance(0.15):
             own["mass"] = "0"
         own |= self.name(0.2)
         self.xml.leaf("geom", own)
@@ -297,6 +298,7 @@ class Generator:
             own |= self.orientation()
         if self.chance(0.3):
             own["childclass"] = inherited = rng.choice(list(self.classes.own))
+        own |= rng.choice([{"gravcomp": "0"}, {"mocap": "false"}]) if self.chance(0.05) else {}
         self.xml.open("body", own)
         if carrier and own.get("name") and self.chance(0.3):
             self.excludes.append((carrier, own["name"]))
@@ -311,9 +313,8 @@ class Generator:
         inertial = self.inertia == "false" and (root or hinge) or self.chance(0.3)
         if inertial:
             parts.append(lambda _: self.inertial())
-        # One geom at least has mass, unless there is <inertial>; that of `light` ones may be 0.
         for i in range(rng.choice([1, 1, 2, 3])):
-            parts.append(lambda c, light=i > 0: self.frames(c, lambda d: self.geom(d, light)))
+            parts.append(lambda c, first=i == 0: self.frames(c, lambda d: self.geom(d, first, inertial)))
         for _ in range(rng.choice([0, 1, 1, 2, 3]) if self.made < self.bodies else 0):
             parts.append(lambda c: self.frames(c, lambda d: self.body(d, carrier=own.get("name")))
                          if self.made < self.bodies else None)
@@ -343,6 +344,8 @@ class Generator:
             own["inertiafromgeom"] = self.inertia
         if self.chance(0.2):
             own["eulerseq"] = "xyz"
+        if self.chance(0.2):
+            own |= self.rng.choice([{"balanceinertia": "false"}, {"boundmass": "0"}, {"fusestatic": "false"}, {"settotalmass": "-1"}])
         items = list(own.items())
         cut = self.rng.randint(0, len(items)) if self.chance(0.2) else len(items)
         for part in (items[:cut], items[cut:]):
@@ -429,7 +432,7 @@ class Generator:
         if "order" in self.features:
             rng.shuffle(sections)
         model = rng.choice([{}, {"model": "robot"}, *([{"model": "my robot"}, {"model": "α/2"}] if "names" in self.features else [])])
-        xml.lines = []
+        xml.lines = ['<?xml version="1.0" encoding="utf-8"?>'] if self.chance(0.2) else []
         xml.open("mujoco", model)
         xml.lines += [line for section in sections for line in section]
         xml.close("mujoco")
