@@ -1,6 +1,6 @@
 """Does an import have the robot that MuJoCo has? Random MJCF files of what is supported, compiled by both.
 
-Compared at a random configuration, in the world: poses of all bodies, hinges, masses, the mass matrix, and what collides."""
+Compared at a random configuration, in the world: poses of all bodies, hinges, masses, the mass matrix, and shapes."""
 
 import argparse
 import itertools
@@ -153,14 +153,15 @@ class Ours:
         self.root = at[spec["pivot"]]
 
     def order(self, theirs: Theirs) -> list[int]:
-        """For each of MuJoCo's groups the body here: the same tree, and what a body carries in the order of the file."""
+        """For each of MuJoCo's groups the body here: in the same tree, what a body carries in the order of the file."""
         carried = lambda parents, i: [k for k, parent in enumerate(parents) if parent == i]
         found = {0: self.root}
         for group in range(len(theirs.members)):
             theirs_there = carried(theirs.parents, group)
             ours_there = carried(self.parents, found[group])
             if len(theirs_there) != len(ours_there):
-                raise Different(theirs.label(group), f"carries {len(theirs_there)} hinges in MuJoCo, {len(ours_there)} here")
+                counts = f"carries {len(theirs_there)} hinges in MuJoCo, {len(ours_there)} here"
+                raise Different(theirs.label(group), counts)
             found |= zip(theirs_there, ours_there)
         return [found[group] for group in range(len(theirs.members))]
 
@@ -257,10 +258,11 @@ def compare(theirs: Theirs, spec: dict, angles):
             near(element, "anchor of the hinge", a.hinge[0], b.hinge[0], reach)
         # A point of a body goes where the body here carries it from its place in the neutral configuration.
         turn, place = ours.poses[order[index]]
+        origin = neutral_place(ours, order, index, theirs)
         for body in theirs.members[index]:
             before, turned = theirs.neutral[0][body], theirs.neutral[1][body]
             near(element, "rotation", data.xmat[body].reshape(3, 3), turn @ turned, 1.0)
-            near(element, "position", data.xpos[body], place + turn @ (before - neutral_place(ours, order, index, theirs)), reach)
+            near(element, "position", data.xpos[body], place + turn @ (before - origin), reach)
         near(element, "mass", a.mass, b.mass)
         near(element, "centre of mass", a.center, b.center, reach)
         near(element, "inertia", a.inertia, b.inertia)
@@ -341,8 +343,8 @@ def main() -> int:
         if len(lines) > given.most:
             print(f"  … and {len(lines) - given.most} more {what} (--most prints more)")
     good = not refused and not different
-    print(f"{'ok    ' if good else 'FAILED'}  import: of {len(files)} MJCF files, {len(files) - len(refused) - len(different)} "
-          f"are MuJoCo's robot to {TOLERANCE:g}; {len(different)} differ silently"
+    same = len(files) - len(refused) - len(different)
+    print(f"{'ok    ' if good else 'FAILED'}  import: of {len(files)} MJCF files, {same} are MuJoCo's robot to {TOLERANCE:g}; {len(different)} differ silently"
           f"{''.join(f', {n} in {kind}' for kind, n in kinds.items())}; {len(refused)} are refused")
     print(f"files: {folder}")
     return 0 if good else 1

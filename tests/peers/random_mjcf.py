@@ -1,4 +1,6 @@
-"""Random MJCF files of all that an import takes: each setting in a default class, by childclass, or on the element itself."""
+"""Random MJCF files of what can be imported.
+
+Each setting stands in a default class, in that of `childclass`, or on the element itself."""
 
 import random
 from xml.sax.saxutils import quoteattr
@@ -6,8 +8,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 SPELLINGS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
-NAMES = ("left leg", "left/leg", "left.leg", "left_leg", "Bein ä", "脚", "body1", "body2", "joint1", "pivot", "a:b", "x+y", "-", "..",
-         "foot #1", "1", "knee (left)", "robot/leg/knee", "Ω")
+NAMES = ("left leg", "left/leg", "left.leg", "left_leg", "Bein ä", "脚", "body1", "body2", "joint1", "pivot", "a:b",
+         "x+y", "-", "..", "foot #1", "1", "knee (left)", "robot/leg/knee", "Ω")
 VISUAL_SHAPES = (("sphere", 1), ("cylinder", 2), ("ellipsoid", 3))
 
 
@@ -34,8 +36,8 @@ class Writer:
         self.lines.append("  " * self.depth + f"</{name}>")
 
 
-# Each file has some of these: frames, names that are not plain, ground inside a body, sizes of which the class has the rest,
-# what comes after `<worldbody>` in front of it.
+# Each file has some of these: frames, names that are not plain, ground inside a body, sizes of which the class has the
+# rest, sections in any order.
 FEATURES = ("frames", "names", "floor", "sizes", "order")
 # The outermost class; MuJoCo lets it have no other name.
 MAIN = "main"
@@ -108,7 +110,8 @@ class Generator:
         elif spelling == "euler":
             values = [self.angle(turns()) for _ in range(3)]
         elif spelling == "axisangle":
-            values = [*(rng.choice([[1, 0, 0], [0, -2, 0], [0, 0, 1]]) if plain else self.random_vector(2)), self.angle(turns())]
+            axis = rng.choice([[1, 0, 0], [0, -2, 0], [0, 0, 1]]) if plain else self.random_vector(2)
+            values = [*axis, self.angle(turns())]
         elif spelling == "xyaxes":
             values = rng.choice([[0, 1, 0, -1, 0, 0], [0, 0, 2, 1, 0, 1]]) if plain else \
                 self.random_vector(2) + self.random_vector(2)
@@ -162,12 +165,11 @@ class Generator:
             if self.chance(0.3):
                 joint["pos"] = self.vector(self.random_vector(0.3))
             if self.chance(0.3):
-                joint |= rng.choice([{"damping": "0", "armature": "0.0"}, {"type": "hinge"}, {"stiffness": "0", "ref": "0"}])
+                zeros = [{"damping": "0", "armature": "0.0"}, {"stiffness": "0", "ref": "0"}]
+                joint |= rng.choice([*zeros, {"type": "hinge"}])
             own["joint"] = joint
-        for motor, attributes in (("motor", {"gear": "50"}), ("position", {"kp": "100"}), ("general", {"gainprm": "2"})):
-            if self.chance(0.2):
-                own[motor] = attributes
-        return own
+        motors = {"motor": {"gear": "50"}, "position": {"kp": "100"}, "general": {"gainprm": "2"}}
+        return own | {motor: attributes for motor, attributes in motors.items() if self.chance(0.2)}
 
     def range(self):
         near = self.rng.choice([90.0, 90.0, 90.01, 89.99])
@@ -181,7 +183,8 @@ class Generator:
             if attributes or self.chance(0.2):
                 self.xml.leaf(element, attributes)
         for _ in range(self.rng.choice([0, 1, 2, 3]) if depth < 3 else 0):
-            inner = f"class {len(classes.own)}" if "names" in self.features and self.chance(0.2) else f"c{len(classes.own)}"
+            inner = f"c{len(classes.own)}"
+            inner = f"class {inner}" if "names" in self.features and self.chance(0.2) else inner
             classes.around[inner] = name
             self.defaults(inner, depth + 1)
         self.xml.close("default")
@@ -247,7 +250,8 @@ class Generator:
         if self.chance(0.5):
             turn, _ = np.linalg.qr(np.array([self.random_vector(1) for _ in range(3)]))
             full = turn @ np.diag(moments) @ turn.T
-            own["fullinertia"] = " ".join(repr(float(full[i])) for i in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+            places = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
+            own["fullinertia"] = " ".join(repr(float(full[place])) for place in places)
         else:
             own["diaginertia"] = " ".join(repr(float(m)) for m in moments)
             if self.chance(0.7):
@@ -263,7 +267,7 @@ class Generator:
         if not self.autolimits and limited != "true" or self.chance(0.2):
             own["limited"] = "true"
         if self.chance(0.7):
-            own["axis"] = self.vector(self.random_vector(2)) if self.chance(0.6) else self.rng.choice(["1 0 0", "0 -1 0"])
+            own["axis"] = self.rng.choice([self.vector(self.random_vector(2)), "1 0 0", "0 -1 0"])
         if self.chance(0.4):
             own["pos"] = self.vector(self.random_vector(0.3))
         if self.chance(0.2):
@@ -345,7 +349,8 @@ class Generator:
         if self.chance(0.2):
             own["eulerseq"] = "xyz"
         if self.chance(0.2):
-            own |= self.rng.choice([{"balanceinertia": "false"}, {"boundmass": "0"}, {"fusestatic": "false"}, {"settotalmass": "-1"}])
+            more = [("balanceinertia", "false"), ("boundmass", "0"), ("fusestatic", "false"), ("settotalmass", "-1")]
+            own |= [self.rng.choice(more)]
         items = list(own.items())
         cut = self.rng.randint(0, len(items)) if self.chance(0.2) else len(items)
         for part in (items[:cut], items[cut:]):
@@ -390,8 +395,10 @@ class Generator:
             own = {"joint": joint} | self.of_class(None, 0.3)[0]
             own |= {"name": joint} if self.chance(0.5) else {}
             if self.chance(0.5):
-                own |= {"motor": {"gear": "30"}, "position": {"kp": "40", "ctrlrange": self.range(), "ctrllimited": "true"},
-                        "velocity": {"kv": "3"}, "general": {"biastype": "affine", "gainprm": "40", "biasprm": "0 -40 -2"}}[kind]
+                position = {"kp": "40", "ctrlrange": self.range(), "ctrllimited": "true"}
+                general = {"biastype": "affine", "gainprm": "40", "biasprm": "0 -40 -2"}
+                velocity, motor = {"kv": "3"}, {"gear": "30"}
+                own |= {"motor": motor, "position": position, "velocity": velocity, "general": general}[kind]
             self.xml.leaf(kind, own)
         self.xml.close("actuator")
 
@@ -425,13 +432,15 @@ class Generator:
         rng, xml = self.rng, self.xml
         sections = []
         # Written in this order, since elements name classes and joints; MuJoCo takes sections in any order.
-        for section in (lambda: self.defaults(MAIN, 0), self.compiler, self.world, self.contact, self.actuators, self.rest):
+        defaults = lambda: self.defaults(MAIN, 0)
+        for section in (defaults, self.compiler, self.world, self.contact, self.actuators, self.rest):
             xml.lines = []
             section()
             sections.append(xml.lines)
         if "order" in self.features:
             rng.shuffle(sections)
-        model = rng.choice([{}, {"model": "robot"}, *([{"model": "my robot"}, {"model": "α/2"}] if "names" in self.features else [])])
+        models = ["robot", "my robot", "α/2"] if "names" in self.features else ["robot"]
+        model = {"model": rng.choice(models)} if self.chance(0.7) else {}
         xml.lines = ['<?xml version="1.0" encoding="utf-8"?>'] if self.chance(0.2) else []
         xml.open("mujoco", model)
         xml.lines += [line for section in sections for line in section]

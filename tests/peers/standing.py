@@ -67,7 +67,7 @@ def robots(given, kind: str) -> list[dict]:
 
 
 def report(given, kind: str, found: list[dict]) -> bool:
-    """A line for each robot that is refused, and the counts. True if every robot that MuJoCo holds still is accepted."""
+    """Prints a line for each refused robot, and the counts; true if every robot that MuJoCo holds still is accepted."""
     # Some wobble in MuJoCo's exported steps, and stand still in finer ones: still is what finer steps say.
     held = [robot for robot in found if robot["speeds"][1] < STILL]
     print(f"{kind}: MuJoCo holds {sum(r['speeds'][0] < STILL for r in found)} of {len(found)} still as exported, "
