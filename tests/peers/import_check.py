@@ -344,8 +344,9 @@ def main() -> int:
             print(f"  … and {len(lines) - given.most} more {what} (--most prints more)")
     good = not refused and not different
     same = len(files) - len(refused) - len(different)
-    print(f"{'ok    ' if good else 'FAILED'}  import: of {len(files)} MJCF files, {same} are MuJoCo's robot to {TOLERANCE:g}; {len(different)} differ silently"
-          f"{''.join(f', {n} in {kind}' for kind, n in kinds.items())}; {len(refused)} are refused")
+    where = "".join(f", {n} in {kind}" for kind, n in kinds.items())
+    print(f"{'ok    ' if good else 'FAILED'}  import: of {len(files)} MJCF files, {same} are MuJoCo's robot to "
+          f"{TOLERANCE:g}; {len(different)} differ silently{where}; {len(refused)} are refused")
     print(f"files: {folder}")
     return 0 if good else 1
 
