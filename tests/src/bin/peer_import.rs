@@ -1,0 +1,34 @@
+//! Our side of `tests/peers/import_check.py`: imports the MJCF and URDF files whose paths stand on standard input, one a
+//! line, and prints a line of JSON for each: the robot, or why it is refused.
+
+use serde::Serialize;
+use sim_core::error::Invalid;
+use sim_core::robot::exchange;
+use sim_core::robot::{Robot, RobotSpec};
+use std::io::BufRead;
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Answer {
+    Imported { file: String, spec: Box<RobotSpec> },
+    Refused { file: String, refused: String },
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    for file in std::io::stdin().lock().lines() {
+        let file = file?;
+        let text = std::fs::read_to_string(&file).map_err(|e| format!("{file}: {e}"))?;
+        let answer = match import(&text) {
+            Ok(spec) => Answer::Imported { file, spec: Box::new(spec) },
+            Err(invalid) => Answer::Refused { file, refused: invalid.to_string() },
+        };
+        println!("{}", serde_json::to_string(&answer)?);
+    }
+    Ok(())
+}
+
+fn import(text: &str) -> Result<RobotSpec, Invalid> {
+    let spec = exchange::read(text)?;
+    Robot::compile(&spec)?;
+    Ok(spec)
+}
