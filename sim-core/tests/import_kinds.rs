@@ -112,7 +112,12 @@ fn unknown_content_is_refused_with_its_line() {
             ("%top", "<option><flag contacts=\"disable\"/></option>", 1, "contact may be meant"),
             ("%top", "<default><geom name=\"g\"/></default>", 1, "name is no attribute"),
             ("%j", " limited=\"yes\"", 5, "allowed are true, false, auto"),
-            ("<freejoint/>", "<freejoint/><inertial mass=\"1\"/>", 3, "it needs fullinertia or diaginertia"),
+            (
+                "<freejoint/>",
+                "<freejoint/><inertial pos=\"0 0 0\" mass=\"1\"/>",
+                3,
+                "it needs fullinertia or diaginertia",
+            ),
         ],
     );
     refused(
@@ -149,7 +154,7 @@ fn second_shapes_and_repeated_elements_are_refused() {
     // Several <collision> are what the format has for several shapes.
     let two = "<collision><geometry><box size=\".1 .1 .1\"/></geometry></collision></link>\n<link name=\"c\">";
     assert_eq!(robot(&urdf(&[("</link>\n<link name=\"c\">", two)])).bodies[0].boxes.len(), 2);
-    let inertial = "<inertial mass=\"1\" diaginertia=\"1 1 1\"/>";
+    let inertial = "<inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/>";
     refused(mjcf, &[("<freejoint/>", &format!("<freejoint/>{inertial}{inertial}"), 3, "a second <inertial>")]);
 }
 

@@ -168,7 +168,7 @@ class Generator:
                 zeros = [{"damping": "0", "armature": "0.0"}, {"stiffness": "0", "ref": "0"}]
                 joint |= rng.choice([*zeros, {"type": "hinge"}])
             own["joint"] = joint
-        motors = {"motor": {"gear": "50"}, "position": {"kp": "100"}, "general": {"gainprm": "2"}}
+        motors = {"motor": {"forcerange": "-50 50"}, "position": {"kp": "100"}, "general": {"gainprm": "2"}}
         return own | {motor: attributes for motor, attributes in motors.items() if self.chance(0.2)}
 
     def range(self):

@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn import(text: &str) -> Result<RobotSpec, Invalid> {
-    let spec = exchange::read(text)?;
+    let spec = exchange::read(text)?.robot;
     Robot::compile(&spec)?;
     Ok(spec)
 }

@@ -180,7 +180,8 @@ pub(super) fn grow<'a>(names: &Names, format: &str, links: &[Link<'a>], faults: 
     Tree { robot, elements, body_of: placed.iter().map(|p| p.0).collect(), parent_of }
 }
 
-fn lump_in(lump: &Lump, frame: &Frame) -> Lump {
+/// A lump in a frame, seen from outside.
+pub(super) fn lump_in(lump: &Lump, frame: &Frame) -> Lump {
     let inertia = if frame.rotation == UnitQuaternion::identity() {
         lump.inertia // to the bit
     } else {

@@ -63,32 +63,37 @@ impl<'a> Defaults<'a> {
         inherited: &'a str,
         attributes: &[&'n str],
     ) -> Result<Option<(&'n str, &'a str)>, Invalid> {
-        let of = |node: Node<'a, 'a>| {
+        for node in self.templates(element, inherited)? {
             let mut given = attributes.iter().filter_map(|name| Some((*name, node.attribute(*name)?)));
             match (given.next(), given.next()) {
                 (Some((one, _)), Some((other, _))) => {
-                    Err(foreign_attribute(node, other, format!("both {one} and {other}: one of them is allowed")))
+                    let reason = format!("both {one} and {other}: one of them is allowed");
+                    return Err(foreign_attribute(node, other, reason));
                 }
-                (first, _) => Ok(first),
+                (Some(first), None) => return Ok(Some(first)),
+                (None, _) => {}
             }
-        };
-        let mut class = self.class(element, "class", inherited)?;
-        if let Some(own) = of(element)? {
-            return Ok(Some(own));
         }
+        Ok(None)
+    }
+
+    /// All that is said of an attribute: by the element itself first, then by its class and the classes around that.
+    pub fn all(&self, element: Node<'a, 'a>, inherited: &'a str, attribute: &str) -> Result<Vec<&'a str>, Invalid> {
+        Ok(self.templates(element, inherited)?.into_iter().filter_map(|node| node.attribute(attribute)).collect())
+    }
+
+    /// The element, then what stands for its kind in its class and in the classes around that.
+    fn templates(&self, element: Node<'a, 'a>, inherited: &'a str) -> Result<Vec<Node<'a, 'a>>, Invalid> {
+        let mut found = vec![element];
+        let mut class = self.class(element, "class", inherited)?;
         while let Some((around, elements)) = self.0.get(class) {
-            let of_its_kind = |e: &&Node<'a, 'a>| same_kind(tag(**e), tag(element));
-            for template in elements.iter().rev().filter(of_its_kind) {
-                if let Some(found) = of(*template)? {
-                    return Ok(Some(found));
-                }
-            }
+            found.extend(elements.iter().rev().filter(|e| same_kind(tag(**e), tag(element))));
             match around {
                 Some(next) if *next != class => class = next,
                 _ => break,
             }
         }
-        Ok(None)
+        Ok(found)
     }
 }
 

@@ -54,7 +54,7 @@ impl<'a> Reader<'a> {
             return Err(foreign_attribute(geom, "condim", reason));
         }
         let weighs = weighs && self.number(geom, class, "mass")?.or(self.number(geom, class, "density")?) != Some(0.0);
-        let size = numbers(geom, "size", get("size")?.unwrap_or_default())?;
+        let size = self.size(geom, class)?;
         let line = get("fromto")?.map(|text| exactly::<6>(geom, "fromto", text)).transpose()?;
         let needs = |n: usize, what: &str| {
             let reason = format!("size has {} numbers: {what}", size.len());
@@ -86,6 +86,16 @@ impl<'a> Reader<'a> {
             return Err(foreign(geom, "a capsule of length 0: it needs two ends that lie apart"));
         }
         Ok(Some(Geom { collides, solid }))
+    }
+
+    /// Its size: where an element gives fewer numbers than its class, the class has the rest.
+    fn size(&self, geom: Node<'a, 'a>, class: &'a str) -> Result<Vec<f64>, Invalid> {
+        let mut size = Vec::new();
+        for text in self.defaults.all(geom, class, "size")? {
+            let more = numbers(geom, "size", text)?;
+            size.extend(more.into_iter().skip(size.len()));
+        }
+        Ok(size)
     }
 
     fn number(&self, geom: Node<'a, 'a>, class: &'a str, attribute: &str) -> Result<Option<f64>, Invalid> {

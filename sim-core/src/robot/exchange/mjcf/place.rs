@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
 /// The spellings of an orientation; an element's own wins over its class's, whichever either is.
-const SPELLINGS: [&str; 5] = ["quat", "euler", "axisangle", "xyaxes", "zaxis"];
+pub(super) const SPELLINGS: [&str; 5] = ["quat", "euler", "axisangle", "xyaxes", "zaxis"];
 
 /// Reads the frame of an element in the one around it. Only geoms have defaults.
 pub(super) fn place<'a>(

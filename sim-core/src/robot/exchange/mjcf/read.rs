@@ -3,13 +3,13 @@
 use super::compiler::{Compiler, option};
 use super::defaults::{Defaults, MAIN};
 use super::joint::Found;
-use super::place::place;
+use super::place::{SPELLINGS, place};
 use super::schema::MUJOCO;
 use crate::error::Invalid;
 use crate::robot::exchange::faults::Faults;
 use crate::robot::exchange::schema::{self, Passed};
-use crate::robot::exchange::source::{child, children, exactly, foreign, keyword, required, tag, zero};
-use crate::robot::exchange::tree::{Frame, Link, Tree, grow, solid_in};
+use crate::robot::exchange::source::{children, exactly, foreign, keyword, required, tag, zero};
+use crate::robot::exchange::tree::{Frame, Link, Tree, grow, lump_in, solid_in};
 use crate::robot::exchange::{Import, finish, names};
 use crate::robot::rigid::{Lump, symmetric};
 use nalgebra::Matrix3;
@@ -145,19 +145,27 @@ impl<'a> Reader<'a> {
         let (class, frame) = self.inner(body, inherited, around);
         let index = self.links.len();
         self.links.push(Link { parent, frame, ..Link::new(body) });
-        let own = child(body, "inertial").filter(|_| self.compiler.from_geoms != Some(true));
-        let weighs = own.is_none() && self.compiler.from_geoms != Some(false);
-        let mut joints = Vec::new();
-        self.content(body, index, weighs, class, &Frame::none(), &mut joints);
-        self.links[index].hinge = self.hinge(body, &joints, parent.is_none());
-        if let Some(inertial) = own {
-            match self.inertial(inertial) {
-                Some(lump) => self.links[index].lumps.push(lump),
+        let weighs = match self.compiler.from_geoms {
+            None => !has_inertial(body),
+            Some(from_geoms) => from_geoms,
+        };
+        let mut found = Content::default();
+        self.content(body, index, weighs, class, &Frame::none(), &mut found);
+        self.links[index].hinge = self.hinge(body, &found.joints, parent.is_none());
+        if let [_, second, ..] = found.inertials[..] {
+            self.faults.add(foreign(second.0, "a second <inertial> of one body: one is allowed"));
+        }
+        // Massless geoms add nothing: without them one lump keeps its bits. Where none has mass, the inertial counts.
+        self.links[index].lumps.retain(|lump| lump.mass != 0.0);
+        if let Some((inertial, frame)) = found.inertials.first()
+            && self.links[index].lumps.is_empty()
+        {
+            match self.inertial(*inertial) {
+                Some(lump) if frame.is_none() => self.links[index].lumps.push(lump),
+                Some(lump) => self.links[index].lumps.push(lump_in(&lump, frame)),
                 None => self.links[index].incomplete = true,
             }
         }
-        // Massless geoms add nothing: without them one lump keeps its bits.
-        self.links[index].lumps.retain(|lump| lump.mass != 0.0);
     }
 
     /// What stands in a body, directly or in frames.
@@ -168,11 +176,12 @@ impl<'a> Reader<'a> {
         weighs: bool,
         class: &'a str,
         frame: &Frame,
-        joints: &mut Vec<Found<'a>>,
+        found: &mut Content<'a>,
     ) {
         for element in children(around) {
             match tag(element) {
-                "joint" | "freejoint" => joints.push((element, class, *frame)),
+                "joint" | "freejoint" => found.joints.push((element, class, *frame)),
+                "inertial" => found.inertials.push((element, *frame)),
                 "geom" => {
                     let read = self.part(element, index, weighs, class, frame);
                     self.links[index].incomplete |= read.is_none();
@@ -180,7 +189,7 @@ impl<'a> Reader<'a> {
                 "body" => self.body(element, Some(index), class, frame),
                 "frame" => {
                     let (class, inner) = self.inner(element, class, frame);
-                    self.content(element, index, weighs, class, &inner, joints);
+                    self.content(element, index, weighs, class, &inner, found);
                 }
                 _ => {}
             }
@@ -204,11 +213,19 @@ impl<'a> Reader<'a> {
 
     fn inertial(&mut self, inertial: Node<'a, 'a>) -> Option<Lump> {
         let Frame { rotation, origin } = self.place(inertial, MAIN)?;
+        let turned = SPELLINGS.iter().any(|spelling| inertial.has_attribute(*spelling));
         let read = || -> Result<Lump, Invalid> {
+            required(inertial, "pos")?;
             let [mass] = exactly(inertial, "mass", required(inertial, "mass")?)?;
             let moments = match (inertial.attribute("fullinertia"), inertial.attribute("diaginertia")) {
                 (Some(_), Some(_)) => {
                     return Err(foreign(inertial, "both fullinertia and diaginertia: one of them is allowed"));
+                }
+                (Some(_), None) if turned => {
+                    return Err(foreign(
+                        inertial,
+                        "fullinertia with an orientation: turn the matrix, or give diaginertia",
+                    ));
                 }
                 (Some(full), None) => exactly::<6>(inertial, "fullinertia", full)?,
                 (None, Some(diagonal)) => {
@@ -247,6 +264,22 @@ impl<'a> Reader<'a> {
             }
         }
     }
+}
+
+/// What a body holds beside geoms and bodies, directly or in frames.
+#[derive(Default)]
+struct Content<'a> {
+    joints: Vec<Found<'a>>,
+    inertials: Vec<(Node<'a, 'a>, Frame)>,
+}
+
+/// Whether an element holds an `<inertial>`, directly or in frames.
+fn has_inertial(around: Node) -> bool {
+    children(around).any(|element| match tag(element) {
+        "inertial" => true,
+        "frame" => has_inertial(element),
+        _ => false,
+    })
 }
 
 /// Whether a body has no joint, and nothing that it carries.

@@ -228,6 +228,7 @@ static FRAME: Rule = Rule {
     passed: &[],
     refused: &[],
     children: &[
+        Child::Once(&INERTIAL),
         Child::Many(&JOINT),
         Child::Once(&FREEJOINT),
         Child::Many(&GEOM),
