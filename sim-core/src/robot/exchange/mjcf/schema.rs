@@ -1,6 +1,6 @@
 //! Every element and attribute of MJCF that can be imported or passed over.
 //!
-//! The names are those that MuJoCo 4.0.1 prints as its schema; `tests/peers` compares the two.
+//! The names are those that MuJoCo 4.0.1 prints as its schema (`mj_printSchema`), and a few of older versions.
 
 use crate::robot::exchange::schema::{Child, Rule};
 

@@ -1,0 +1,162 @@
+//! A name that is misspelt is refused with its line: elements and attributes of MJCF and URDF, keys of TOML.
+
+use sim_core::catalogue;
+use sim_core::environment::Environment;
+use sim_core::error::Invalid;
+use sim_core::job::{JobSpec, Scale};
+use sim_core::random::{Purpose, Stream};
+use sim_core::robot::exchange::{Format, read};
+use sim_core::robot::{Robot, RobotSpec};
+use sim_core::rollout::Physics;
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// Misspelt names a format.
+const EACH: usize = 100;
+/// Elements that are passed over with all that is in them.
+const WHOLE: [&str; 5] = ["light", "camera", "site", "visual", "custom"];
+
+/// A good file, how it is read, and where its names stand: every place of one name, which are changed together.
+struct Good {
+    text: String,
+    read: fn(&str) -> Result<(), Invalid>,
+    names: Vec<Vec<Range<usize>>>,
+}
+
+fn xml(text: String) -> Good {
+    let document = roxmltree::Document::parse(&text).unwrap();
+    let mut names = Vec::new();
+    for element in document.descendants().filter(|node| node.is_element()) {
+        if element.ancestors().any(|node| WHOLE.contains(&node.tag_name().name())) {
+            continue;
+        }
+        let (tag, range) = (element.tag_name().name(), element.range());
+        let mut places = vec![range.start + 1..range.start + 1 + tag.len()];
+        let end = format!("</{tag}>");
+        if text[range.clone()].ends_with(&end) {
+            let close = range.end - end.len() + 2;
+            places.push(close..close + tag.len());
+        }
+        // Another root element is another format, not a misspelt one.
+        if element != document.root_element() {
+            names.push(places);
+        }
+        names.extend(element.attributes().map(|a| vec![a.range().start..a.range().start + a.name().len()]));
+    }
+    drop(document);
+    Good { text, read: |text| read(text).map(|_| ()), names }
+}
+
+/// Keys before "=", and names of tables. Names of a user's choice (variants) are no keys.
+fn toml_file(text: String, read: fn(&str) -> Result<(), Invalid>) -> Good {
+    let mut names = Vec::new();
+    let (mut at, mut inside_text, mut chosen) = (0, false, false);
+    for line in text.split_inclusive('\n') {
+        let quotes = line.matches("\"\"\"").count();
+        if !inside_text {
+            if line.starts_with('[') {
+                chosen = line.contains("variants");
+                let name = line.trim().trim_matches(|c| c == '[' || c == ']');
+                let last = name.rsplit('.').next().unwrap();
+                let start = at + line.find(name).unwrap() + name.len() - last.len();
+                names.push(vec![start..start + last.len()]);
+            } else if !chosen {
+                let code = line.split(" #").next().unwrap();
+                for (equals, _) in code.match_indices(" = ") {
+                    let key = code[..equals].rsplit([' ', '{', ',']).next().unwrap();
+                    if !key.is_empty() && key.bytes().all(|b| b.is_ascii_lowercase() || b == b'_') {
+                        names.push(vec![at + equals - key.len()..at + equals]);
+                    }
+                }
+            }
+        }
+        inside_text ^= quotes % 2 == 1;
+        at += line.len();
+    }
+    Good { text, read, names }
+}
+
+/// A letter doubled, left out or replaced, or two neighbours exchanged.
+fn misspell(name: &str, stream: &mut Stream) -> String {
+    let mut letters: Vec<char> = name.chars().collect();
+    let at = pick(stream, letters.len());
+    match pick(stream, 4) {
+        0 => letters.insert(at, letters[at]),
+        1 if letters.len() > 2 => drop(letters.remove(at)),
+        2 if at + 1 < letters.len() => letters.swap(at, at + 1),
+        _ => letters[at] = if letters[at] == 'q' { 'x' } else { 'q' },
+    }
+    letters.into_iter().collect()
+}
+
+fn pick(stream: &mut Stream, among: usize) -> usize {
+    (stream.uniform(0.0, among as f64) as usize).min(among - 1)
+}
+
+/// Misspells one name in each of many files; all must be refused with the line.
+fn check(seed: u64, goods: &[Good]) {
+    let mut stream = Stream::new(seed, Purpose::Sample, 0, 0, 0);
+    let known: BTreeSet<&str> = goods.iter().flat_map(|g| g.names.iter().map(|n| &g.text[n[0].clone()])).collect();
+    for good in goods {
+        (good.read)(&good.text).unwrap_or_else(|e| panic!("{e}\n{}", good.text));
+    }
+    let mut tried = 0;
+    while tried < EACH {
+        let good = &goods[pick(&mut stream, goods.len())];
+        let places = &good.names[pick(&mut stream, good.names.len())];
+        let name = &good.text[places[0].clone()];
+        let wrong = misspell(name, &mut stream);
+        // Another name of the format is another meaning: no misspelling that a reader could see.
+        if known.contains(wrong.as_str()) || wrong.as_str() == name || wrong == "kd" {
+            continue;
+        }
+        let mut text = good.text.clone();
+        for place in places.iter().rev() {
+            text.replace_range(place.clone(), &wrong);
+        }
+        let line = good.text[..places[0].start].matches('\n').count() + 1;
+        let said = match (good.read)(&text) {
+            Ok(()) => panic!("line {line}: {name} written as {wrong} is taken:\n{text}"),
+            Err(invalid) => invalid.to_string(),
+        };
+        let told = [format!("line {line}, "), format!("line {line}\n"), format!("line {line}:")];
+        assert!(told.iter().any(|told| said.contains(told)), "{name} as {wrong} in line {line}: {said}");
+        tried += 1;
+    }
+}
+
+fn robots() -> Vec<Robot> {
+    let spec = |toml: &str| toml::from_str::<RobotSpec>(toml).unwrap();
+    catalogue::robots().iter().map(|entry| Robot::compile(&spec(entry.toml)).unwrap()).collect()
+}
+
+#[test]
+fn misspelt_names_in_mjcf_are_refused_with_their_line() {
+    let physics = Physics::of_scale(Scale::Paper);
+    let mut goods: Vec<Good> = robots().iter().map(|robot| xml(Format::Mjcf.write(robot, &physics))).collect();
+    goods.extend((0..3).map(|_| xml(include_str!("oracle.xml").to_owned())));
+    check(1, &goods);
+}
+
+#[test]
+fn misspelt_names_in_urdf_are_refused_with_their_line() {
+    let physics = Physics::of_scale(Scale::Paper);
+    let goods: Vec<Good> = robots().iter().map(|robot| xml(Format::Urdf.write(robot, &physics))).collect();
+    check(2, &goods);
+}
+
+#[test]
+fn misspelt_keys_in_toml_are_refused_with_their_line() {
+    let robot = |text: &str| Ok(drop(toml::from_str::<RobotSpec>(text).map_err(Invalid::from)?));
+    let job = |text: &str| Ok(drop(toml::from_str::<JobSpec>(text).map_err(Invalid::from)?));
+    let environment = |text: &str| Environment::from_toml(text).map(|_| ());
+    let of = |entries: &'static [catalogue::Entry], read: fn(&str) -> Result<(), Invalid>| {
+        entries.iter().map(move |entry| toml_file(entry.toml.to_owned(), read))
+    };
+    let mut goods: Vec<Good> = of(catalogue::robots(), robot).collect();
+    goods.extend(of(catalogue::environments(), environment));
+    goods.extend(of(catalogue::jobs(), job));
+    let bodies = read(include_str!("oracle.xml")).unwrap().robot;
+    goods.push(toml_file(toml::to_string(&bodies).unwrap(), robot));
+    check(3, &goods);
+}
