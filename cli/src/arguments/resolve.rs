@@ -6,8 +6,9 @@ use super::{
 };
 use crate::client::Url;
 use crate::error::Error;
+use crate::inputs;
 use clap::Parser as _;
-use proto::credentials::{Credentials, Sources};
+use proto::credentials::{self as shown, Credentials, Sources};
 use sim_core::finish::Question;
 use sim_core::limits::MAX_GENOME;
 use std::path::{Path, PathBuf};
@@ -118,6 +119,7 @@ fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
         (Some(text), _) => Some(genome(&text, "--genome")?),
         (None, Some(path)) => {
             let text = std::fs::read_to_string(&path).map_err(|e| Error::read(&path, e))?;
+            inputs::record(&path);
             Some(genome(&text, &path.display().to_string())?)
         }
         (None, None) => None,
@@ -178,7 +180,18 @@ fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
 
 fn credentials(raw: raw::Shown) -> Result<Credentials, Error> {
     let raw::Shown { ca, cert, key, token_file } = raw;
-    Credentials::of_process(Sources { ca, cert, key, token_file }).map_err(|e| Error::Usage { message: e.to_string() })
+    let named = |given: &Option<PathBuf>, variable: &str| {
+        given.clone().or_else(|| std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from))
+    };
+    let files = [
+        named(&ca, shown::CA_VARIABLE),
+        named(&cert, shown::CERT_VARIABLE),
+        named(&key, shown::KEY_VARIABLE),
+        named(&token_file, shown::TOKEN_FILE_VARIABLE),
+    ];
+    let credentials = Credentials::of_process(Sources { ca, cert, key, token_file });
+    files.iter().flatten().for_each(|path| inputs::record(path));
+    credentials.map_err(|e| Error::Usage { message: e.to_string() })
 }
 
 /// The number of cores this process may use; 1 where the machine doesn't tell.
