@@ -39,7 +39,7 @@ struct Arguments {
     listen: SocketAddr,
 
     /// Where jobs are kept: sqlite:PATH, a file that is made if it is not there, or postgres://USER@HOST:PORT/DATABASE, with
-    /// the password in PGPASSWORD or ~/.pgpass
+    /// the password in PGPASSWORD or ~/.pgpass. For tests, memory: keeps jobs until the coordinator ends
     // Parsed later: a refusal here would repeat the whole text, and with it a password.
     #[arg(long, value_name = "URL", default_value = "sqlite:evogait.db", value_parser = store_url)]
     store: Result<StoreUrl, BadStoreUrl>,
