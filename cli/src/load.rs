@@ -106,6 +106,7 @@ fn part(invalid: &Invalid) -> Part {
         Invalid::PortTaken { .. } | Invalid::Foreign { .. } => Part::Robot,
         Invalid::Misplaced { .. } => Part::Environment,
         Invalid::OutOfRange { field, .. }
+        | Invalid::WholeOutOfRange { field, .. }
         | Invalid::Unknown { field, .. }
         | Invalid::Duplicate { field, .. }
         | Invalid::Name { field, .. }
