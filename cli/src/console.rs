@@ -36,6 +36,11 @@ pub fn note(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
+/// Prints a warning to standard error.
+pub fn warn(text: &str) {
+    note(&format!("warning: {text}"));
+}
+
 /// Columns under a head, aligned; numbers are to be given as they shall stand.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {

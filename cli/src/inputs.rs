@@ -3,7 +3,7 @@
 //! Readers call [`record`], writers call [`refuse`] before they write, and commands call it once more before they compute.
 
 use crate::error::Error;
-use std::fs::{self, Metadata};
+use std::fs::{self, File, Metadata};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -13,6 +13,8 @@ struct Input {
     /// As the user named it.
     path: PathBuf,
     identity: Identity,
+    /// Open, so that the system gives its inode to no other file if the user removes it meanwhile.
+    _open: Option<File>,
 }
 
 /// Identity of a file, which is the same under all of its names: links, other spellings, folders that are links.
@@ -47,7 +49,7 @@ fn identity(path: &Path) -> Option<Identity> {
 pub fn record(path: &Path) {
     if let Some(identity) = identity(path) {
         let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
-        read.push(Input { path: path.to_owned(), identity });
+        read.push(Input { path: path.to_owned(), identity, _open: File::open(path).ok() });
     }
 }
 

@@ -12,6 +12,7 @@ mod console;
 mod cost;
 pub mod draw;
 mod error;
+mod first_generation;
 mod inputs;
 mod load;
 mod local;

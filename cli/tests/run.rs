@@ -313,3 +313,38 @@ fn a_job_that_is_cancelled_can_be_started_anew() {
     );
     assert_eq!((unknown.code, unknown.err), (1, said));
 }
+
+/// A robot of the small job's kind on cells that it never leaves: every candidate scores 0.
+fn useless_job() -> String {
+    let environment = "[environment]\nname = \"wide\"\nsize = [40.0, 40.0]\nstart = { x = 0.5, y = 0.5 }\n";
+    let job = SMALL_JOB.replace("environment = \"empty\"\n", "").replace("cell = 0.5", "cell = 20.0");
+    format!("{}\n{environment}", job.replace("duration = 3.0", "duration = 0.5"))
+}
+
+#[test]
+fn run_whose_candidates_score_the_same_warns_once() {
+    let folder = folder(&useless_job());
+    let warned = |seen: &common::Seen| seen.err.matches("warning: all 3 candidates").count();
+    let cold = run(folder.path(), &["run", "job.toml", "--out", "out"]);
+    assert_eq!((cold.code, warned(&cold)), (0, 1), "{}", cold.err);
+    assert!(cold.err.contains("score the same, 0 %") && cold.err.contains("a cell 20.00 mu wide"), "{}", cold.err);
+    // Resumed after the first generation, with its result still to be fetched from the store.
+    fs::remove_file(folder.path().join("out/result.json")).unwrap();
+    let resumed = run(folder.path(), &["run", "job.toml", "--out", "out"]);
+    assert!(resumed.err.contains("going on with"), "{}", resumed.err);
+    assert_eq!((resumed.code, warned(&resumed)), (0, 1), "{}", resumed.err);
+    let quiet = run(folder.path(), &["run", "job.toml", "--out", "quiet", "--quiet"]);
+    assert_eq!((quiet.code, quiet.err.as_str()), (0, ""));
+}
+
+#[test]
+fn validate_warns_of_candidates_that_score_the_same() {
+    let folder = folder(&useless_job());
+    let warnings = |arguments: &[&str]| run(folder.path(), arguments).json()["warnings"].as_array().unwrap().clone();
+    let found = warnings(&["validate", "job.toml", "--json"]);
+    assert!(found.len() == 1 && found[0].as_str().unwrap().contains("score the same, 0 %"), "{found:?}");
+    assert!(warnings(&["validate", "job.toml", "--json", "--no-estimate"]).is_empty());
+    let text = run(folder.path(), &["validate", "job.toml"]).success();
+    assert!(text.contains("  warning        all 3 candidates"), "{text}");
+    assert!(warnings(&["validate", "quadropod-empty", "--json"]).is_empty());
+}

@@ -4,6 +4,7 @@ use crate::arguments::{Place, Run};
 use crate::client::{Client, Url};
 use crate::console;
 use crate::error::Error;
+use crate::first_generation::{self, Scores};
 use crate::local::Local;
 use crate::output::{self, Folder, JOB, ResultFile, STORE, Stored};
 use crate::poison;
@@ -97,6 +98,10 @@ async fn finish(
         progress.observe(event);
         if let Some(v1::job_event::Event::GenerationSealed(sealed)) = &event.event {
             generations_done = sealed.generation + 1;
+            let first = Scores::of_event(sealed, status.population);
+            if let Some(warning) = first.and_then(|scores| first_generation::warning(Some(job), &scores)) {
+                progress.warn(&warning);
+            }
         }
         Ok(())
     })
