@@ -43,12 +43,19 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
 async fn evolve(job: &Job, job_toml: String, folder: &Folder, place: &Place, quiet: bool) -> Result<ResultFile, Error> {
     let interrupt = Interrupt::listen();
     match place {
-        Place::There(url) => finish(job, job_toml, folder, url, quiet, &interrupt).await.map_err(|error| match error {
-            Error::Interrupted { hint } => Error::Interrupted {
-                hint: format!("{hint}; the job goes on at {url}, the same command comes back to it"),
-            },
-            other => other,
-        }),
+        Place::There { url, from_environment } => {
+            if *from_environment && !quiet {
+                console::note(&format!(
+                    "on the workers of {url}, which EVOGAIT_COORDINATOR names: to run on this machine add --workers N"
+                ));
+            }
+            finish(job, job_toml, folder, url, quiet, &interrupt).await.map_err(|error| match error {
+                Error::Interrupted { hint } => Error::Interrupted {
+                    hint: format!("{hint}; the job goes on at {url}, the same command comes back to it"),
+                },
+                other => other,
+            })
+        }
         Place::Here { slots } => {
             let mut local = Local::start(&folder.path().join(STORE), *slots).await?;
             let url = local.url().clone();
