@@ -63,7 +63,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     progress.finish();
     match watched? {
         Watched::Interrupted => {
-            Err(Error::Interrupted { hint: format!("; the job goes on, `evogait watch {}` comes back to it", args.id) })
+            Err(Error::Interrupted { hint: format!("; the job goes on, `evogait watch {}` comes back to it", console::quoted(&args.id)) })
         }
         Watched::Ended(job) => {
             if args.json {
@@ -80,7 +80,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             let best = console::score_with(watch::best(&job), &label.unit);
             console::say(&format!(
                 "{}: the search's best {} is {best} after {} generations\n  next  evogait fetch {}",
-                job.name, label.name, job.generations_done, job.id
+                job.name, label.name, job.generations_done, console::quoted(&job.id)
             ))
         }
     }
