@@ -135,7 +135,8 @@ fn check_owner(path: &Path, digest: &Digest) -> Result<(), Error> {
     for entry in fs::read_dir(path).map_err(|e| Error::read(path, e))? {
         let entry = entry.map_err(|e| Error::read(path, e))?;
         let name = entry.file_name();
-        if !name.to_string_lossy().starts_with('.') && !(has_job && name == JOB) {
+        let own_job = has_job && name == JOB;
+        if !own_job && !name.to_string_lossy().starts_with('.') {
             inputs::refuse(&entry.path())?;
             return Err(Error::NotOurs { folder: path.to_owned() });
         }
