@@ -113,7 +113,7 @@ evogait health --quiet || fail "the coordinator is not healthy from outside"
 field() { python3 -c 'import json,sys; v=json.load(sys.stdin)
 for key in sys.argv[1].split("."): v=v[key]
 print(v)' "$1"; }
-expected() { evogait run quadropod-empty --seed "$1" --out "$work/here-$1" --json --quiet | field result_digest; }
+expected() { evogait run quadropod-empty --seed "$1" --out "$work/here-$1" --workers "$(nproc)" --json --quiet | field result_digest; }
 generations() { evogait show "$1" --json | field generations_done; }
 state() { evogait show "$1" --json | field state; }
 # until COUNT JOB: has sealed so many more generations than when called.

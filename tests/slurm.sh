@@ -162,7 +162,7 @@ cat "$work/user.log"
 
 step "what came of it"
 digest() { python3 -c 'import json,sys; print(json.load(open(sys.argv[1]))["result_digest"])' "$1"; }
-"$EVOGAIT_BINARIES/evogait" run "$home/clone/long.toml" --out "$work/here" --json --quiet > "$work/here.json"
+"$EVOGAIT_BINARIES/evogait" run "$home/clone/long.toml" --out "$work/here" --workers "$(nproc)" --json --quiet > "$work/here.json"
 [ "$(digest "$home/clone/result.json")" = "$(digest "$work/here.json")" ] || fail "another digest than on this machine"
 echo "   digest $(digest "$work/here.json"), as on this machine"
 requeues=$(scontrol show job | grep -o 'Restarts=[0-9]*' | cut -d= -f2 | paste -sd+ -)

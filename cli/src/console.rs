@@ -36,6 +36,19 @@ pub fn note(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
+/// Prints a warning to standard error.
+pub fn warn(text: &str) {
+    note(&format!("warning: {text}"));
+}
+
+/// A path or name as a word of a POSIX shell's command, which reads it as one argument and not as an option.
+pub fn quoted(word: impl std::fmt::Display) -> String {
+    let word = word.to_string();
+    let word = if word.starts_with('-') { format!("./{word}") } else { word };
+    let plain = |c: char| c.is_alphanumeric() || "-_./:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
+}
+
 /// Columns under a head, aligned; numbers are to be given as they shall stand.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
@@ -146,6 +159,36 @@ mod tests {
         assert_eq!(duration(Duration::from_secs(161)), "2 min 41 s");
         assert_eq!(duration(Duration::from_secs(11_100)), "3 h 5 min");
         assert_eq!(seconds(f64::INFINITY), "?");
+    }
+
+    #[test]
+    fn shell_reads_a_quoted_word_as_it_was() {
+        for plain in ["runs/a-1.toml", "j1-0123456789ab", "/x/y", "lizard", "große", "https://a:1,https://b:2"] {
+            assert_eq!(quoted(plain), plain);
+        }
+        for odd in [
+            "my runs/a",
+            "it's",
+            "$HOME",
+            "a;b",
+            "a\nb",
+            "`x`",
+            "\"q\"",
+            "*",
+            "~",
+            "#a",
+            "a\\b",
+            "(x)",
+            "",
+            "a&b",
+            "!x",
+            "''",
+        ] {
+            let command = format!("printf %s {}", quoted(odd));
+            let seen = std::process::Command::new("sh").args(["-c", &command]).output().unwrap();
+            assert_eq!(String::from_utf8(seen.stdout).unwrap(), odd);
+        }
+        assert_eq!(quoted("-rf"), "./-rf");
     }
 
     #[test]

@@ -73,6 +73,26 @@ pub enum Error {
         /// The names that exist.
         known: String,
     },
+    /// Output would replace a file that the command reads.
+    #[error(
+        "{path} is a file that this command reads{alias}, and writing there would replace it: choose another place with --out",
+        path = .path.display(), alias = alias(.path, .input)
+    )]
+    ReplacesInput {
+        /// The output.
+        path: PathBuf,
+        /// The same file under the name by which it was read.
+        input: PathBuf,
+    },
+    /// The folder's job file was not written by a run.
+    #[error(
+        "{path} is not a job file that evogait wrote, and a run keeps its own there: choose another folder with --out",
+        path = .path.display()
+    )]
+    ForeignJob {
+        /// The job file in the folder.
+        path: PathBuf,
+    },
     /// The folder belongs to another job.
     #[error(
         "{folder} holds another job, \"{name}\" ({digest}): choose another folder with --out",
@@ -86,8 +106,8 @@ pub enum Error {
         /// Its digest.
         digest: Digest,
     },
-    /// The folder has files, but none of ours.
-    #[error("{folder} is not empty and holds no job: choose another folder with --out", folder = .folder.display())]
+    /// The folder has files that no run of the job left there.
+    #[error("{folder} is not empty and holds no run of this job: choose another folder with --out", folder = .folder.display())]
     NotOurs {
         /// The folder.
         folder: PathBuf,
@@ -218,6 +238,11 @@ impl Error {
             _ => ExitCode::FAILURE,
         }
     }
+}
+
+/// The input's own name, where it was read under another.
+fn alias(path: &Path, input: &Path) -> String {
+    if path == input { String::new() } else { format!(" as {}", input.display()) }
 }
 
 /// An I/O error in words, without the system's "(os error 2)".

@@ -12,6 +12,8 @@ mod console;
 mod cost;
 pub mod draw;
 mod error;
+mod first_generation;
+mod inputs;
 mod load;
 mod local;
 mod output;

@@ -2,6 +2,7 @@
 
 use crate::arguments::JobFile;
 use crate::error::Error;
+use crate::inputs;
 use sim_core::catalogue::{self, Entry};
 use sim_core::environment::Environment;
 use sim_core::error::Invalid;
@@ -55,7 +56,7 @@ pub fn job(file: &JobFile) -> Result<Job, Error> {
 
 /// Reads a job that is written out in full, such as the job.toml of an output folder.
 pub fn resolved_job(path: &Path) -> Result<(Job, String), Error> {
-    let text = read_text(path)?;
+    let text = text_of(path)?;
     let job = Job::from_toml(&text).map_err(|source| Error::Invalid { file: path.display().to_string(), source })?;
     Ok((job, text))
 }
@@ -127,6 +128,7 @@ fn part(invalid: &Invalid) -> Part {
         Invalid::PortTaken { .. } | Invalid::Foreign { .. } => Part::Robot,
         Invalid::Misplaced { .. } => Part::Environment,
         Invalid::OutOfRange { field, .. }
+        | Invalid::WholeOutOfRange { field, .. }
         | Invalid::Unknown { field, .. }
         | Invalid::Duplicate { field, .. }
         | Invalid::Name { field, .. }
@@ -172,8 +174,15 @@ fn find(
     Err(Error::NotFound { what, name: name.to_owned(), known })
 }
 
-/// Reads a text file of at most [`limits::MAX_TOML_LENGTH`] bytes.
+/// Reads an input of the user, which no output may replace from here on.
 fn read_text(path: &Path) -> Result<String, Error> {
+    let text = text_of(path)?;
+    inputs::record(path);
+    Ok(text)
+}
+
+/// Reads a text file of at most [`limits::MAX_TOML_LENGTH`] bytes.
+fn text_of(path: &Path) -> Result<String, Error> {
     let read = || -> io::Result<String> {
         let mut bytes = Vec::new();
         File::open(path)?.take(limits::MAX_TOML_LENGTH as u64 + 1).read_to_end(&mut bytes)?;

@@ -1,5 +1,6 @@
 //! The task that ended a job by failing too often: what it was, and how to see it happen on this machine.
 
+use crate::console::quoted;
 use crate::view::question;
 use proto::v1::Poisoned;
 use std::path::Path;
@@ -17,7 +18,7 @@ pub fn genome(poisoned: &Poisoned) -> String {
 
 /// The command for a job of a coordinator.
 pub fn command_there(id: &str) -> String {
-    format!("evogait evaluate {id}")
+    format!("evogait evaluate {}", quoted(id))
 }
 
 /// The command for a job file.
@@ -25,7 +26,7 @@ pub fn command_here(file: &Path, poisoned: &Poisoned) -> String {
     let asked = question(poisoned.question()).map_or_else(String::new, |q| format!(" --question {q}"));
     format!(
         "evogait evaluate {} --generation {} --candidate {}{asked} --genome={}",
-        file.display(),
+        quoted(file.display()),
         poisoned.generation,
         poisoned.candidate,
         genome(poisoned)

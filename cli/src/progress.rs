@@ -179,6 +179,15 @@ impl Progress {
         }
     }
 
+    /// Prints a warning, above the bar if there is one; nothing with `--quiet`.
+    pub fn warn(&self, text: &str) {
+        match &self.display {
+            Display::Hidden => {}
+            Display::Bar(bar) => bar.suspend(|| console::warn(text)),
+            Display::Lines { .. } => console::warn(text),
+        }
+    }
+
     /// Ends the display.
     pub fn finish(&self) {
         self.display.finish();

@@ -1,4 +1,4 @@
-//! Ctrl-C and the request to terminate, as cluster managers send it before they kill.
+//! Ctrl-C, the request to terminate, as cluster managers send it before they kill, and the end of the terminal.
 
 use tokio::sync::watch;
 
@@ -33,14 +33,15 @@ impl Interrupt {
 #[cfg(unix)]
 async fn next_signal() {
     use tokio::signal::unix::{SignalKind, signal};
-    match signal(SignalKind::terminate()) {
-        Ok(mut terminate) => {
+    match (signal(SignalKind::terminate()), worker::Hangup::listen()) {
+        (Ok(mut terminate), Ok(mut hangup)) => {
             tokio::select! {
                 _ = tokio::signal::ctrl_c() => {}
                 _ = terminate.recv() => {}
+                () = hangup.recv() => {}
             }
         }
-        Err(_) => {
+        _ => {
             let _ = tokio::signal::ctrl_c().await;
         }
     }

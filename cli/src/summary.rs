@@ -27,6 +27,7 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
         count(result.finish.rollouts),
     ));
     lines.push(format!("  result digest      {}", result.result_digest));
+    let (quoted, map) = (console::quoted(folder.display()), folder.join("map.png"));
     let folder = folder.display();
     if result.winner.is_some() {
         lines.push(format!(
@@ -36,9 +37,9 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
         lines.push(format!(
             "                     {tables}report.json; pictures map, gaits, convergence, primitives (.svg, .png)"
         ));
-        lines.push(format!("  next               look at {folder}/map.png"));
-        lines.push(format!("                     evogait replay {folder} --gait 1"));
-        lines.push(format!("                     evogait verify {folder}"));
+        lines.push(format!("  next               look at {}", console::quoted(map.display())));
+        lines.push(format!("                     evogait replay {quoted} --gait 1"));
+        lines.push(format!("                     evogait verify {quoted}"));
     } else {
         lines.push(format!("  files              {folder}: result.json, history.csv, job.toml"));
         lines.push(

@@ -340,3 +340,49 @@ fn a_disk_that_fills_up_during_a_run() {
         assert!(path.join("out/result.json").is_file());
     }
 }
+
+/// The small job's genome with a number replaced.
+fn genome_with(i: usize, number: &str) -> String {
+    let folder = folder(&[("job.toml", SMALL_JOB)]);
+    let length =
+        run(folder.path(), &["validate", "job.toml", "--json", "--no-estimate"]).json()["genome_length"].clone();
+    let mut numbers = vec!["0.4".to_owned(); length.as_u64().unwrap() as usize];
+    numbers[i] = number.to_owned();
+    numbers.join(",")
+}
+
+#[test]
+fn genomes_that_no_search_asks_about() {
+    let mut said = Vec::new();
+    for (i, number) in [(0, "NaN"), (1, "inf"), (7, "-infinity"), (2, "1e999"), (3, "-1000.5"), (4, "5e10")] {
+        let genome = genome_with(i, number);
+        let folder = folder(&[("job.toml", SMALL_JOB), ("genome.txt", &genome)]);
+        let given = failure(folder.path(), 2, &["evaluate", "job.toml", &format!("--genome={genome}")]);
+        let in_file = failure(folder.path(), 2, &["evaluate", "job.toml", "--genome-file", "genome.txt"]);
+        assert_eq!(given, in_file);
+        said.push(given);
+    }
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn whole_numbers_beyond_their_limits_keep_their_digits() {
+    let seed = |seed: &str| refused(&[("seed = 1", &format!("seed = {seed}"))]);
+    let said = [
+        seed("9223372036854775808"),
+        seed("18446744073709551615"),
+        seed("18446744073709551616"),
+        seed("-1"),
+        seed("-9223372036854775809"),
+        refused(&[("iterations = 4", "iterations = 4\nmax_rollouts = 9007199254740993")]),
+        refused(&[("iterations = 4", "iterations = 4\nmax_rollouts = 9223372036854775808")]),
+        refused(&[("iterations = 4", "iterations = 4\nmax_rollouts = 10000000001")]),
+        refused(&[("iterations = 4", "iterations = 4294967296")]),
+        failure(folder(&[]).path(), 2, &["run", "quadropod-empty", "--seed", "9223372036854775808"]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+    let job = SMALL_JOB.replace("seed = 1", "seed = 9223372036854775807");
+    let folder = folder(&[("job.toml", &job)]);
+    let valid = run(folder.path(), &["validate", "job.toml", "--json", "--no-estimate"]).json();
+    assert_eq!(valid["seed"].as_u64(), Some(i64::MAX as u64));
+}

@@ -313,3 +313,116 @@ fn a_job_that_is_cancelled_can_be_started_anew() {
     );
     assert_eq!((unknown.code, unknown.err), (1, said));
 }
+
+/// A robot of the small job's kind on cells that it never leaves: every candidate scores 0.
+fn useless_job() -> String {
+    let environment = "[environment]\nname = \"wide\"\nsize = [40.0, 40.0]\nstart = { x = 0.5, y = 0.5 }\n";
+    let job = SMALL_JOB.replace("environment = \"empty\"\n", "").replace("cell = 0.5", "cell = 20.0");
+    format!("{}\n{environment}", job.replace("duration = 3.0", "duration = 0.5"))
+}
+
+#[test]
+fn run_whose_candidates_score_the_same_warns_once() {
+    let folder = folder(&useless_job());
+    let warned = |seen: &common::Seen| seen.err.matches("warning: all 3 candidates").count();
+    let cold = run(folder.path(), &["run", "job.toml", "--out", "out"]);
+    assert_eq!((cold.code, warned(&cold)), (0, 1), "{}", cold.err);
+    assert!(cold.err.contains("score the same, 0 %") && cold.err.contains("a cell 20.00 mu wide"), "{}", cold.err);
+    // Resumed after the first generation, with its result still to be fetched from the store.
+    fs::remove_file(folder.path().join("out/result.json")).unwrap();
+    let resumed = run(folder.path(), &["run", "job.toml", "--out", "out"]);
+    assert!(resumed.err.contains("going on with"), "{}", resumed.err);
+    assert_eq!((resumed.code, warned(&resumed)), (0, 1), "{}", resumed.err);
+    let quiet = run(folder.path(), &["run", "job.toml", "--out", "quiet", "--quiet"]);
+    assert_eq!((quiet.code, quiet.err.as_str()), (0, ""));
+}
+
+#[test]
+fn validate_warns_of_candidates_that_score_the_same() {
+    let folder = folder(&useless_job());
+    let warnings = |arguments: &[&str]| run(folder.path(), arguments).json()["warnings"].as_array().unwrap().clone();
+    let found = warnings(&["validate", "job.toml", "--json"]);
+    assert!(found.len() == 1 && found[0].as_str().unwrap().contains("score the same, 0 %"), "{found:?}");
+    assert!(warnings(&["validate", "job.toml", "--json", "--no-estimate"]).is_empty());
+    let text = run(folder.path(), &["validate", "job.toml"]).success();
+    assert!(text.contains("  warning        all 3 candidates"), "{text}");
+    assert!(warnings(&["validate", "quadropod-empty", "--json"]).is_empty());
+}
+
+#[test]
+fn run_uses_the_coordinator_that_the_environment_names() {
+    let folder = folder(SMALL_JOB);
+    let path = folder.path();
+    let cluster = Cluster::start(2);
+    let there = cluster.run(path, &["run", "job.toml", "--out", "there"]);
+    assert!(
+        there.err.contains("which EVOGAIT_COORDINATOR names: to run on this machine add --workers N"),
+        "{}",
+        there.err
+    );
+    assert!(!path.join("there/store.sqlite").exists());
+    assert_eq!(cluster.run(path, &["list", "--json"]).json().as_array().unwrap().len(), 1);
+    there.success();
+    let here = cluster.run(path, &["run", "job.toml", "--out", "here", "--workers", "1"]);
+    assert!(!here.err.contains("EVOGAIT_COORDINATOR") && path.join("here/store.sqlite").exists(), "{}", here.err);
+    // An empty variable names none; an empty option is a mistake.
+    let unset =
+        evogait(path, &["run", "job.toml", "--out", "unset", "-q"]).env("EVOGAIT_COORDINATOR", "").output().unwrap();
+    assert!(unset.status.success() && path.join("unset/store.sqlite").exists());
+    for command in [&["run", "job.toml", "--coordinator", ""][..], &["list", "--coordinator="]] {
+        let seen = cluster.run(path, command);
+        assert_eq!((seen.code, seen.err.contains("--coordinator is empty: give a URL")), (2, true), "{}", seen.err);
+    }
+}
+
+/// Starts a run that takes a while and waits for its first generation.
+fn started(path: &Path, through: &[&str]) -> std::process::Child {
+    use std::io::{BufRead as _, BufReader};
+    let run = [env!("CARGO_BIN_EXE_evogait"), "run", "job.toml", "--out", "out"];
+    let all: Vec<&str> = through.iter().copied().chain(run).collect();
+    let mut command = std::process::Command::new(all[0]);
+    command.args(&all[1..]).current_dir(path).env_remove("EVOGAIT_COORDINATOR").stdin(Stdio::null());
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let stderr = child.stderr.as_mut().unwrap();
+    let mut lines = BufReader::with_capacity(1, stderr).lines().map(Result::unwrap);
+    lines.find(|line| line.starts_with("gen 1/")).expect("a line of progress");
+    child
+}
+
+#[test]
+fn hangup_interrupts_a_run_unless_it_is_ignored() {
+    let folder = folder(&SMALL_JOB.replace("generations = 2", "generations = 12"));
+    let path = folder.path();
+    let hang_up = |child: &std::process::Child| {
+        let id = child.id().to_string();
+        assert!(std::process::Command::new("kill").args(["-HUP", &id]).status().unwrap().success());
+    };
+    let child = started(path, &[]);
+    hang_up(&child);
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(
+        said.contains("error: interrupted after ") && said.contains("the same command goes on from there"),
+        "{said}"
+    );
+
+    fs::remove_dir_all(path.join("out")).unwrap();
+    let child = started(path, &["nohup"]);
+    hang_up(&child);
+    assert!(child.wait_with_output().unwrap().status.success());
+}
+
+#[test]
+fn printed_commands_of_a_run_are_quoted() {
+    let folder = folder(SMALL_JOB);
+    let out = "my runs/it's";
+    let said = run(folder.path(), &["run", "job.toml", "--out", out]).success();
+    let printed = said.lines().find_map(|line| line.trim().strip_prefix("evogait verify ")).expect("the next command");
+    let command = format!("{} verify {printed}", env!("CARGO_BIN_EXE_evogait"));
+    let shell = std::process::Command::new("sh").args(["-c", &command]).current_dir(folder.path()).output().unwrap();
+    let verified = Seen::of(shell).success();
+    let full =
+        verified.lines().find_map(|line| line.trim().strip_prefix("next: evogait verify ")).expect("a next command");
+    assert!(full.starts_with(r"'my runs/it'\''s' --full"), "{full}");
+}

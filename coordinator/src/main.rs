@@ -34,12 +34,12 @@ SIGINT and SIGTERM stop it cleanly; SIGHUP makes it read its tokens again. Exit 
 coordinator has taken over."
 )]
 struct Arguments {
-    /// Where to listen. Port 0 takes any free port
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7077")]
+    /// Where to listen: an address or a host name, such as localhost:7077. Port 0 takes any free port
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7077", value_parser = telemetry::address)]
     listen: SocketAddr,
 
     /// Where jobs are kept: sqlite:PATH, a file that is made if it is not there, or postgres://USER@HOST:PORT/DATABASE, with
-    /// the password in PGPASSWORD or ~/.pgpass
+    /// the password in PGPASSWORD or ~/.pgpass. For tests, memory: keeps jobs until the coordinator ends
     // Parsed later: a refusal here would repeat the whole text, and with it a password.
     #[arg(long, value_name = "URL", default_value = "sqlite:evogait.db", value_parser = store_url)]
     store: Result<StoreUrl, BadStoreUrl>,
@@ -78,7 +78,7 @@ struct Arguments {
     insecure_bind: bool,
 
     /// Tell KEDA at this address how many slots the jobs could use; port 0 takes any free port [default: not told]
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = telemetry::address)]
     keda: Option<SocketAddr>,
 
     /// Tell KEDA beyond loopback, too: everybody who can reach the port can read it

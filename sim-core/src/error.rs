@@ -27,6 +27,20 @@ pub enum Invalid {
         /// Unit of the three, empty for a pure number.
         unit: &'static str,
     },
+    /// A whole number outside of what is allowed, with all its digits.
+    #[error("{field} = {value} is out of range: allowed is {min} to {max}{}", unit_suffix(.unit))]
+    WholeOutOfRange {
+        /// Path of the value.
+        field: String,
+        /// What stands there.
+        value: u64,
+        /// Least allowed value.
+        min: u64,
+        /// Greatest allowed value.
+        max: u64,
+        /// Unit of the three, empty for a pure number.
+        unit: &'static str,
+    },
     /// A name that nothing has.
     #[error("{field} = \"{value}\" is unknown: {}", Known(.known))]
     Unknown {
@@ -139,9 +153,11 @@ impl From<toml::de::Error> for Invalid {
 }
 
 /// What a parser says is allowed, and how to say it to somebody who writes no Rust.
-const EXPECTED: [(&str, &str); 3] = [
+const EXPECTED: [(&str, &str); 4] = [
+    // TOML has larger integers than a field here takes.
+    ("` as i128", "`"),
     ("expected u32", "expected a whole number, 0 to 4294967295"),
-    ("expected u64", "expected a whole number from 0 on"),
+    ("expected u64", "expected a whole number, 0 to 9223372036854775807"),
     ("expected f64", "expected a number"),
 ];
 
@@ -196,6 +212,21 @@ pub(crate) fn in_range(
         Ok(())
     } else {
         Err(Invalid::OutOfRange { field: field.into(), value, min, max, unit })
+    }
+}
+
+/// Refuses a whole number outside `min..=max`, however large: a float would round it.
+pub(crate) fn whole_in_range(
+    field: impl Into<String>,
+    value: impl Into<u64>,
+    (min, max): (u64, u64),
+    unit: &'static str,
+) -> Result<(), Invalid> {
+    let value = value.into();
+    if (min..=max).contains(&value) {
+        Ok(())
+    } else {
+        Err(Invalid::WholeOutOfRange { field: field.into(), value, min, max, unit })
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a tree is worth (section IV-B of Vonásek and Faigl, 2016).
 
 use crate::environment::{Block, Environment};
-use crate::error::{Invalid, in_range};
+use crate::error::{Invalid, in_range, whole_in_range};
 use crate::job::FitnessSpec;
 use crate::limits;
 use crate::plan::{Place, Tree};
@@ -88,7 +88,7 @@ impl Grid {
     /// highest terrain.
     pub fn new(environment: &Environment, cell: f64, dimensions: u32, height: Option<f64>) -> Result<Self, Invalid> {
         in_range("fitness.cell", cell, (0.01, limits::MAX_MAP_SIZE), "mu")?;
-        in_range("fitness.dimensions", dimensions.into(), (2.0, 3.0), "")?;
+        whole_in_range("fitness.dimensions", dimensions, (2, 3), "")?;
         let [width, depth] = environment.size;
         let along = |side: f64| libm::ceil(side / cell - 1e-9).max(1.0) as usize;
         let layers = if dimensions == 3 {
@@ -105,7 +105,7 @@ impl Grid {
         };
         let counts = [along(width), along(depth), layers];
         let cells = counts.iter().try_fold(1usize, |n, &c| n.checked_mul(c)).unwrap_or(usize::MAX);
-        in_range("number of cells (fitness.cell)", cells as f64, (1.0, limits::MAX_CELLS as f64), "")?;
+        whole_in_range("number of cells (fitness.cell)", cells as u64, (1, limits::MAX_CELLS as u64), "")?;
         let corner = [-width / 2.0, -depth / 2.0];
         let mut grid = Self { cell, corner, counts, counted: vec![true; cells], total: 0 };
         let solids: Vec<&Block> = match dimensions {

@@ -6,6 +6,8 @@ pub const MAX_NAME_LENGTH: usize = 64;
 pub const MAX_DESCRIPTION_LENGTH: usize = 4096;
 /// Longest text of a job, robot or environment, in bytes.
 pub const MAX_TOML_LENGTH: usize = 256 * 1024;
+/// Largest seed of a job: TOML has no larger integers.
+pub const MAX_SEED: u64 = i64::MAX as u64;
 /// Most modules of a robot.
 pub const MAX_MODULES: usize = 64;
 /// Most rigid bodies of a robot that is written out body by body.

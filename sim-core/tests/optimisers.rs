@@ -210,7 +210,11 @@ fn recorded_paths() {
 #[test]
 fn settings_out_of_range_are_refused_by_name() {
     let refused = |text: &str| match toml::from_str::<OptimiserSpec>(text).unwrap().validate() {
-        Err(Invalid::OutOfRange { field, .. } | Invalid::Conflict { field, .. }) => field,
+        Err(
+            Invalid::OutOfRange { field, .. }
+            | Invalid::WholeOutOfRange { field, .. }
+            | Invalid::Conflict { field, .. },
+        ) => field,
         other => panic!("{text}: {other:?}"),
     };
     for (text, field) in [

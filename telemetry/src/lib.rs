@@ -1,12 +1,14 @@
 //! What coordinator and worker tell those who run them: messages (`logs`), numbers for Prometheus (`endpoint`), a span
 //! a call (`calls`), sent to a collector where that is asked for (`otlp`). What is told, the programs decide; here is how.
 
+mod address;
 pub mod calls;
 pub mod endpoint;
 pub mod logs;
 #[cfg(feature = "otlp")]
 pub mod otlp;
 
+pub use address::address;
 pub use endpoint::{BindError, Endpoint, Vitals};
 pub use logs::LogFormat;
 
@@ -20,7 +22,7 @@ pub struct Options {
     pub log_format: LogFormat,
 
     /// Serve /metrics, for Prometheus, and /healthz at this address; port 0 takes any free port [default: not served]
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = address)]
     pub metrics: Option<SocketAddr>,
 
     /// Serve metrics beyond loopback, too: everybody who can reach the port can read them

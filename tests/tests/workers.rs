@@ -111,6 +111,19 @@ async fn preemption_costs_no_attempt_however_often_it_happens() {
 }
 
 #[tokio::test]
+async fn hangup_drains_a_worker() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let job = sandbox.submit("r", &cheap_job(26, 2)).await;
+    let mut leaves = Process::start(faulty(&sandbox, 1, "slow@ms=60000").args(["--grace", "0.1"]));
+    busy(&sandbox, 1).await;
+    leaves.signal("HUP");
+    assert_eq!(leaves.wait(), Some(0));
+    let _stays = sandbox.worker(1);
+    assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(26, 2)).await);
+}
+
+#[tokio::test]
 async fn a_worker_whose_time_is_limited_is_gone_before_its_end() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();

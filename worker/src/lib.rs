@@ -10,6 +10,7 @@ mod delivery;
 mod engines;
 #[cfg(any(debug_assertions, feature = "faults"))]
 mod fault;
+mod hangup;
 mod intake;
 mod jobs;
 mod metrics;
@@ -19,6 +20,7 @@ mod watchdog;
 mod work;
 
 pub use config::{Config, default_name, default_slots};
+pub use hangup::Hangup;
 
 use assignments::Assignments;
 use delivery::Courier;

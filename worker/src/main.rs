@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
-use worker::{Config, Error};
+use worker::{Config, Error, Hangup};
 
 /// Runs evaluations for a coordinator.
 ///
@@ -24,7 +24,7 @@ use worker::{Config, Error};
   worker --coordinator http://127.0.0.1:7077 --slots 4
   worker --coordinator https://a.example:7077,https://b.example:7077 --ca ca.pem --token-file worker.token
 
-SIGINT and SIGTERM drain it: it takes nothing new, finishes what it can within the grace time, gives back the rest, which
+SIGINT, SIGTERM and SIGHUP (unless under nohup) drain it: it takes nothing new, finishes what it can within the grace time, gives back the rest, which
 costs nothing, and ends with exit code 0. A second one cuts the grace time short. In a Slurm job it drains before its
 time is up with --time-left; deploy/slurm has such a job.
 
@@ -109,12 +109,14 @@ async fn main() -> ExitCode {
 async fn run(arguments: Arguments) -> Result<(), Error> {
     let signals = |kind| signal(kind).map_err(|e| Error::System(format!("signals can't be received: {e}")));
     let (mut interrupt, mut terminate) = (signals(SignalKind::interrupt())?, signals(SignalKind::terminate())?);
+    let mut hangup = Hangup::listen().map_err(|e| Error::System(format!("signals can't be received: {e}")))?;
     let (told, times) = watch::channel(0);
     tokio::spawn(async move {
         loop {
             tokio::select! {
                 _ = interrupt.recv() => {}
                 _ = terminate.recv() => {}
+                () = hangup.recv() => {}
             }
             told.send_modify(|times| *times += 1);
         }

@@ -76,7 +76,11 @@ pub enum Place {
     /// In this process, so many at once.
     Here { slots: u32 },
     /// On the workers of a coordinator.
-    There(Url),
+    There {
+        url: Url,
+        /// The environment names it, not the command line.
+        from_environment: bool,
+    },
 }
 
 #[derive(Debug)]

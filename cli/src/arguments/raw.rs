@@ -57,9 +57,10 @@ Examples:
   evogait run my-job.toml --seed 7 --out runs/seven
   evogait run my-job.toml --coordinator http://cluster:7077
 
-Without --coordinator, coordinator and workers run inside this process. Stop it
-with Ctrl-C whenever you like: the same command goes on where it stopped, and
-says so if the job is done.
+Without --coordinator and EVOGAIT_COORDINATOR, and with --workers, coordinator
+and workers run inside this process. Stop it with Ctrl-C, SIGTERM or SIGHUP
+whenever you like: the same command goes on where it stopped, and says so if the
+job is done.
 
 Files in the output folder:
   result.json              best score, genome with names, digests, counts, seed

@@ -6,8 +6,9 @@ use super::{
 };
 use crate::client::Url;
 use crate::error::Error;
+use crate::inputs;
 use clap::Parser as _;
-use proto::credentials::{Credentials, Sources};
+use proto::credentials::{self as shown, Credentials, Sources};
 use sim_core::finish::Question;
 use sim_core::limits::MAX_GENOME;
 use std::path::{Path, PathBuf};
@@ -22,9 +23,13 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
         raw::Command::Run(run) => Command::Run(Run {
             file: run.file.into(),
             out: run.out,
-            place: match run.coordinator {
-                Some(url) => Place::There(Url::parse(&url, "--coordinator", &credentials(run.shown)?)?),
-                None => Place::Here { slots: run.workers.unwrap_or_else(cores) },
+            place: match (run.workers, named_coordinator(run.coordinator)?) {
+                (Some(slots), _) => Place::Here { slots },
+                (None, None) => Place::Here { slots: cores() },
+                (None, Some((url, from))) => Place::There {
+                    url: Url::parse(&url, from, &credentials(run.shown)?)?,
+                    from_environment: from == raw::COORDINATOR_VARIABLE,
+                },
             },
             json: run.json,
         }),
@@ -119,6 +124,7 @@ fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
         (Some(text), _) => Some(genome(&text, "--genome")?),
         (None, Some(path)) => {
             let text = std::fs::read_to_string(&path).map_err(|e| Error::read(&path, e))?;
+            inputs::record(&path);
             Some(genome(&text, &path.display().to_string())?)
         }
         (None, None) => None,
@@ -168,18 +174,41 @@ fn genome(text: &str, from: &str) -> Result<Vec<f64>, Error> {
 
 fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
     let credentials = credentials(raw.shown)?;
-    if let Some(url) = raw.coordinator {
-        return Url::parse(&url, "--coordinator", &credentials);
-    }
-    match std::env::var(raw::COORDINATOR_VARIABLE) {
-        Ok(url) if !url.is_empty() => Url::parse(&url, raw::COORDINATOR_VARIABLE, &credentials),
-        _ => Url::parse(raw::DEFAULT_COORDINATOR, "the default", &credentials),
+    let named = named_coordinator(raw.coordinator)?;
+    let (url, from) = named.unwrap_or_else(|| (raw::DEFAULT_COORDINATOR.to_owned(), "the default"));
+    Url::parse(&url, from, &credentials)
+}
+
+/// (URL, where it is from) of the coordinator that the command line or else the environment names; an empty variable names
+/// none.
+fn named_coordinator(given: Option<String>) -> Result<Option<(String, &'static str)>, Error> {
+    match given {
+        Some(url) if url.trim().is_empty() => Err(Error::Usage {
+            message: "--coordinator is empty: give a URL, such as http://127.0.0.1:7077, or leave the option out"
+                .to_owned(),
+        }),
+        Some(url) => Ok(Some((url, "--coordinator"))),
+        None => {
+            let named = std::env::var(raw::COORDINATOR_VARIABLE).ok().filter(|url| !url.is_empty());
+            Ok(named.map(|url| (url, raw::COORDINATOR_VARIABLE)))
+        }
     }
 }
 
 fn credentials(raw: raw::Shown) -> Result<Credentials, Error> {
     let raw::Shown { ca, cert, key, token_file } = raw;
-    Credentials::of_process(Sources { ca, cert, key, token_file }).map_err(|e| Error::Usage { message: e.to_string() })
+    let named = |given: &Option<PathBuf>, variable: &str| {
+        given.clone().or_else(|| std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from))
+    };
+    let files = [
+        named(&ca, shown::CA_VARIABLE),
+        named(&cert, shown::CERT_VARIABLE),
+        named(&key, shown::KEY_VARIABLE),
+        named(&token_file, shown::TOKEN_FILE_VARIABLE),
+    ];
+    let credentials = Credentials::of_process(Sources { ca, cert, key, token_file });
+    files.iter().flatten().for_each(|path| inputs::record(path));
+    credentials.map_err(|e| Error::Usage { message: e.to_string() })
 }
 
 /// The number of cores this process may use; 1 where the machine doesn't tell.

@@ -2,6 +2,7 @@
 
 use super::make::{Host, Pair, Signer, authority};
 use crate::error::Error;
+use crate::inputs;
 use proto::credentials::Token;
 use sha2::{Digest as _, Sha256};
 use std::fs::{self, File, OpenOptions};
@@ -44,13 +45,16 @@ pub fn init(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
 pub fn renew(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
     let read = |name: &str| {
         let path = folder.join(name);
-        fs::read_to_string(&path).map_err(|e| Error::read(&path, e))
+        let text = fs::read_to_string(&path).map_err(|e| Error::read(&path, e))?;
+        inputs::record(&path);
+        Ok::<_, Error>(text)
     };
     let ca = Pair { cert: read("ca.pem")?, key: read("ca.key")? };
     // Refuses a CA that has expired.
     proto::credentials::authority(&folder.join("ca.pem")).map_err(|e| Error::Usage { message: e.to_string() })?;
     let made = |e: rcgen::Error| Error::read(&folder.join("ca.key"), io::Error::other(e));
     let files = certificates(&ca, hosts, days).map_err(made)?;
+    inputs::refuse_all(folder, files.iter().map(|(name, ..)| name.as_str()))?;
     for (name, content, secret) in &files {
         let (path, temporary) = (folder.join(name), folder.join(format!(".{name}.{}.tmp", std::process::id())));
         let written = write_new(&temporary, content, *secret).and_then(|()| fs::rename(&temporary, &path));

@@ -19,6 +19,11 @@ pub fn run(args: Certs, quiet: bool) -> Result<(), Error> {
     }
     let names = hosts.iter().map(Host::to_string).collect::<Vec<_>>().join(", ");
     let until = authority(&folder.join("ca.pem")).map(|ca| ca.valid_until).unwrap_or_default();
+    let file = |name: &str| console::quoted(folder.join(name).display());
+    let [ca, tokens] = ["ca.pem", "tokens"].map(file);
+    let [coordinator, coordinator_key] = ["coordinator.pem", "coordinator.key"].map(file);
+    let [worker, worker_key, worker_token] = ["worker.pem", "worker.key", "worker.token"].map(file);
+    let [client, client_key, client_token] = ["client.pem", "client.key", "client.token"].map(file);
     let dir = folder.display();
     let host = hosts.iter().find(|host| !is_loopback(host)).unwrap_or(&hosts[0]);
     let host = if let Host::Ip(std::net::IpAddr::V6(ip)) = host { format!("[{ip}]") } else { host.to_string() };
@@ -32,14 +37,14 @@ pub fn run(args: Certs, quiet: bool) -> Result<(), Error> {
 Whoever has ca.key can make more: keep it away from the network. (A CA lasts {CA_DAYS} days.)
 
 The coordinator needs coordinator.pem, coordinator.key, ca.pem and tokens:
-  coordinator --listen 0.0.0.0:7077 --store sqlite:evogait.db --tls-cert {dir}/coordinator.pem \\
-    --tls-key {dir}/coordinator.key --client-ca {dir}/ca.pem --tokens {dir}/tokens
+  coordinator --listen 0.0.0.0:7077 --store sqlite:evogait.db --tls-cert {coordinator} \\
+    --tls-key {coordinator_key} --client-ca {ca} --tokens {tokens}
 A worker needs ca.pem, worker.pem, worker.key and worker.token:
-  worker --coordinator https://{host}:7077 --ca {dir}/ca.pem --cert {dir}/worker.pem \\
-    --key {dir}/worker.key --token-file {dir}/worker.token
+  worker --coordinator https://{host}:7077 --ca {ca} --cert {worker} \\
+    --key {worker_key} --token-file {worker_token}
 A client needs ca.pem, client.pem, client.key and client.token:
-  evogait workers --coordinator https://{host}:7077 --ca {dir}/ca.pem --cert {dir}/client.pem \\
-    --key {dir}/client.key --token-file {dir}/client.token
+  evogait workers --coordinator https://{host}:7077 --ca {ca} --cert {client} \\
+    --key {client_key} --token-file {client_token}
 Or set EVOGAIT_COORDINATOR, EVOGAIT_CA, EVOGAIT_CERT, EVOGAIT_KEY and EVOGAIT_TOKEN_FILE."
         ),
     })

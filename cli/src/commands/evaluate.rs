@@ -66,6 +66,9 @@ pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
             ),
         });
     }
+    if args.genome.is_some() {
+        check_numbers(&job, &subject.genome)?;
+    }
     let start = Instant::now();
     let (scores, counts) = carry_out(&job, &subject)?;
     let view = View {
@@ -116,6 +119,18 @@ fn subject(args: &Evaluate, poisoned: Option<v1::Poisoned>) -> Result<Subject, E
         }
         (None, None) => usage("tell the candidate with --genome or --genome-file"),
     }
+}
+
+/// Refuses numbers that no search of the job asks about.
+fn check_numbers(job: &Job, genome: &[f64]) -> Result<(), Error> {
+    let outside = genome.iter().zip(&job.bounds().0).position(|(value, (low, high))| !(low..=high).contains(&value));
+    let Some(i) = outside else { return Ok(()) };
+    let (value, (low, high)) = (genome[i], job.bounds().0[i]);
+    let name = job.parameter_names().swap_remove(i);
+    let what = if value.is_finite() { "is out of range" } else { "is not a finite number" };
+    Err(Error::Usage {
+        message: format!("number {} of the genome, {name} = {value}, {what}: allowed is {low} to {high}", i + 1),
+    })
 }
 
 /// What a worker does.

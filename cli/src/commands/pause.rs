@@ -19,7 +19,7 @@ pub async fn run(args: OneJob, paused: bool, quiet: bool) -> Result<(), Error> {
     }
     let (name, id) = (&job.name, &job.id);
     console::say(&if paused {
-        format!("\"{name}\" ({id}) is paused: what runs may finish\n  next  evogait resume {id}")
+        format!("\"{name}\" ({id}) is paused: what runs may finish\n  next  evogait resume {}", console::quoted(id))
     } else {
         format!("\"{name}\" ({id}) goes on, it is {}", standing(&job))
     })

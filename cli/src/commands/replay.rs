@@ -3,13 +3,19 @@
 use crate::arguments::{Replay, ReplayWhat};
 use crate::console;
 use crate::error::Error;
-use crate::output::{self, Stored, atomic, mode_word};
+use crate::inputs;
+use crate::output::{self, REPORT, Stored, atomic, mode_word};
 use sim_core::report::{self, GaitTrace, PathTrace};
 use sim_core::score::Scored;
 
 /// Simulates, tells facts, writes samples.
 pub fn run(args: Replay) -> Result<(), Error> {
     let stored = Stored::read(&args.folder)?;
+    // All that a replay reads, before anything is simulated.
+    inputs::record(&args.folder.join(REPORT));
+    if let Some(path) = &args.out {
+        inputs::refuse(path)?;
+    }
     let (text, csv) = match args.what {
         ReplayWhat::Gait(gait) => replay_gait(&stored, gait)?,
         ReplayWhat::Plan => replay_plan(&stored)?,

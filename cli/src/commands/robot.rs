@@ -72,7 +72,7 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     if quiet {
         return Ok(());
     }
-    let next = || format!("  next      evogait robot {} --out {}.svg", args.robot, view.name);
+    let next = || format!("  next      evogait robot {} --out {}.svg", console::quoted(&args.robot), view.name);
     console::say(&format!("{}\n{}", text(&view), written.unwrap_or_else(next)))
 }
 

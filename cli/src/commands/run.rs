@@ -4,6 +4,7 @@ use crate::arguments::{Place, Run};
 use crate::client::{Client, Url};
 use crate::console;
 use crate::error::Error;
+use crate::first_generation::{self, Scores};
 use crate::local::Local;
 use crate::output::{self, Folder, JOB, ResultFile, STORE, Stored};
 use crate::poison;
@@ -42,12 +43,19 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
 async fn evolve(job: &Job, job_toml: String, folder: &Folder, place: &Place, quiet: bool) -> Result<ResultFile, Error> {
     let interrupt = Interrupt::listen();
     match place {
-        Place::There(url) => finish(job, job_toml, folder, url, quiet, &interrupt).await.map_err(|error| match error {
-            Error::Interrupted { hint } => Error::Interrupted {
-                hint: format!("{hint}; the job goes on at {url}, the same command comes back to it"),
-            },
-            other => other,
-        }),
+        Place::There { url, from_environment } => {
+            if *from_environment && !quiet {
+                console::note(&format!(
+                    "on the workers of {url}, which EVOGAIT_COORDINATOR names: to run on this machine add --workers N"
+                ));
+            }
+            finish(job, job_toml, folder, url, quiet, &interrupt).await.map_err(|error| match error {
+                Error::Interrupted { hint } => Error::Interrupted {
+                    hint: format!("{hint}; the job goes on at {url}, the same command comes back to it"),
+                },
+                other => other,
+            })
+        }
         Place::Here { slots } => {
             let mut local = Local::start(&folder.path().join(STORE), *slots).await?;
             let url = local.url().clone();
@@ -97,6 +105,10 @@ async fn finish(
         progress.observe(event);
         if let Some(v1::job_event::Event::GenerationSealed(sealed)) = &event.event {
             generations_done = sealed.generation + 1;
+            let first = Scores::of_event(sealed, status.population);
+            if let Some(warning) = first.and_then(|scores| first_generation::warning(Some(job), &scores)) {
+                progress.warn(&warning);
+            }
         }
         Ok(())
     })

@@ -2,7 +2,7 @@
 
 use crate::arguments::Show;
 use crate::client::Client;
-use crate::console::{self, count};
+use crate::console::{self, count, quoted};
 use crate::error::Error;
 use crate::poison;
 use crate::progress::Label;
@@ -85,10 +85,10 @@ pub async fn run(args: Show) -> Result<(), Error> {
         lines.push(format!("  next           {} does it again here", poison::command_there(&job.id)));
     }
     match job.state() {
-        JobState::Tainted => lines.push(format!("  next           evogait restart {}", job.id)),
-        JobState::Succeeded => lines.push(format!("  next           evogait fetch {}", job.id)),
+        JobState::Tainted => lines.push(format!("  next           evogait restart {}", quoted(&job.id))),
+        JobState::Succeeded => lines.push(format!("  next           evogait fetch {}", quoted(&job.id))),
         JobState::Queued | JobState::Running | JobState::Finishing | JobState::Reporting => {
-            lines.push(format!("  next           evogait watch {}", job.id));
+            lines.push(format!("  next           evogait watch {}", quoted(&job.id)));
         }
         _ => {}
     }

@@ -4,6 +4,7 @@ use crate::arguments::Validate;
 use crate::console::{self, count, duration};
 use crate::cost::{self, Budget};
 use crate::error::Error;
+use crate::first_generation::{self, Scores};
 use crate::load;
 use crate::setting::Setting;
 use serde::Serialize;
@@ -37,6 +38,8 @@ struct View<'a> {
     evaluations: u64,
     most_rollouts_per_evaluation: u64,
     estimate: Option<Estimate>,
+    /// What the timed evaluations tell of a search that would find nothing.
+    warnings: Vec<String>,
     /// The resolved job as a file.
     job_toml: String,
 }
@@ -67,7 +70,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
     let job = load::job(&args.file)?;
     let optimiser = &job.spec().optimiser;
     let evaluations = u64::from(optimiser.population()) * u64::from(optimiser.generations());
-    let estimate = args.estimate.then(|| estimate(&job, evaluations));
+    let (estimate, warning) = args.estimate.then(|| estimate(&job, evaluations)).unzip();
     let view = View {
         valid: true,
         name: &job.spec().name,
@@ -86,19 +89,22 @@ pub fn run(args: Validate) -> Result<(), Error> {
         evaluations,
         most_rollouts_per_evaluation: job.most_rollouts(),
         estimate,
+        warnings: warning.flatten().into_iter().collect(),
         job_toml: job.to_toml(),
     };
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }
 }
 
-fn estimate(job: &Job, evaluations: u64) -> Estimate {
+/// The cost, and a warning if all timed candidates of the first generation score the same.
+fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
     let budget = Budget { evaluations: job.spec().optimiser.population(), time: MEASURE, first: GIVE_UP };
     let cost = cost::measure(job, budget, &|| ());
     let measured = cost.evaluations.max(1);
     let seconds_per_evaluation = cost.total.wall / f64::from(measured);
     let core_seconds = seconds_per_evaluation * evaluations as f64;
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    Estimate {
+    let warning = first_generation::warning(Some(job), &Scores::of_measured(&cost.scores, cost.counts));
+    let estimate = Estimate {
         measured,
         seconds_per_evaluation,
         given_up: cost.given_up,
@@ -106,7 +112,8 @@ fn estimate(job: &Job, evaluations: u64) -> Estimate {
         cores,
         wall_seconds: core_seconds / cores as f64,
         assumptions: ASSUMPTIONS,
-    }
+    };
+    (estimate, warning)
 }
 
 fn text(view: &View) -> String {
@@ -140,5 +147,6 @@ fn text(view: &View) -> String {
         ));
         lines.push(format!("                 assumed: {}", e.assumptions));
     }
+    lines.extend(view.warnings.iter().map(|warning| format!("  warning        {warning}")));
     lines.join("\n")
 }

@@ -194,7 +194,10 @@ fn text(view: &View, full: bool) -> String {
     }
     lines.insert(0, format!("{}: recomputed, compared bit by bit", Path::new(&view.folder).display()));
     if view.verified && !full {
-        lines.push(format!("  next: evogait verify {} --full recomputes the whole report", view.folder));
+        lines.push(format!(
+            "  next: evogait verify {} --full recomputes the whole report",
+            console::quoted(&view.folder)
+        ));
     }
     lines.join("\n")
 }

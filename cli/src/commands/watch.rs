@@ -4,6 +4,7 @@ use crate::arguments::OneJob;
 use crate::client::Client;
 use crate::console;
 use crate::error::Error;
+use crate::first_generation::{self, Scores};
 use crate::poison;
 use crate::progress::{Label, Progress};
 use crate::signals::Interrupt;
@@ -12,6 +13,7 @@ use crate::watch::{self, Watched, word};
 use proto::v1::JobEvent;
 use proto::v1::job_event::Event;
 use serde::Serialize;
+use sim_core::job::Job;
 
 /// An event as a line of JSON.
 #[derive(Serialize)]
@@ -43,6 +45,15 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     let mut progress = Progress::new(&status, &label, quiet || args.json);
     let watched = watch::watch(&mut client, &args.id, &interrupt, |event| {
         progress.observe(event);
+        if let Some(Event::GenerationSealed(sealed)) = &event.event
+            && let Some(scores) = Scores::of_event(sealed, status.population)
+            && let Some(warning) = first_generation::warning(Job::from_toml(&job_toml).ok().as_ref(), &scores)
+        {
+            match args.json {
+                true if !quiet => console::warn(&warning),
+                _ => progress.warn(&warning),
+            }
+        }
         match view(event) {
             Some(view) if args.json => console::say_json_line(&view),
             _ => Ok(()),
@@ -52,7 +63,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     progress.finish();
     match watched? {
         Watched::Interrupted => {
-            Err(Error::Interrupted { hint: format!("; the job goes on, `evogait watch {}` comes back to it", args.id) })
+            Err(Error::Interrupted { hint: format!("; the job goes on, `evogait watch {}` comes back to it", console::quoted(&args.id)) })
         }
         Watched::Ended(job) => {
             if args.json {
@@ -69,7 +80,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             let best = console::score_with(watch::best(&job), &label.unit);
             console::say(&format!(
                 "{}: the search's best {} is {best} after {} generations\n  next  evogait fetch {}",
-                job.name, label.name, job.generations_done, job.id
+                job.name, label.name, job.generations_done, console::quoted(&job.id)
             ))
         }
     }

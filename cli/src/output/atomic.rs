@@ -1,6 +1,7 @@
 //! Files appear whole or not at all: written under a temporary name, flushed to the disk, then renamed.
 
 use crate::error::Error;
+use crate::inputs;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -21,6 +22,7 @@ impl Batch {
     /// Adds a file; `name` may lead into a subfolder.
     pub fn add(&mut self, name: &str, content: &[u8]) -> Result<(), Error> {
         let path = self.folder.join(name);
+        inputs::refuse(&path)?;
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(|e| Error::write(parent, e))?;
         }
@@ -55,6 +57,7 @@ impl Drop for Batch {
 /// Writes one file, whole or not at all. Devices and pipes are written to, not replaced.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
     let failed = |e| Error::write(path, e);
+    inputs::refuse(path)?;
     // Behind a link, the file is replaced, not the link.
     let path = &fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     match fs::metadata(path) {

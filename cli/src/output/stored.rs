@@ -2,7 +2,7 @@
 
 use super::{JOB, REPORT, RESULT, ResultFile};
 use crate::error::Error;
-use crate::load;
+use crate::{inputs, load};
 use serde::de::DeserializeOwned;
 use sim_core::job::Job;
 use sim_core::report::Report;
@@ -27,7 +27,9 @@ impl Stored {
             return Err(Error::NotFinished { folder: folder.to_owned() });
         }
         let result: ResultFile = read_json(&result_path)?;
-        let (job, _) = load::resolved_job(&folder.join(JOB))?;
+        let job_path = folder.join(JOB);
+        let (job, _) = load::resolved_job(&job_path)?;
+        inputs::record(&job_path);
         let lengths = [&result.winner, &result.first].map(|c| c.as_ref().map(|c| c.genome.len()));
         if let Some(reason) = wrong_genome(&job, lengths.into_iter().flatten()) {
             return Err(Error::Damaged { path: result_path, reason });
@@ -61,5 +63,6 @@ fn wrong_genome(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option<S
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
     let text = fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
+    inputs::record(path);
     serde_json::from_str(&text).map_err(|e| Error::Damaged { path: path.to_owned(), reason: e.to_string() })
 }

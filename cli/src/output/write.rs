@@ -29,7 +29,9 @@ pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &
     let result = ResultFile::new(job, status, digests, best, report.as_ref());
 
     let mut batch = Batch::new(folder.path());
-    batch.add(JOB, answer.job_toml.as_bytes())?;
+    if !folder.has_job() {
+        batch.add(JOB, answer.job_toml.as_bytes())?;
+    }
     batch.add("history.csv", csv::history(&answer.history).as_bytes())?;
     if let Some(report) = &report {
         batch.add(REPORT, &answer.report_json)?;

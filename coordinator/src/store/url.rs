@@ -22,6 +22,17 @@ pub enum BadStoreUrl {
     /// It starts like none.
     #[error("'{0}' names no store: write sqlite:PATH, such as sqlite:evogait.db, or postgres://USER@HOST/DATABASE")]
     Unknown(String),
+    /// A name that SQLite's own URLs have for something else than a file.
+    #[error(
+        "'{0}' names no file, and jobs that are not in a file are lost when the coordinator ends: write sqlite:PATH, such as \
+         sqlite:evogait.db, without options; where a file has this name, put its folder before it, as in sqlite:./PATH"
+    )]
+    NoFile(String),
+    /// A name with options, as in other programs' URLs.
+    #[error(
+        "'{0}' has a '?', as if options followed, and there are none: write sqlite:PATH, such as sqlite:evogait.db"
+    )]
+    Options(String),
     /// It starts like a database, and goes on otherwise.
     #[error(transparent)]
     Postgres(#[from] BadPostgresUrl),
@@ -34,7 +45,15 @@ impl FromStr for StoreUrl {
         match text.split_once(':') {
             Some(("sqlite", path)) if !path.is_empty() => {
                 // `sqlite:///absolute` and `sqlite:path` both are in use.
-                Ok(Self::Sqlite(path.strip_prefix("//").filter(|p| !p.is_empty()).unwrap_or(path).into()))
+                let path = path.strip_prefix("//").filter(|p| !p.is_empty()).unwrap_or(path);
+                let begins = |with: &str| path.get(..with.len()).is_some_and(|p| p.eq_ignore_ascii_case(with));
+                if begins(":memory:") || begins("file:") {
+                    return Err(BadStoreUrl::NoFile(text.to_owned()));
+                }
+                if path.contains('?') {
+                    return Err(BadStoreUrl::Options(text.to_owned()));
+                }
+                Ok(Self::Sqlite(path.into()))
             }
             Some(("postgres" | "postgresql", _)) => Ok(Self::Postgres(text.parse()?)),
             Some(("memory", "")) => Ok(Self::Memory),
@@ -70,6 +89,20 @@ mod tests {
         for wrong in ["", "sqlite:", "evogait.db", "memory:x"] {
             assert_eq!(wrong.parse::<StoreUrl>(), Err(BadStoreUrl::Unknown(wrong.to_owned())));
         }
+        for lost in [
+            "sqlite::memory:",
+            "sqlite://:memory:",
+            "sqlite::memory:?cache=shared",
+            "sqlite:file::memory:",
+            "sqlite:file:a.db?mode=memory",
+            "sqlite:FILE:a.db",
+        ] {
+            assert_eq!(lost.parse::<StoreUrl>(), Err(BadStoreUrl::NoFile(lost.to_owned())));
+        }
+        for options in ["sqlite:a.db?mode=memory", "sqlite:///a.db?mode=rwc", "sqlite:?"] {
+            assert_eq!(options.parse::<StoreUrl>(), Err(BadStoreUrl::Options(options.to_owned())));
+        }
+        assert_eq!("sqlite:./:memory:".parse(), Ok(StoreUrl::Sqlite("./:memory:".into())));
         for wrong in ["postgres:x", "mysql://ann:s3cret@db/gaits", "postgres://ann:s3cret@db:port/gaits"] {
             let refused = wrong.parse::<StoreUrl>().unwrap_err().to_string();
             assert!(!refused.contains("s3cret"), "{refused}");

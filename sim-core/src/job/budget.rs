@@ -5,7 +5,7 @@
 
 use super::{Job, JobSpec};
 use crate::environment::Environment;
-use crate::error::{Invalid, in_range};
+use crate::error::{Invalid, whole_in_range};
 use crate::limits::{MAX_EVALUATION_STEPS, MAX_SUBSTEPS_PER_SECOND};
 use crate::rollout::Physics;
 
@@ -46,14 +46,14 @@ fn steps_per_rollout(spec: &JobSpec, physics: &Physics) -> u64 {
 /// Refuses jobs whose evaluations could take longer than anybody wants to wait.
 pub(super) fn validate(spec: &JobSpec, environment: &Environment, physics: &Physics) -> Result<(), Invalid> {
     let substeps = u64::from(physics.steps_per_second) * u64::from(physics.substeps);
-    let most = f64::from(MAX_SUBSTEPS_PER_SECOND);
-    in_range("physics.steps_per_second * physics.substeps", substeps as f64, (1.0, most), "")?;
+    let most = u64::from(MAX_SUBSTEPS_PER_SECOND);
+    whole_in_range("physics.steps_per_second * physics.substeps", substeps, (1, most), "")?;
     let each = steps_per_rollout(spec, physics);
     let rollouts = match spec.planner.max_rollouts {
         Some(most) => {
             // The first expansion takes one rollout a gait.
-            let least = f64::from(spec.gaits.count);
-            in_range("planner.max_rollouts", most as f64, (least, MAX_EVALUATION_STEPS as f64), "")?;
+            let least = u64::from(spec.gaits.count);
+            whole_in_range("planner.max_rollouts", most, (least, MAX_EVALUATION_STEPS), "")?;
             most
         }
         None => most_rollouts(spec, environment, spec.planner.repeats),

@@ -1,7 +1,7 @@
 //! The `[finish]` table of a job: what is done once the search is over.
 
 use super::{EngineChoice, PhysicsSpec, Scale};
-use crate::error::{Invalid, in_range};
+use crate::error::{Invalid, whole_in_range};
 use crate::limits::{MAX_ARCHIVE, MAX_FINISH_SEEDS};
 use crate::rollout::Physics;
 use serde::{Deserialize, Serialize};
@@ -69,7 +69,7 @@ impl FinishSpec {
         let reference = Physics::reference_of(scale);
         let count = |field: &str, value: Option<u32>, default: u32, max: u32| {
             let value = value.unwrap_or(default);
-            in_range(format!("finish.{field}"), value.into(), (1.0, max.into()), "").map(|()| value)
+            whole_in_range(format!("finish.{field}"), value, (1, max.into()), "").map(|()| value)
         };
         Ok(Some(Finish {
             archive: count("archive", self.archive, ARCHIVE, MAX_ARCHIVE)?,

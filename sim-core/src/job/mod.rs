@@ -12,7 +12,7 @@ pub use spec::*;
 use crate::catalogue;
 use crate::control::{Controller, controller};
 use crate::environment::Environment;
-use crate::error::{Invalid, in_range, name};
+use crate::error::{Invalid, in_range, name, whole_in_range};
 use crate::fitness::Fitness;
 use crate::identity::Digest;
 use crate::limits;
@@ -50,17 +50,17 @@ impl Job {
     /// Reads a self-contained job: one whose robot and environment are written out or ship with evogait.
     /// Settings that are not given get their defaults, so that [`Job::to_toml`] tells all of them.
     pub fn from_toml(text: &str) -> Result<Job, Invalid> {
-        let length = text.len() as f64;
-        in_range("length of the job's text", length, (0.0, limits::MAX_TOML_LENGTH as f64), "bytes")?;
+        let most = limits::MAX_TOML_LENGTH as u64;
+        whole_in_range("length of the job's text", text.len() as u64, (0, most), "bytes")?;
         Self::new(toml::from_str(text)?)
     }
 
     /// Resolves and validates a job whose robot and environment are written out or ship with evogait.
     pub fn new(mut spec: JobSpec) -> Result<Job, Invalid> {
         name("name", &spec.name)?;
-        let length = spec.description.len() as f64;
-        in_range("description length", length, (0.0, limits::MAX_DESCRIPTION_LENGTH as f64), "bytes")?;
-        in_range("seed", spec.seed as f64, (0.0, i64::MAX as f64), "")?;
+        let most = limits::MAX_DESCRIPTION_LENGTH as u64;
+        whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes")?;
+        whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), "")?;
         let robot_spec = resolve_robot(&spec)?;
         let environment = resolve_environment(&spec.environment)?;
         let robot = Robot::compile(&robot_spec)?;
@@ -74,9 +74,9 @@ impl Job {
         spec.optimiser.validate()?;
         let fitness = Fitness::new(&spec.fitness, &environment)?;
         let bounds = bounds_of(&spec.gaits, robot.hinges.len())?;
-        let parameters = bounds.0.len() as f64 * f64::from(spec.optimiser.population());
-        let most = limits::MAX_GENERATION_PARAMETERS as f64;
-        in_range("parameters of a generation (candidates × length of the genome)", parameters, (1.0, most), "")?;
+        let parameters = bounds.0.len() as u64 * u64::from(spec.optimiser.population());
+        let most = limits::MAX_GENERATION_PARAMETERS as u64;
+        whole_in_range("parameters of a generation (candidates × length of the genome)", parameters, (1, most), "")?;
         let finish = spec.finish.resolve(spec.physics.scale)?;
         if let Some(finish) = &finish {
             whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
@@ -328,7 +328,7 @@ fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Res
 }
 
 fn validate_gaits(gaits: &GaitsSpec, physics: &Physics) -> Result<(), Invalid> {
-    in_range("gaits.count", gaits.count.into(), (1.0, limits::MAX_GAITS.into()), "")?;
+    whole_in_range("gaits.count", gaits.count, (1, limits::MAX_GAITS.into()), "")?;
     in_range("gaits.duration", gaits.duration, (0.1, limits::MAX_DURATION), "s")?;
     whole_steps("gaits.duration", gaits, physics.steps_per_second)
 }
@@ -365,11 +365,11 @@ fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Job, Invalid> {
 }
 
 fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
-    in_range("planner.iterations", planner.iterations.into(), (1.0, limits::MAX_ITERATIONS.into()), "")?;
+    whole_in_range("planner.iterations", planner.iterations, (1, limits::MAX_ITERATIONS.into()), "")?;
     in_range("planner.yaw_weight", planner.yaw_weight, (0.0, 1000.0), "mu/rad")?;
     in_range("planner.reuse_tolerance", planner.reuse_tolerance, (0.0, 1.0), "rad (mu for height)")?;
-    in_range("planner.variants", planner.variants.into(), (1.0, limits::MAX_VARIANTS.into()), "")?;
-    in_range("planner.repeats", planner.repeats.into(), (1.0, limits::MAX_REPEATS.into()), "")
+    whole_in_range("planner.variants", planner.variants, (1, limits::MAX_VARIANTS.into()), "")?;
+    whole_in_range("planner.repeats", planner.repeats, (1, limits::MAX_REPEATS.into()), "")
 }
 
 fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
@@ -390,7 +390,7 @@ fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
     let joint: Vec<(f64, f64)> =
         parameters.iter().map(|p| gaits.bounds.get(p.name).copied().unwrap_or(p.bounds)).collect();
     let length = joint.len() * joints * gaits.count as usize;
-    in_range("length of the genome", length as f64, (1.0, limits::MAX_GENOME as f64), "")?;
+    whole_in_range("length of the genome", length as u64, (1, limits::MAX_GENOME as u64), "")?;
     Ok(Bounds(joint.iter().copied().cycle().take(length).collect()))
 }
 

@@ -1,7 +1,7 @@
 //! What is known of the lockstep engine's fidelity: the table that ships, by which jobs that leave the choice of an engine
 //! open get one. `evogait bench fidelity --table` makes its rows.
 
-use crate::error::{Invalid, in_range};
+use crate::error::{Invalid, in_range, whole_in_range};
 use crate::identity::Digest;
 use crate::job::Scale;
 use crate::lockstep;
@@ -101,7 +101,7 @@ impl Known {
         for (i, row) in known.rows.iter().enumerate() {
             for (name, agreement) in [("random", row.random), ("evolved", row.evolved)] {
                 let field = |of: &str| format!("row[{i}].{name}.{of}");
-                in_range(field("gaits"), agreement.gaits.into(), (2.0, 1e6), "")?;
+                whole_in_range(field("gaits"), agreement.gaits, (2, 1_000_000), "")?;
                 in_range(field("spearman"), agreement.spearman, (-1.0, 1.0), "")?;
                 in_range(field("ceiling"), agreement.ceiling, (-1.0, 1.0), "")?;
             }

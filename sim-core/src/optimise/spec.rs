@@ -1,6 +1,6 @@
 //! The `[optimiser]` table of a job.
 
-use crate::error::{Invalid, in_range};
+use crate::error::{Invalid, in_range, whole_in_range};
 use crate::limits::{MAX_GENERATIONS, MAX_POPULATION};
 use serde::{Deserialize, Serialize};
 
@@ -79,16 +79,16 @@ impl OptimiserSpec {
     pub fn validate(&self) -> Result<(), Invalid> {
         let chance = |field, value| in_range(field, value, (0.0, 1.0), "");
         let pull = |field, value| in_range(field, value, (0.0, 10.0), "");
-        in_range("optimiser.generations", self.generations().into(), (1.0, MAX_GENERATIONS.into()), "")?;
+        whole_in_range("optimiser.generations", self.generations(), (1, MAX_GENERATIONS.into()), "")?;
         match *self {
             Self::Pso { particles, inertia_weight, cognitive, social, .. } => {
-                in_range("optimiser.particles", particles.into(), (1.0, MAX_POPULATION.into()), "")?;
+                whole_in_range("optimiser.particles", particles, (1, MAX_POPULATION.into()), "")?;
                 in_range("optimiser.inertia_weight", inertia_weight, (0.0, 2.0), "")?;
                 pull("optimiser.cognitive", cognitive)?;
                 pull("optimiser.social", social)
             }
             Self::PsoConstriction { particles, cognitive, social, .. } => {
-                in_range("optimiser.particles", particles.into(), (1.0, MAX_POPULATION.into()), "")?;
+                whole_in_range("optimiser.particles", particles, (1, MAX_POPULATION.into()), "")?;
                 pull("optimiser.cognitive", cognitive)?;
                 pull("optimiser.social", social)?;
                 if cognitive + social > 4.0 {
@@ -113,9 +113,9 @@ impl OptimiserSpec {
                 elite,
                 ..
             } => {
-                in_range("optimiser.population", population.into(), (2.0, MAX_POPULATION.into()), "")?;
-                in_range("optimiser.tournament", tournament.into(), (1.0, population.into()), "")?;
-                in_range("optimiser.elite", elite.into(), (0.0, f64::from(population) - 1.0), "")?;
+                whole_in_range("optimiser.population", population, (2, MAX_POPULATION.into()), "")?;
+                whole_in_range("optimiser.tournament", tournament, (1, population.into()), "")?;
+                whole_in_range("optimiser.elite", elite, (0, u64::from(population) - 1), "")?;
                 chance("optimiser.crossover_rate", crossover_rate)?;
                 in_range("optimiser.crossover_eta", crossover_eta, (0.0, 1000.0), "")?;
                 if let Some(rate) = mutation_rate {

@@ -49,7 +49,8 @@ pub struct Health {
     pub alive: bool,
 
     /// Ask a worker or a coordinator on this machine instead, at the address of its --metrics
-    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with_all = ["alive", "coordinator"])]
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with_all = ["alive", "coordinator"],
+        value_parser = telemetry::address)]
     pub process: Option<SocketAddr>,
 
     #[command(flatten)]

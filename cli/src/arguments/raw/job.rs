@@ -26,11 +26,11 @@ pub struct Run {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Evaluations at once [default: number of cores]; the result does not depend on it
+    /// Run on this machine, so many evaluations at once [default: number of cores]; the result does not depend on it
     #[arg(long, value_name = "N", conflicts_with = "coordinator", value_parser = whole(1..=1024))]
     pub workers: Option<u32>,
 
-    /// Run on this coordinator's workers instead of this machine
+    /// Run on this coordinator's workers instead of this machine [default: $EVOGAIT_COORDINATOR, else this machine]
     #[arg(long, value_name = "URL")]
     pub coordinator: Option<String>,
 

@@ -11,7 +11,7 @@ pub fn whole(allowed: RangeInclusive<u32>) -> impl Fn(&str) -> Result<u32, Strin
 
 /// Seeds are those of jobs.
 pub fn seed() -> impl Fn(&str) -> Result<u64, String> + Clone + Send + Sync {
-    among(0..=i64::MAX as u64)
+    among(0..=sim_core::limits::MAX_SEED)
 }
 
 fn among<T>(allowed: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync

@@ -10,6 +10,7 @@ use crate::arguments::BenchFidelity;
 use crate::clock::Spent;
 use crate::console;
 use crate::error::Error;
+use crate::inputs;
 use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
@@ -29,6 +30,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use view::{Against, Ceiling, Halved, Row, Set, View};
 
+/// Files of the output folder.
+const FILES: [&str; 4] = ["fidelity.md", "frontier.svg", "frontier.png", "fidelity.json"];
 /// Evolutions last gaits of so many s: enough to find what moves, at less than half the cost.
 const EVOLVED_DURATION: f64 = 4.0;
 /// More evolutions than this are not begun.
@@ -57,6 +60,10 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
         fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
     }
     let (job, own, stored) = subject_of(&args)?;
+    if let Some(out) = &args.out {
+        inputs::refuse_all(out, FILES)?;
+    }
+    args.table.as_deref().map_or(Ok(()), inputs::refuse)?;
     let duration = job.spec().gaits.duration;
     let settings = match &args.settings[..] {
         [] if args.table.is_some() => row::settings(args.subject.scale.into()),

@@ -9,6 +9,7 @@ use crate::arguments::{BenchFitness, JobFile, cores};
 use crate::clock::{Spent, timed};
 use crate::console;
 use crate::error::Error;
+use crate::inputs;
 use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
@@ -23,6 +24,8 @@ use std::ops::Range;
 use std::path::Path;
 use view::{Entry, Finalist, Row, View};
 
+/// Files of the output folder.
+const FILES: [&str; 4] = ["fitness.md", "scatter.svg", "scatter.png", "fitness.json"];
 /// Candidates of a generation where genomes are evolved on the spot.
 const POPULATION: u32 = 20;
 /// Genomes that an engine with lanes gets at once, as a slot does in a search.
@@ -56,6 +59,9 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
     let threads = args.threads.unwrap_or_else(cores) as usize;
     let runs = args.runs.iter().map(|folder| Stored::read(folder)).collect::<Result<Vec<Stored>, Error>>()?;
     let base = base(&args, &runs)?;
+    if let Some(out) = &args.out {
+        inputs::refuse_all(out, FILES)?;
+    }
     let reference = args.reference.unwrap_or_else(|| finest(EngineKind::Rapier, base.spec().physics.scale));
     let columns = columns(&base, reference, &settings(&args, &base))?;
     let subjects = match &runs[..] {

@@ -6,6 +6,7 @@ use crate::arguments::{BenchReuse, JobFile, cores};
 use crate::commands::bench::{genomes, in_order};
 use crate::console;
 use crate::error::Error;
+use crate::inputs;
 use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
@@ -80,6 +81,11 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     };
     let jobs = args.environments.iter().map(|name| in_environment(&args, &base, name));
     let jobs = jobs.collect::<Result<Vec<Job>, Error>>()?;
+    if let Some(out) = &args.out {
+        let pictures = jobs.iter().flat_map(|job| [scatter(job, "svg"), scatter(job, "png")]);
+        let names: Vec<String> = pictures.chain(["reuse.md", "reuse.json"].map(str::to_owned)).collect();
+        inputs::refuse_all(out, names.iter().map(String::as_str))?;
+    }
     let Some(first) = jobs.first() else {
         return Err(Error::Usage { message: "--environments names none".to_owned() });
     };
@@ -156,6 +162,11 @@ fn found(job: &Job, study: &Study, samples: &[Sample], threads: usize, quiet: bo
             .map(|(s, measured)| GenomeView { generation: s.generation, measured })
             .collect(),
     }
+}
+
+/// The file of an environment's picture.
+fn scatter(job: &Job, ending: &str) -> String {
+    format!("scatter-{}.{ending}", job.environment().name)
 }
 
 fn write(out: &Path, view: &View) -> Result<(), Error> {

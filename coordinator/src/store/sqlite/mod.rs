@@ -4,6 +4,7 @@
 //! so two coordinators can't share it by accident; the system frees the lock when a process dies, however it dies.
 
 mod migrations;
+mod place;
 
 use self::migrations::{APPLICATION_ID, FIRST_READABLE, MIGRATIONS};
 use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
@@ -25,16 +26,8 @@ pub struct SqliteStore {
 impl SqliteStore {
     /// Opens the file, or makes it if it is not there; its folder must exist. Brings an older store up to date.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
-        let unusable = |reason: &str| StoreError::Open { store: path.display().to_string(), reason: reason.to_owned() };
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if !folder.is_dir() {
-            return Err(unusable(&format!("there is no folder {}", folder.display())));
-        }
-        if path.is_dir() {
-            return Err(unusable("it is a folder"));
-        }
         let connection = SqliteConnectOptions::new()
-            .filename(path)
+            .filename(place::check(path)?)
             .create_if_missing(true)
             .locking_mode(SqliteLockingMode::Exclusive)
             .journal_mode(SqliteJournalMode::Wal)
