@@ -28,6 +28,8 @@ struct View<'a> {
     setting: Setting,
     /// The engine and setting that chooses the winner; `null` without a reference.
     reference: Option<Setting>,
+    /// The setting that the robot was settled on; `null` if it is the job's own.
+    settled: Option<String>,
     engine_digest: Digest,
     seed: u64,
     gaits: u32,
@@ -77,6 +79,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
         engine: job.chosen().to_string(),
         setting: Setting::of(&job),
         reference: job.reference().map(Setting::of),
+        settled: job.quiet().map(ToString::to_string),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
         gaits: job.spec().gaits.count,
@@ -127,6 +130,9 @@ fn text(view: &View) -> String {
         format!("  job digest     {}", view.job_digest),
         format!("  engine digest  {}", view.engine_digest),
     ];
+    if let Some(settled) = &view.settled {
+        lines.push(format!("  settled        {settled}; its rollouts keep the job's own"));
+    }
     if let Some(e) = &view.estimate {
         let least = if e.given_up { "more than " } else { "" };
         let each = duration(Duration::from_secs_f64(e.seconds_per_evaluation));

@@ -20,7 +20,7 @@ use crate::measure::known::Known;
 use crate::optimise::{self, Bounds, Optimiser};
 use crate::plan::{Metric, Place, Planner, Reuse, Setting, laid_out, state_touches};
 use crate::robot::{Robot, RobotSpec, State};
-use crate::rollout::{Engine, Physics, engine, engines_digest, settle};
+use crate::rollout::{Engine, Physics, Quiet, Settled, engine, engine_digest, engines_digest, settle, settle_quietly};
 use crate::score::Direction;
 use serde::Serialize;
 use std::sync::Arc;
@@ -41,6 +41,8 @@ struct Resolved {
     bounds: Bounds,
     /// The settled start in the canonical frame.
     start: State,
+    /// The setting that it was settled on, if not the job's own.
+    quiet: Option<Quiet>,
     finish: Option<Finish>,
     /// The same job on the reference setting, without a finish of its own.
     reference: Option<Job>,
@@ -56,7 +58,12 @@ impl Job {
     }
 
     /// Resolves and validates a job whose robot and environment are written out or ship with evogait.
-    pub fn new(mut spec: JobSpec) -> Result<Job, Invalid> {
+    pub fn new(spec: JobSpec) -> Result<Job, Invalid> {
+        Self::resolve(spec, None)
+    }
+
+    /// `fallback`: the start of a robot that does not come to rest by itself.
+    fn resolve(mut spec: JobSpec, fallback: Option<Settled>) -> Result<Job, Invalid> {
         name("name", &spec.name)?;
         let length = spec.description.len() as f64;
         in_range("description length", length, (0.0, limits::MAX_DESCRIPTION_LENGTH as f64), "bytes")?;
@@ -82,8 +89,14 @@ impl Job {
             whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
         }
         budget::validate(&spec, &environment, &physics)?;
-        let start = settle(engine(chosen.engine), &robot, &physics)
-            .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
+        let settled = match fallback {
+            Some(settled) => {
+                settle(engine(chosen.engine), &robot, &physics).map_or(settled, |state| Settled { state, quiet: None })
+            }
+            None => settle_quietly(chosen.engine, &robot, &physics)
+                .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?,
+        };
+        let Settled { state: start, quiet } = settled;
         refuse_blocked_start(&robot, &environment, &start)?;
 
         spec.variant = None;
@@ -102,6 +115,7 @@ impl Job {
             fitness,
             bounds,
             start,
+            quiet,
             finish,
             reference,
         })))
@@ -109,7 +123,20 @@ impl Job {
 
     /// The same job with other physics, its robot settled there, and without a finish.
     pub fn with_physics(&self, physics: PhysicsSpec) -> Result<Job, Invalid> {
-        with_physics(self.spec(), physics)
+        with_physics(self.spec(), physics, None)
+    }
+
+    /// The same job with other friction and without a finish. A robot that does not come to rest there by itself starts
+    /// as this job's does.
+    pub(crate) fn with_friction(&self, friction: f64) -> Result<Job, Invalid> {
+        let physics = PhysicsSpec { friction: Some(friction), ..self.spec().physics.clone() };
+        let start = Settled { state: self.0.start.clone(), quiet: self.0.quiet };
+        with_physics(self.spec(), physics, Some(start))
+    }
+
+    /// The setting that the robot was settled on; `None` if it is the job's own.
+    pub fn quiet(&self) -> Option<&Quiet> {
+        self.0.quiet.as_ref()
     }
 
     /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
@@ -142,11 +169,18 @@ impl Job {
         Digest::of("evogait job 1", &Identity { spec: &spec, engine })
     }
 
-    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting is another
-    /// engine's. A worker must offer the same.
+    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or a settled
+    /// start is another engine's. A worker must offer the same.
     pub fn engine_digest(&self) -> Digest {
         let search = self.chosen().engine;
-        engines_digest(search, self.reference().map_or(search, |reference| reference.chosen().engine))
+        let uses = |job: &Job, kind| job.chosen().engine == kind || job.quiet().is_some_and(|q| q.engine == kind);
+        let [rapier, lockstep] = [EngineKind::Rapier, EngineKind::Lockstep]
+            .map(|kind| uses(self, kind) || self.reference().is_some_and(|reference| uses(reference, kind)));
+        if rapier && lockstep {
+            engines_digest(EngineKind::Lockstep, EngineKind::Rapier)
+        } else {
+            engine_digest(search)
+        }
     }
 
     /// Which engine the job runs on, and why. [`Self::reference`] has one of its own.
@@ -348,14 +382,14 @@ fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<
     Ok(())
 }
 
-fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Job, Invalid> {
+fn with_physics(spec: &JobSpec, physics: PhysicsSpec, fallback: Option<Settled>) -> Result<Job, Invalid> {
     let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
-    Job::new(JobSpec { physics, finish, ..spec.clone() })
+    Job::resolve(JobSpec { physics, finish, ..spec.clone() }, fallback)
 }
 
 /// A resolved job on the reference setting of its finish.
 fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Job, Invalid> {
-    with_physics(spec, finish.physics(&spec.physics)).map_err(|e| Invalid::Conflict {
+    with_physics(spec, finish.physics(&spec.physics), None).map_err(|e| Invalid::Conflict {
         field: "finish".into(),
         reason: format!(
             "on its reference setting ({} steps a second, {} substeps) the job can't be used: {e}",
