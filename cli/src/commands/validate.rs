@@ -30,6 +30,8 @@ struct View<'a> {
     reference: Option<Setting>,
     /// The setting that the robot was settled on; `null` if it is the job's own.
     settled: Option<String>,
+    /// Index of the obstacle that the robot touches at the goal at every heading; `null` if it fits there.
+    goal_blocked_by: Option<usize>,
     engine_digest: Digest,
     seed: u64,
     gaits: u32,
@@ -79,6 +81,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
         engine: job.chosen().to_string(),
         setting: Setting::of(&job),
         reference: job.reference().map(Setting::of),
+        goal_blocked_by: job.blocked_goal(),
         settled: job.quiet().map(ToString::to_string),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
@@ -132,6 +135,11 @@ fn text(view: &View) -> String {
     ];
     if let Some(settled) = &view.settled {
         lines.push(format!("  settled        {settled}; its rollouts keep the job's own"));
+    }
+    if let Some(i) = view.goal_blocked_by {
+        lines.push(format!(
+            "  warning        at the goal the robot touches environment.obstacle[{i}] at every heading: it can't stand there"
+        ));
     }
     if let Some(e) = &view.estimate {
         let least = if e.given_up { "more than " } else { "" };

@@ -4,6 +4,7 @@ mod budget;
 mod engine;
 mod finish;
 mod spec;
+mod standing;
 
 pub use engine::{Chosen, Why};
 pub use finish::*;
@@ -18,7 +19,7 @@ use crate::identity::Digest;
 use crate::limits;
 use crate::measure::known::Known;
 use crate::optimise::{self, Bounds, Optimiser};
-use crate::plan::{Metric, Place, Planner, Reuse, Setting, laid_out, state_touches};
+use crate::plan::{Metric, Place, Planner, Reuse, Setting, standing_at};
 use crate::robot::{Robot, RobotSpec, State};
 use crate::rollout::{Engine, Physics, Quiet, Settled, engine, engine_digest, engines_digest, settle, settle_quietly};
 use crate::score::Direction;
@@ -41,6 +42,8 @@ struct Resolved {
     bounds: Bounds,
     /// The settled start in the canonical frame.
     start: State,
+    /// Height of the terrain that the robot starts on, mu; 0 on flat ground.
+    ground: f64,
     /// The setting that it was settled on, if not the job's own.
     quiet: Option<Quiet>,
     finish: Option<Finish>,
@@ -79,7 +82,6 @@ impl Job {
         validate_gaits(&spec.gaits, &physics)?;
         validate_planner(&spec.planner)?;
         spec.optimiser.validate()?;
-        let fitness = Fitness::new(&spec.fitness, &environment)?;
         let bounds = bounds_of(&spec.gaits, robot.hinges.len())?;
         let parameters = bounds.0.len() as f64 * f64::from(spec.optimiser.population());
         let most = limits::MAX_GENERATION_PARAMETERS as f64;
@@ -97,7 +99,9 @@ impl Job {
                 .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?,
         };
         let Settled { state: start, quiet } = settled;
-        refuse_blocked_start(&robot, &environment, &start)?;
+        let ground = standing::ground_of_start(&robot, &environment, &start)?;
+        let height = f64::from(start.pivot.translation.z) + ground;
+        let fitness = Fitness::new(&spec.fitness, &environment, height)?;
 
         spec.variant = None;
         spec.physics = physics.written_out(chosen.engine, &spec.physics);
@@ -115,6 +119,7 @@ impl Job {
             fitness,
             bounds,
             start,
+            ground,
             quiet,
             finish,
             reference,
@@ -156,6 +161,8 @@ impl Job {
         struct Identity<'a> {
             spec: &'a JobSpec,
             engine: Digest,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            fitness: Option<u32>,
         }
         let mut spec = self.0.spec.clone();
         spec.name.clear();
@@ -166,7 +173,7 @@ impl Job {
             environment.name.clear();
             environment.description.clear();
         }
-        Digest::of("evogait job 1", &Identity { spec: &spec, engine })
+        Digest::of("evogait job 1", &Identity { spec: &spec, engine, fitness: spec.fitness.revision() })
     }
 
     /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or a settled
@@ -264,14 +271,20 @@ impl Job {
     pub fn start_among_terrain(&self) -> (State, Place) {
         match self.environment().is_flat() {
             true => (self.start().clone(), Place::ORIGIN),
-            false => (laid_out(self.start(), &self.root()), self.root()),
+            false => (standing_at(self.start(), &self.root()), self.root()),
         }
     }
 
     /// Where the pivot starts on the map.
     pub fn root(&self) -> Place {
         let start = &self.0.environment.start;
-        Place { x: start.x, y: start.y, z: self.0.start.pivot.translation.z.into(), yaw: start.yaw }
+        Place { x: start.x, y: start.y, z: f64::from(self.0.start.pivot.translation.z) + self.0.ground, yaw: start.yaw }
+    }
+
+    /// The obstacle that the robot, settled and with its pivot at the goal, touches at every heading, if there is one: such a
+    /// goal is no configuration that the robot can reach as it stands.
+    pub fn blocked_goal(&self) -> Option<usize> {
+        standing::blocked_goal(&self.0.robot, &self.0.environment, &self.0.start)
     }
 
     /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
@@ -416,25 +429,21 @@ fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
         }
         in_range(format!("{field}[0]"), low, (-1000.0, 1000.0), "")?;
         in_range(format!("{field}[1]"), high, (-1000.0, 1000.0), "")?;
-        if low >= high {
-            let reason = format!("the lower bound {low} is not below the upper bound {high}");
+        if low > high {
+            let reason = format!(
+                "the lower bound {low} lies above the upper bound {high}; two equal bounds keep the parameter at that value"
+            );
             return Err(Invalid::Conflict { field, reason });
         }
     }
     let joint: Vec<(f64, f64)> =
         parameters.iter().map(|p| gaits.bounds.get(p.name).copied().unwrap_or(p.bounds)).collect();
+    if joint.iter().all(|(low, high)| low == high) {
+        let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: give one of \
+                      them two different bounds";
+        return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
+    }
     let length = joint.len() * joints * gaits.count as usize;
     in_range("length of the genome", length as f64, (1.0, limits::MAX_GENOME as f64), "")?;
     Ok(Bounds(joint.iter().copied().cycle().take(length).collect()))
-}
-
-fn refuse_blocked_start(robot: &Robot, environment: &Environment, start: &State) -> Result<(), Invalid> {
-    let place = Place { x: environment.start.x, y: environment.start.y, z: 0.0, yaw: environment.start.yaw };
-    for (what, blocks) in [("obstacle", &environment.obstacles), ("terrain", &environment.terrain)] {
-        if let Some(i) = blocks.iter().position(|block| state_touches(robot, block, &place, start)) {
-            let wrong = format!("where the robot touches environment.{what}[{i}]");
-            return Err(Invalid::Misplaced { what: "the start", x: place.x, y: place.y, wrong });
-        }
-    }
-    Ok(())
 }
