@@ -35,11 +35,11 @@ pub struct Grid {
 }
 
 impl Fitness {
-    /// The fitness of a job in its environment.
-    pub fn new(spec: &FitnessSpec, environment: &Environment) -> Result<Self, Invalid> {
+    /// The fitness of a job in its environment. `start`: height of the pivot at the start, mu.
+    pub fn new(spec: &FitnessSpec, environment: &Environment, start: f64) -> Result<Self, Invalid> {
         match *spec {
             FitnessSpec::Coverage { cell, dimensions, height } => {
-                Grid::new(environment, cell, dimensions, height).map(Self::Coverage)
+                Grid::new(environment, cell, dimensions, height, start).map(Self::Coverage)
             }
             FitnessSpec::Distance => match &environment.goal {
                 Some(goal) => Ok(Self::Distance { x: goal.x, y: goal.y }),
@@ -85,8 +85,14 @@ impl Fitness {
 
 impl Grid {
     /// The grid of an environment. In three dimensions it reaches up to `height` (mu); unless given, one cell above the
-    /// highest terrain.
-    pub fn new(environment: &Environment, cell: f64, dimensions: u32, height: Option<f64>) -> Result<Self, Invalid> {
+    /// highest terrain. `start`: height of the pivot at the start, mu.
+    pub fn new(
+        environment: &Environment,
+        cell: f64,
+        dimensions: u32,
+        height: Option<f64>,
+        start: f64,
+    ) -> Result<Self, Invalid> {
         in_range("fitness.cell", cell, (0.01, limits::MAX_MAP_SIZE), "mu")?;
         whole_in_range("fitness.dimensions", dimensions, (2, 3), "")?;
         let [width, depth] = environment.size;
@@ -115,7 +121,7 @@ impl Grid {
         for i in 0..cells {
             grid.counted[i] = !solids.iter().any(|block| grid.inside(i, block, dimensions == 3, environment));
         }
-        if let Some(start) = grid.index(environment.start.x, environment.start.y, 0.0) {
+        if let Some(start) = grid.index(environment.start.x, environment.start.y, start) {
             grid.counted[start] = false;
         }
         grid.total = grid.counted.iter().filter(|c| **c).count();

@@ -164,7 +164,8 @@ fn text(view: &View, label: &Label) -> String {
             Some(score) => {
                 format!("  {:<13}  {} (bits {bits})", label.name, console::score_with(Some(*score), &label.unit))
             }
-            None => "  failed         the robot can't stand still at its start".to_owned(),
+            None => "  failed         it needs more rollouts than planner.max_rollouts allows, or the job has no reference setting"
+                .to_owned(),
         });
     }
     lines.push(format!(

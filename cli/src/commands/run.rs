@@ -99,6 +99,9 @@ async fn finish(
             job.chosen()
         ));
     }
+    if let (false, Some(quiet_setting)) = (quiet, job.quiet()) {
+        console::note(&format!("the robot was settled {quiet_setting}; its rollouts keep the job's own"));
+    }
     let mut progress = Progress::new(&status, &Label::of_job(job), quiet);
     let mut generations_done = status.generations_done;
     let watched = watch::watch(&mut client, &status.id, interrupt, |event| {

@@ -29,6 +29,10 @@ struct View<'a> {
     setting: Setting,
     /// The engine and setting that chooses the winner; `null` without a reference.
     reference: Option<Setting>,
+    /// The setting that the robot was settled on; `null` if it is the job's own.
+    settled: Option<String>,
+    /// Index of the obstacle that the robot touches at the goal at every heading; `null` if it fits there.
+    goal_blocked_by: Option<usize>,
     engine_digest: Digest,
     seed: u64,
     gaits: u32,
@@ -80,6 +84,8 @@ pub fn run(args: Validate) -> Result<(), Error> {
         engine: job.chosen().to_string(),
         setting: Setting::of(&job),
         reference: job.reference().map(Setting::of),
+        goal_blocked_by: job.blocked_goal(),
+        settled: job.quiet().map(ToString::to_string),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
         gaits: job.spec().gaits.count,
@@ -134,6 +140,14 @@ fn text(view: &View) -> String {
         format!("  job digest     {}", view.job_digest),
         format!("  engine digest  {}", view.engine_digest),
     ];
+    if let Some(settled) = &view.settled {
+        lines.push(format!("  settled        {settled}; its rollouts keep the job's own"));
+    }
+    if let Some(i) = view.goal_blocked_by {
+        lines.push(format!(
+            "  warning        at the goal the robot touches environment.obstacle[{i}] at every heading: it can't stand there"
+        ));
+    }
     if let Some(e) = &view.estimate {
         let least = if e.given_up { "more than " } else { "" };
         let each = duration(Duration::from_secs_f64(e.seconds_per_evaluation));

@@ -1,7 +1,7 @@
 //! One examination: a question about one candidate, and its answer.
 
 use crate::evaluate::{Stopped, Trial, grow, search_streams};
-use crate::job::{Job, PhysicsSpec};
+use crate::job::Job;
 use crate::random::{Purpose, Stream};
 use crate::report::{self, Traces};
 use crate::score::{Counts, Scored};
@@ -39,8 +39,8 @@ pub struct Examination {
 /// What came of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answer {
-    /// One a tree; `None` where the evaluation failed: the robot can't stand still at its start, or the trees together
-    /// exceed the budget.
+    /// One a tree; `None` where the evaluation failed: the trees together exceed the budget, or there is no reference to
+    /// answer on.
     pub scores: Vec<Option<f64>>,
     /// What it took.
     pub counts: Counts,
@@ -75,8 +75,8 @@ impl fmt::Display for Examination {
     }
 }
 
-/// Carries an examination out. Questions about a reference that the job has not, or about physics that its robot can't
-/// stand in, are answered by failed evaluations. `stop` is asked now and then.
+/// Carries an examination out. Questions about a reference that the job has not, or about friction that is out of
+/// range, are answered by failed evaluations. `stop` is asked now and then.
 ///
 /// # Panics
 /// If the genome's length does not fit the job.
@@ -116,9 +116,7 @@ fn on_reference(
 /// The reference with other friction.
 fn friction(job: &Job, factor: f64) -> Option<Job> {
     let reference = job.reference()?;
-    let physics = &reference.spec().physics;
-    let friction = physics.friction.map(|friction| friction * factor);
-    reference.with_physics(PhysicsSpec { friction, ..physics.clone() }).ok()
+    reference.with_friction(reference.spec().physics.friction? * factor).ok()
 }
 
 /// The random streams of trees that candidates are scored on again: the same for all candidates of a job.

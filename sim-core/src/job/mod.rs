@@ -4,6 +4,7 @@ mod budget;
 mod engine;
 mod finish;
 mod spec;
+mod standing;
 
 pub use engine::{Chosen, Why};
 pub use finish::*;
@@ -18,9 +19,9 @@ use crate::identity::Digest;
 use crate::limits;
 use crate::measure::known::Known;
 use crate::optimise::{self, Bounds, Optimiser};
-use crate::plan::{Metric, Place, Planner, Reuse, Setting, laid_out, state_touches};
+use crate::plan::{Metric, Place, Planner, Reuse, Setting, standing_at};
 use crate::robot::{Robot, RobotSpec, State};
-use crate::rollout::{Engine, Physics, engine, engines_digest, settle};
+use crate::rollout::{Engine, Physics, Quiet, Settled, engine, engine_digest, engines_digest, settle, settle_quietly};
 use crate::score::Direction;
 use serde::Serialize;
 use std::sync::Arc;
@@ -41,6 +42,10 @@ struct Resolved {
     bounds: Bounds,
     /// The settled start in the canonical frame.
     start: State,
+    /// Height of the terrain that the robot starts on, mu; 0 on flat ground.
+    ground: f64,
+    /// The setting that it was settled on, if not the job's own.
+    quiet: Option<Quiet>,
     finish: Option<Finish>,
     /// The same job on the reference setting, without a finish of its own.
     reference: Option<Job>,
@@ -56,7 +61,12 @@ impl Job {
     }
 
     /// Resolves and validates a job whose robot and environment are written out or ship with evogait.
-    pub fn new(mut spec: JobSpec) -> Result<Job, Invalid> {
+    pub fn new(spec: JobSpec) -> Result<Job, Invalid> {
+        Self::resolve(spec, None)
+    }
+
+    /// `fallback`: the start of a robot that does not come to rest by itself.
+    fn resolve(mut spec: JobSpec, fallback: Option<Settled>) -> Result<Job, Invalid> {
         name("name", &spec.name)?;
         let most = limits::MAX_DESCRIPTION_LENGTH as u64;
         whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes")?;
@@ -72,7 +82,6 @@ impl Job {
         validate_gaits(&spec.gaits, &physics)?;
         validate_planner(&spec.planner)?;
         spec.optimiser.validate()?;
-        let fitness = Fitness::new(&spec.fitness, &environment)?;
         let bounds = bounds_of(&spec.gaits, robot.hinges.len())?;
         let parameters = bounds.0.len() as u64 * u64::from(spec.optimiser.population());
         let most = limits::MAX_GENERATION_PARAMETERS as u64;
@@ -82,9 +91,17 @@ impl Job {
             whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
         }
         budget::validate(&spec, &environment, &physics)?;
-        let start = settle(engine(chosen.engine), &robot, &physics)
-            .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
-        refuse_blocked_start(&robot, &environment, &start)?;
+        let settled = match fallback {
+            Some(settled) => {
+                settle(engine(chosen.engine), &robot, &physics).map_or(settled, |state| Settled { state, quiet: None })
+            }
+            None => settle_quietly(chosen.engine, &robot, &physics)
+                .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?,
+        };
+        let Settled { state: start, quiet } = settled;
+        let ground = standing::ground_of_start(&robot, &environment, &start)?;
+        let height = f64::from(start.pivot.translation.z) + ground;
+        let fitness = Fitness::new(&spec.fitness, &environment, height)?;
 
         spec.variant = None;
         spec.physics = physics.written_out(chosen.engine, &spec.physics);
@@ -102,6 +119,8 @@ impl Job {
             fitness,
             bounds,
             start,
+            ground,
+            quiet,
             finish,
             reference,
         })))
@@ -109,7 +128,20 @@ impl Job {
 
     /// The same job with other physics, its robot settled there, and without a finish.
     pub fn with_physics(&self, physics: PhysicsSpec) -> Result<Job, Invalid> {
-        with_physics(self.spec(), physics)
+        with_physics(self.spec(), physics, None)
+    }
+
+    /// The same job with other friction and without a finish. A robot that does not come to rest there by itself starts
+    /// as this job's does.
+    pub(crate) fn with_friction(&self, friction: f64) -> Result<Job, Invalid> {
+        let physics = PhysicsSpec { friction: Some(friction), ..self.spec().physics.clone() };
+        let start = Settled { state: self.0.start.clone(), quiet: self.0.quiet };
+        with_physics(self.spec(), physics, Some(start))
+    }
+
+    /// The setting that the robot was settled on; `None` if it is the job's own.
+    pub fn quiet(&self) -> Option<&Quiet> {
+        self.0.quiet.as_ref()
     }
 
     /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
@@ -129,6 +161,8 @@ impl Job {
         struct Identity<'a> {
             spec: &'a JobSpec,
             engine: Digest,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            fitness: Option<u32>,
         }
         let mut spec = self.0.spec.clone();
         spec.name.clear();
@@ -139,14 +173,21 @@ impl Job {
             environment.name.clear();
             environment.description.clear();
         }
-        Digest::of("evogait job 1", &Identity { spec: &spec, engine })
+        Digest::of("evogait job 1", &Identity { spec: &spec, engine, fitness: spec.fitness.revision() })
     }
 
-    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting is another
-    /// engine's. A worker must offer the same.
+    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or a settled
+    /// start is another engine's. A worker must offer the same.
     pub fn engine_digest(&self) -> Digest {
         let search = self.chosen().engine;
-        engines_digest(search, self.reference().map_or(search, |reference| reference.chosen().engine))
+        let uses = |job: &Job, kind| job.chosen().engine == kind || job.quiet().is_some_and(|q| q.engine == kind);
+        let [rapier, lockstep] = [EngineKind::Rapier, EngineKind::Lockstep]
+            .map(|kind| uses(self, kind) || self.reference().is_some_and(|reference| uses(reference, kind)));
+        if rapier && lockstep {
+            engines_digest(EngineKind::Lockstep, EngineKind::Rapier)
+        } else {
+            engine_digest(search)
+        }
     }
 
     /// Which engine the job runs on, and why. [`Self::reference`] has one of its own.
@@ -230,14 +271,20 @@ impl Job {
     pub fn start_among_terrain(&self) -> (State, Place) {
         match self.environment().is_flat() {
             true => (self.start().clone(), Place::ORIGIN),
-            false => (laid_out(self.start(), &self.root()), self.root()),
+            false => (standing_at(self.start(), &self.root()), self.root()),
         }
     }
 
     /// Where the pivot starts on the map.
     pub fn root(&self) -> Place {
         let start = &self.0.environment.start;
-        Place { x: start.x, y: start.y, z: self.0.start.pivot.translation.z.into(), yaw: start.yaw }
+        Place { x: start.x, y: start.y, z: f64::from(self.0.start.pivot.translation.z) + self.0.ground, yaw: start.yaw }
+    }
+
+    /// The obstacle that the robot, settled and with its pivot at the goal, touches at every heading, if there is one: such a
+    /// goal is no configuration that the robot can reach as it stands.
+    pub fn blocked_goal(&self) -> Option<usize> {
+        standing::blocked_goal(&self.0.robot, &self.0.environment, &self.0.start)
     }
 
     /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
@@ -348,14 +395,14 @@ fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<
     Ok(())
 }
 
-fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Job, Invalid> {
+fn with_physics(spec: &JobSpec, physics: PhysicsSpec, fallback: Option<Settled>) -> Result<Job, Invalid> {
     let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
-    Job::new(JobSpec { physics, finish, ..spec.clone() })
+    Job::resolve(JobSpec { physics, finish, ..spec.clone() }, fallback)
 }
 
 /// A resolved job on the reference setting of its finish.
 fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Job, Invalid> {
-    with_physics(spec, finish.physics(&spec.physics)).map_err(|e| Invalid::Conflict {
+    with_physics(spec, finish.physics(&spec.physics), None).map_err(|e| Invalid::Conflict {
         field: "finish".into(),
         reason: format!(
             "on its reference setting ({} steps a second, {} substeps) the job can't be used: {e}",
@@ -382,25 +429,21 @@ fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
         }
         in_range(format!("{field}[0]"), low, (-1000.0, 1000.0), "")?;
         in_range(format!("{field}[1]"), high, (-1000.0, 1000.0), "")?;
-        if low >= high {
-            let reason = format!("the lower bound {low} is not below the upper bound {high}");
+        if low > high {
+            let reason = format!(
+                "the lower bound {low} lies above the upper bound {high}; two equal bounds keep the parameter at that value"
+            );
             return Err(Invalid::Conflict { field, reason });
         }
     }
     let joint: Vec<(f64, f64)> =
         parameters.iter().map(|p| gaits.bounds.get(p.name).copied().unwrap_or(p.bounds)).collect();
+    if joint.iter().all(|(low, high)| low == high) {
+        let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: give one of \
+                      them two different bounds";
+        return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
+    }
     let length = joint.len() * joints * gaits.count as usize;
     whole_in_range("length of the genome", length as u64, (1, limits::MAX_GENOME as u64), "")?;
     Ok(Bounds(joint.iter().copied().cycle().take(length).collect()))
-}
-
-fn refuse_blocked_start(robot: &Robot, environment: &Environment, start: &State) -> Result<(), Invalid> {
-    let place = Place { x: environment.start.x, y: environment.start.y, z: 0.0, yaw: environment.start.yaw };
-    for (what, blocks) in [("obstacle", &environment.obstacles), ("terrain", &environment.terrain)] {
-        if let Some(i) = blocks.iter().position(|block| state_touches(robot, block, &place, start)) {
-            let wrong = format!("where the robot touches environment.{what}[{i}]");
-            return Err(Invalid::Misplaced { what: "the start", x: place.x, y: place.y, wrong });
-        }
-    }
-    Ok(())
 }

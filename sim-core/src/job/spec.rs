@@ -177,6 +177,14 @@ pub enum FitnessSpec {
     Distance,
 }
 
+impl FitnessSpec {
+    /// Revision of how a fitness is computed, where it is not the first one: it enters the job's identity. Coverage in three
+    /// dimensions, 2: the cell that is not counted is that of the settled pivot, not the one on the ground below it.
+    pub(super) fn revision(&self) -> Option<u32> {
+        matches!(self, Self::Coverage { dimensions: 3, .. }).then_some(2)
+    }
+}
+
 /// The `[fitness]` table as it is read: the settings of all kinds side by side, so that a value of the wrong type is told
 /// with its line.
 #[derive(Deserialize)]

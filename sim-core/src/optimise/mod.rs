@@ -19,7 +19,8 @@ use crate::score::{Direction, Genome};
 /// that it can't go on with a job of an older one.
 pub const REVISION: u32 = 1;
 
-/// The box that genomes live in: one (low, high) a parameter, low < high.
+/// The box that genomes live in: one (low, high) a parameter, low ≤ high. A parameter
+/// with low = high keeps that value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bounds(pub Vec<(f64, f64)>);
 

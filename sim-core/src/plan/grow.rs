@@ -122,7 +122,10 @@ impl Growth {
         }
         let bound = start.in_place.unwrap_or_else(|| {
             let exact = start.exact.clone();
-            table.in_place(exact.unwrap_or_else(|| laid_out(table.start(local.start), &place)))
+            let state = table.start(local.start);
+            // The root may stand on terrain, where its place is higher than its local state.
+            let laid_out = || if node == 0 { standing_at(state, &place) } else { laid_out(state, &place) };
+            table.in_place(exact.unwrap_or_else(laid_out))
         });
         self.nodes[node].in_place = Some(bound);
         TransitionKey { start: bound, gait }
@@ -159,12 +162,19 @@ impl Growth {
 }
 
 /// A canonical configuration, moved to a place of the map.
-pub(crate) fn laid_out(state: &State, place: &Place) -> State {
+fn laid_out(state: &State, place: &Place) -> State {
     let local = canonical(state.clone());
     let height = f64::from(local.pivot.translation.z);
     let rotation = (about_z(place.yaw) * local.pivot.rotation).normalize();
     let translation = Vector::new(place.x as f32, place.y as f32, height as f32);
     State { pivot: Pose::from_parts(translation, rotation), joints: local.joints }
+}
+
+/// A canonical configuration, moved to a place of the map and to its height.
+pub(crate) fn standing_at(state: &State, place: &Place) -> State {
+    let mut state = laid_out(state, place);
+    state.pivot.translation.z = place.z as f32;
+    state
 }
 
 /// Whether the robot's bounds come over terrain.

@@ -8,7 +8,7 @@ mod swept;
 mod transitions;
 mod tree;
 
-pub(crate) use grow::laid_out;
+pub(crate) use grow::standing_at;
 pub use grow::{Growth, Setting};
 pub use nearest::Nearest;
 pub use place::{Metric, Place, Plane};

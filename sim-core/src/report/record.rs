@@ -6,7 +6,7 @@ use crate::environment::Block;
 use crate::evaluate::Trial;
 use crate::job::Job;
 use crate::math::heading;
-use crate::plan::{Place, laid_out};
+use crate::plan::{Place, standing_at};
 use crate::robot::State;
 use crate::rollout::{Outcome, Request, Rollout};
 use crate::score::{Counts, Scored};
@@ -139,7 +139,7 @@ fn from_place<'a>(job: &'a Job, state: &State, place: &Place) -> (State, &'a [Bl
     if job.environment().is_flat() {
         (crate::rollout::canonical(state.clone()), &[], *place)
     } else {
-        (laid_out(state, place), &job.environment().terrain, Place::ORIGIN)
+        (standing_at(state, place), &job.environment().terrain, Place::ORIGIN)
     }
 }
 

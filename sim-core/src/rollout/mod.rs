@@ -10,6 +10,6 @@ pub use engine::{Engine, NUMERIC_CRATES, Request, engine, engine_digest, engine_
 pub use rapier::RapierEngine;
 pub use settings::Physics;
 pub(crate) use settle::canonical;
-pub use settle::{Unsettled, settle};
+pub use settle::{Quiet, Settled, Unsettled, settle, settle_quietly};
 pub use trace::{Bound, Outcome, Rollout, Span, Trace};
 pub(crate) use trace::{sample_every, spans};
