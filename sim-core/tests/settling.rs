@@ -2,7 +2,7 @@
 
 use sim_core::job::{EngineKind, Job, JobSpec, JointKind, Reference, Scale};
 use sim_core::math::{Pose, Vector, about_z};
-use sim_core::measure::soundness::random_robot;
+use sim_core::measure::soundness::{random_arms, random_robot};
 use sim_core::random::{Purpose, Stream};
 use sim_core::robot::{Robot, RobotSpec, exchange};
 use sim_core::rollout::{Physics, engine, engines_digest, settle, settle_quietly};
@@ -12,35 +12,6 @@ const ROBOTS: u32 = 6;
 
 fn stream(index: u32) -> Stream {
     Stream::new(7, Purpose::Sample, index, 0, 0)
-}
-
-/// A box with one to four hinged arms of boxes or capsules.
-fn random_arms(stream: &mut Stream, capsules: bool) -> Robot {
-    let half = [stream.uniform(0.2, 0.5), stream.uniform(0.2, 0.5), stream.uniform(0.1, 0.3)];
-    let mut arms = String::new();
-    for i in 0..1 + stream.below(4) as usize {
-        let (length, width) = (stream.uniform(0.15, 0.5), stream.uniform(0.05, 0.15));
-        let (along, sign) = (i / 2, if i % 2 == 0 { 1.0 } else { -1.0 });
-        let on_axis = |offset: f64| (0..3).map(move |a| if a == along { sign * offset } else { 0.0 });
-        let text = |numbers: Vec<f64>| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
-        let axis = ["0 1 0", "0 0 1", "1 0 0"][stream.below(3) as usize];
-        let sides = (0..3).map(|a| if a == along { length } else { width }).collect();
-        let geom = if capsules {
-            format!("type=\"capsule\" size=\"{width}\" fromto=\"0 0 0 {}\"", text(on_axis(2.0 * length).collect()))
-        } else {
-            format!("type=\"box\" size=\"{}\" pos=\"{}\"", text(sides), text(on_axis(length).collect()))
-        };
-        let at = text(on_axis(half[along] + 0.02).collect());
-        arms += &format!(
-            "<body name=\"b{i}\" pos=\"{at}\"><joint name=\"j{i}\" axis=\"{axis}\" range=\"-90 90\"/>\
-             <geom {geom} mass=\"{}\"/></body>",
-            stream.uniform(0.2, 1.0)
-        );
-    }
-    let [x, y, z] = half;
-    let root = format!("<freejoint/><geom type=\"box\" size=\"{x} {y} {z}\" mass=\"1\"/>{arms}");
-    let xml = format!("<mujoco><worldbody><body name=\"root\" pos=\"0 0 1\">{root}</body></worldbody></mujoco>");
-    Robot::compile(&exchange::read(&xml).unwrap()).unwrap()
 }
 
 /// The robot built facing another way. In the neutral configuration all bodies share the robot's orientation.

@@ -9,7 +9,7 @@ use crate::control::{Targets, controller};
 use crate::job::ControllerKind;
 use crate::math::{Pose, Rotation, Vector};
 use crate::random::{Purpose, Stream};
-use crate::robot::{Robot, RobotSpec, State};
+use crate::robot::{Robot, RobotSpec, State, exchange};
 use crate::rollout::{Bound, Outcome, Physics, Rollout};
 use rapier3d::parry::query::intersection_test;
 use rapier3d::parry::shape::Cuboid;
@@ -50,6 +50,36 @@ pub fn random_robot(stream: &mut Stream) -> Robot {
         }
     }
     robot.expect("it has four modules at least")
+}
+
+/// A random box with one to four hinged arms, each a box or a capsule, 0.3 to 1 mu long.
+pub fn random_arms(stream: &mut Stream, capsules: bool) -> Robot {
+    let half = [stream.uniform(0.2, 0.5), stream.uniform(0.2, 0.5), stream.uniform(0.1, 0.3)];
+    let mut arms = String::new();
+    for i in 0..1 + stream.below(4) as usize {
+        let (length, width) = (stream.uniform(0.15, 0.5), stream.uniform(0.05, 0.15));
+        let (along, sign) = (i / 2, if i % 2 == 0 { 1.0 } else { -1.0 });
+        let on_axis = |offset: f64| (0..3).map(move |a| if a == along { sign * offset } else { 0.0 });
+        let text = |numbers: Vec<f64>| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+        let axis = ["0 1 0", "0 0 1", "1 0 0"][stream.below(3) as usize];
+        let sides = (0..3).map(|a| if a == along { length } else { width }).collect();
+        let geom = if capsules {
+            format!("type=\"capsule\" size=\"{width}\" fromto=\"0 0 0 {}\"", text(on_axis(2.0 * length).collect()))
+        } else {
+            format!("type=\"box\" size=\"{}\" pos=\"{}\"", text(sides), text(on_axis(length).collect()))
+        };
+        let at = text(on_axis(half[along] + 0.02).collect());
+        arms += &format!(
+            "<body name=\"b{i}\" pos=\"{at}\"><joint name=\"j{i}\" axis=\"{axis}\" range=\"-90 90\"/>\
+             <geom {geom} mass=\"{}\"/></body>",
+            stream.uniform(0.2, 1.0)
+        );
+    }
+    let [x, y, z] = half;
+    let root = format!("<freejoint/><geom type=\"box\" size=\"{x} {y} {z}\" mass=\"1\"/>{arms}");
+    let xml = format!("<mujoco><worldbody><body name=\"root\" pos=\"0 0 1\">{root}</body></worldbody></mujoco>");
+    let spec = exchange::read(&xml).expect("a generated robot is well formed");
+    Robot::compile(&spec).expect("its arms are clear of each other")
 }
 
 /// A random gait, uniform in the controller's bounds.
