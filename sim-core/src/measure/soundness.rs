@@ -78,7 +78,7 @@ pub fn random_arms(stream: &mut Stream, capsules: bool) -> Robot {
     let [x, y, z] = half;
     let root = format!("<freejoint/><geom type=\"box\" size=\"{x} {y} {z}\" mass=\"1\"/>{arms}");
     let xml = format!("<mujoco><worldbody><body name=\"root\" pos=\"0 0 1\">{root}</body></worldbody></mujoco>");
-    let spec = exchange::read(&xml).expect("a generated robot is well formed");
+    let spec = exchange::read(&xml).expect("a generated robot is well formed").robot;
     Robot::compile(&spec).expect("its arms are clear of each other")
 }
 

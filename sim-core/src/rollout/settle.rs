@@ -168,7 +168,7 @@ mod tests {
             <geom type="box" size="0.5 0.5 1" mass="9"/>
             <body name="a" pos="0.5 0 0.9"><joint name="j" axis="0 1 0" range="-90 90"/>
             <geom type="box" size="1 0.1 0.1" pos="1.1 0 0" mass="1"/></body></body></worldbody></mujoco>"#;
-        let robot = Robot::compile(&exchange::read(xml).unwrap()).unwrap();
+        let robot = Robot::compile(&exchange::read(xml).unwrap().robot).unwrap();
         for damping in [150.0, 200.0, 300.0] {
             let physics = Physics { stiffness: 0.0, damping, ..Physics::of_scale(Scale::Paper) };
             let quiet = Quiet::of(&robot, &physics, 0.0);
