@@ -272,6 +272,8 @@ fn the_health_of_a_coordinator_is_an_exit_code() {
     let mut cluster = Cluster::start(0);
     let process = cluster.coordinator.as_ref().unwrap().metrics_addr().unwrap().to_string();
     assert_eq!(run(folder.path(), &["health", "--process", &process]).success(), "active\n");
+    let by_name = process.replace("127.0.0.1", "localhost");
+    assert_eq!(run(folder.path(), &["health", "--process", &by_name]).success(), "active\n");
     let other = run(folder.path(), &["health", "--process", cluster.url.strip_prefix("http://").unwrap()]);
     assert_eq!((other.code, other.err.contains("is not well: ")), (1, true), "{}", other.err);
     assert_eq!(cluster.run(folder.path(), &["health"]).success(), "serving\n");

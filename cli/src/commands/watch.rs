@@ -62,9 +62,9 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     .await;
     progress.finish();
     match watched? {
-        Watched::Interrupted => {
-            Err(Error::Interrupted { hint: format!("; the job goes on, `evogait watch {}` comes back to it", console::quoted(&args.id)) })
-        }
+        Watched::Interrupted => Err(Error::Interrupted {
+            hint: format!("; the job goes on, `evogait watch {}` comes back to it", console::quoted(&args.id)),
+        }),
         Watched::Ended(job) => {
             if args.json {
                 console::say_json_line(&JobView::new(&job))?;
@@ -80,7 +80,10 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             let best = console::score_with(watch::best(&job), &label.unit);
             console::say(&format!(
                 "{}: the search's best {} is {best} after {} generations\n  next  evogait fetch {}",
-                job.name, label.name, job.generations_done, console::quoted(&job.id)
+                job.name,
+                label.name,
+                job.generations_done,
+                console::quoted(&job.id)
             ))
         }
     }
