@@ -19,9 +19,12 @@ const SETTINGS: [(EngineKind, JointKind, u32, u32); 8] = [
     (EngineKind::Lockstep, JointKind::Impulse, 600, 2),
 ];
 
+/// Draws a robot.
+type Draw = fn(&mut Stream) -> Robot;
+
 fn main() {
     let robots = std::env::args().nth(1).map_or(25, |n| n.parse().expect("the number of robots is a whole number"));
-    let kinds: [(&str, fn(&mut Stream) -> Robot); 3] = [
+    let kinds: [(&str, Draw); 3] = [
         ("modules", random_robot),
         ("boxes", |stream| random_arms(stream, false)),
         ("capsules", |stream| random_arms(stream, true)),

@@ -149,7 +149,7 @@ fn every_robot_fits_at_every_shipped_goal() {
         let entry = catalogue::find(catalogue::environments(), name).unwrap();
         let Environment { start, goal, .. } = Environment::from_toml(entry.toml).unwrap();
         let goal = goal.unwrap();
-        assert_eq!(((goal.x - start.x).powi(2) + (goal.y - start.y).powi(2)).sqrt(), distance, "{name}");
+        assert_eq!(libm::hypot(goal.x - start.x, goal.y - start.y), distance, "{name}");
     }
 }
 
