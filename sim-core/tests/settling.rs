@@ -123,12 +123,12 @@ fn robot_that_keeps_moving_is_refused_with_settings_that_help() {
     for physics in ["gravity = 0.04", "gravity = 0.05", "gravity = 0.07"] {
         for engine in ["rapier", "lockstep"] {
             let physics = format!("engine = \"{engine}\", {physics}");
-            let error = job(exchange::read(TIPPING).unwrap(), &physics).map(|_| ()).expect_err(&physics).to_string();
+            let error = job(exchange::read(TIPPING).unwrap().robot, &physics).map(|_| ()).expect_err(&physics).to_string();
             assert!(error.starts_with("robot: the robot still moves at "), "{physics}: {error}");
             assert!(error.contains("physics.damping, physics.stiffness or physics.friction"), "{physics}: {error}");
         }
     }
-    job(exchange::read(TIPPING).unwrap(), "").unwrap();
+    job(exchange::read(TIPPING).unwrap().robot, "").unwrap();
 }
 
 #[test]
@@ -139,7 +139,7 @@ fn job_settled_on_another_engine_needs_both() {
         <geom type="box" size=".3 .1 .1" pos="0.35 0 0" mass=".5"/></body>
         <body name="b" pos="-0.45 0 0"><joint name="jb" axis="0 1 0" range="-90 90"/>
         <geom type="box" size=".3 .1 .1" pos="-0.35 0 0" mass=".5"/></body></body></worldbody></mujoco>"#;
-    let robot = exchange::read(trembling).unwrap();
+    let robot = exchange::read(trembling).unwrap().robot;
     let job = job(robot, "").unwrap();
     assert_eq!(job.chosen().engine, EngineKind::Rapier);
     assert_eq!(job.quiet().map(|quiet| quiet.engine), Some(EngineKind::Lockstep));

@@ -39,8 +39,8 @@ pub struct Examination {
 /// What came of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answer {
-    /// One a tree; `None` where the evaluation failed: the trees together exceed the budget, or there is no reference to
-    /// answer on.
+    /// One a tree; `None` where the evaluation failed: the trees together exceed the budget, there is no reference to
+    /// answer on, or the robot does not come to rest with other friction.
     pub scores: Vec<Option<f64>>,
     /// What it took.
     pub counts: Counts,
@@ -75,8 +75,8 @@ impl fmt::Display for Examination {
     }
 }
 
-/// Carries an examination out. Questions about a reference that the job has not, or about friction that is out of
-/// range, are answered by failed evaluations. `stop` is asked now and then.
+/// Carries an examination out. Questions about a reference that the job has not, or about friction that is out of range
+/// or that its robot does not come to rest with, are answered by failed evaluations. `stop` is asked now and then.
 ///
 /// # Panics
 /// If the genome's length does not fit the job.
@@ -116,7 +116,8 @@ fn on_reference(
 /// The reference with other friction.
 fn friction(job: &Job, factor: f64) -> Option<Job> {
     let reference = job.reference()?;
-    reference.with_friction(reference.spec().physics.friction? * factor).ok()
+    let trembles = job.quiet().is_some() || reference.quiet().is_some();
+    reference.with_friction(reference.spec().physics.friction? * factor, trembles).ok()
 }
 
 /// The random streams of trees that candidates are scored on again: the same for all candidates of a job.

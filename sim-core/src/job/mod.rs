@@ -62,11 +62,10 @@ impl Job {
 
     /// Resolves and validates a job whose robot and environment are written out or ship with evogait.
     pub fn new(spec: JobSpec) -> Result<Job, Invalid> {
-        Self::resolve(spec, None)
+        Self::resolve(spec, Unrest::SettleQuietly)
     }
 
-    /// `fallback`: the start of a robot that does not come to rest by itself.
-    fn resolve(mut spec: JobSpec, fallback: Option<Settled>) -> Result<Job, Invalid> {
+    fn resolve(mut spec: JobSpec, unrest: Unrest) -> Result<Job, Invalid> {
         name("name", &spec.name)?;
         let most = limits::MAX_DESCRIPTION_LENGTH as u64;
         whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes")?;
@@ -91,14 +90,14 @@ impl Job {
             whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
         }
         budget::validate(&spec, &environment, &physics)?;
-        let settled = match fallback {
-            Some(settled) => {
-                settle(engine(chosen.engine), &robot, &physics).map_or(settled, |state| Settled { state, quiet: None })
-            }
-            None => settle_quietly(chosen.engine, &robot, &physics)
-                .map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?,
+        let own = || settle(engine(chosen.engine), &robot, &physics).map(|state| Settled { state, quiet: None });
+        let settled = match unrest {
+            Unrest::SettleQuietly => settle_quietly(chosen.engine, &robot, &physics),
+            Unrest::StartAs(settled) => own().or(Ok(settled)),
+            Unrest::Refuse => own(),
         };
-        let Settled { state: start, quiet } = settled;
+        let Settled { state: start, quiet } =
+            settled.map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
         let ground = standing::ground_of_start(&robot, &environment, &start)?;
         let height = f64::from(start.pivot.translation.z) + ground;
         let fitness = Fitness::new(&spec.fitness, &environment, height)?;
@@ -128,15 +127,15 @@ impl Job {
 
     /// The same job with other physics, its robot settled there, and without a finish.
     pub fn with_physics(&self, physics: PhysicsSpec) -> Result<Job, Invalid> {
-        with_physics(self.spec(), physics, None)
+        with_physics(self.spec(), physics, Unrest::SettleQuietly)
     }
 
     /// The same job with other friction and without a finish. A robot that does not come to rest there by itself starts
-    /// as this job's does.
-    pub(crate) fn with_friction(&self, friction: f64) -> Result<Job, Invalid> {
+    /// as this job's does if it is known to tremble; else it is refused, as it always was: results keep their bits.
+    pub(crate) fn with_friction(&self, friction: f64, trembles: bool) -> Result<Job, Invalid> {
         let physics = PhysicsSpec { friction: Some(friction), ..self.spec().physics.clone() };
-        let start = Settled { state: self.0.start.clone(), quiet: self.0.quiet };
-        with_physics(self.spec(), physics, Some(start))
+        let start = || Settled { state: self.0.start.clone(), quiet: self.0.quiet };
+        with_physics(self.spec(), physics, if trembles { Unrest::StartAs(start()) } else { Unrest::Refuse })
     }
 
     /// The setting that the robot was settled on; `None` if it is the job's own.
@@ -395,14 +394,24 @@ fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<
     Ok(())
 }
 
-fn with_physics(spec: &JobSpec, physics: PhysicsSpec, fallback: Option<Settled>) -> Result<Job, Invalid> {
+/// What is done with a robot that does not come to rest on a job's own setting.
+enum Unrest {
+    /// It is settled on a quiet one.
+    SettleQuietly,
+    /// It starts like this.
+    StartAs(Settled),
+    /// The job is refused.
+    Refuse,
+}
+
+fn with_physics(spec: &JobSpec, physics: PhysicsSpec, unrest: Unrest) -> Result<Job, Invalid> {
     let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
-    Job::resolve(JobSpec { physics, finish, ..spec.clone() }, fallback)
+    Job::resolve(JobSpec { physics, finish, ..spec.clone() }, unrest)
 }
 
 /// A resolved job on the reference setting of its finish.
 fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Job, Invalid> {
-    with_physics(spec, finish.physics(&spec.physics), None).map_err(|e| Invalid::Conflict {
+    with_physics(spec, finish.physics(&spec.physics), Unrest::SettleQuietly).map_err(|e| Invalid::Conflict {
         field: "finish".into(),
         reason: format!(
             "on its reference setting ({} steps a second, {} substeps) the job can't be used: {e}",

@@ -162,7 +162,7 @@ impl Growth {
 }
 
 /// A canonical configuration, moved to a place of the map.
-fn laid_out(state: &State, place: &Place) -> State {
+pub(super) fn laid_out(state: &State, place: &Place) -> State {
     let local = canonical(state.clone());
     let height = f64::from(local.pivot.translation.z);
     let rotation = (about_z(place.yaw) * local.pivot.rotation).normalize();

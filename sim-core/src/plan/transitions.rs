@@ -192,7 +192,7 @@ fn mixed(n: u64) -> u64 {
 mod tests {
     use super::*;
     use crate::math::{Pose, Rotation, Vector, about, about_z};
-    use crate::plan::laid_out;
+    use crate::plan::grow::laid_out;
     use crate::random::{Purpose, Stream};
     use std::f32::consts::{FRAC_PI_2, PI};
 
