@@ -60,9 +60,8 @@ pub fn warning(job: Option<&Job>, scores: &Scores) -> Option<String> {
     let what = match scores.judge()? {
         Useless::AllFailed => {
             return Some(
-                "all evaluations of the first generation failed, so the search has nothing to go by: the robot can't stand \
-                 still at its start, or an evaluation needs more rollouts than planner.max_rollouts allows; see one with \
-                 `evogait evaluate`, and stop the run"
+                "all evaluations of the first generation failed, so the search has nothing to go by: each needs more \
+                 rollouts than planner.max_rollouts allows; see one with `evogait evaluate`, and stop the run"
                     .to_owned(),
             );
         }
@@ -100,8 +99,8 @@ fn causes(job: &Job, counts: Option<Counts>) -> Vec<String> {
     if let FitnessSpec::Coverage { cell, .. } = job.spec().fitness {
         if length < cell {
             causes.push(format!(
-                "the robot is some {} mu long and a cell {} mu wide: give the robot's lengths in mu, set a smaller \
-                 fitness.cell, or lengthen gaits.duration",
+                "the robot is some {} mu long and a cell {} mu wide: give the robot's lengths in mu (`evogait robot FILE --unit \
+                 LENGTH`), set a smaller fitness.cell, or lengthen gaits.duration",
                 number(length),
                 number(cell)
             ));

@@ -10,6 +10,7 @@ mod clock;
 mod commands;
 mod console;
 mod cost;
+mod doubts;
 pub mod draw;
 mod error;
 mod first_generation;

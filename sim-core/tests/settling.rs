@@ -123,7 +123,8 @@ fn robot_that_keeps_moving_is_refused_with_settings_that_help() {
     for physics in ["gravity = 0.04", "gravity = 0.05", "gravity = 0.07"] {
         for engine in ["rapier", "lockstep"] {
             let physics = format!("engine = \"{engine}\", {physics}");
-            let error = job(exchange::read(TIPPING).unwrap().robot, &physics).map(|_| ()).expect_err(&physics).to_string();
+            let error =
+                job(exchange::read(TIPPING).unwrap().robot, &physics).map(|_| ()).expect_err(&physics).to_string();
             assert!(error.starts_with("robot: the robot still moves at "), "{physics}: {error}");
             assert!(error.contains("physics.damping, physics.stiffness or physics.friction"), "{physics}: {error}");
         }

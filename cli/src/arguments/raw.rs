@@ -228,6 +228,7 @@ Examples:
   evogait robot my-robot.toml --json
   evogait robot lizard --format mjcf --scale real > lizard.xml
   evogait robot my-robot.urdf
+  evogait robot my-robot.urdf --unit 0.065 --out my-robot.toml
 
 MJCF (MuJoCo) holds bodies, hinges, motors, friction, gravity and the ground;
 URDF has no place for gains, friction and gravity, so a comment tells them. One

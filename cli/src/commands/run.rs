@@ -3,6 +3,7 @@
 use crate::arguments::{Place, Run};
 use crate::client::{Client, Url};
 use crate::console;
+use crate::doubts;
 use crate::error::Error;
 use crate::first_generation::{self, Scores};
 use crate::local::Local;
@@ -98,6 +99,9 @@ async fn finish(
             Setting::of(job),
             job.chosen()
         ));
+    }
+    if !quiet {
+        doubts::of(job).iter().for_each(|doubt| console::note(&format!("warning: {doubt}")));
     }
     if let (false, Some(quiet_setting)) = (quiet, job.quiet()) {
         console::note(&format!("the robot was settled {quiet_setting}; its rollouts keep the job's own"));

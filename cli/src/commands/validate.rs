@@ -3,6 +3,7 @@
 use crate::arguments::Validate;
 use crate::console::{self, count, duration};
 use crate::cost::{self, Budget};
+use crate::doubts;
 use crate::error::Error;
 use crate::first_generation::{self, Scores};
 use crate::load;
@@ -31,8 +32,6 @@ struct View<'a> {
     reference: Option<Setting>,
     /// The setting that the robot was settled on; `null` if it is the job's own.
     settled: Option<String>,
-    /// Index of the obstacle that the robot touches at the goal at every heading; `null` if it fits there.
-    goal_blocked_by: Option<usize>,
     engine_digest: Digest,
     seed: u64,
     gaits: u32,
@@ -42,7 +41,7 @@ struct View<'a> {
     evaluations: u64,
     most_rollouts_per_evaluation: u64,
     estimate: Option<Estimate>,
-    /// What the timed evaluations tell of a search that would find nothing.
+    /// Facts that are hardly meant, and a search that would find nothing by the timed evaluations.
     warnings: Vec<String>,
     /// The resolved job as a file.
     job_toml: String,
@@ -84,7 +83,6 @@ pub fn run(args: Validate) -> Result<(), Error> {
         engine: job.chosen().to_string(),
         setting: Setting::of(&job),
         reference: job.reference().map(Setting::of),
-        goal_blocked_by: job.blocked_goal(),
         settled: job.quiet().map(ToString::to_string),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
@@ -95,7 +93,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
         evaluations,
         most_rollouts_per_evaluation: job.most_rollouts(),
         estimate,
-        warnings: warning.flatten().into_iter().collect(),
+        warnings: doubts::of(&job).into_iter().chain(warning.flatten()).collect(),
         job_toml: job.to_toml(),
     };
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }
@@ -142,11 +140,6 @@ fn text(view: &View) -> String {
     ];
     if let Some(settled) = &view.settled {
         lines.push(format!("  settled        {settled}; its rollouts keep the job's own"));
-    }
-    if let Some(i) = view.goal_blocked_by {
-        lines.push(format!(
-            "  warning        at the goal the robot touches environment.obstacle[{i}] at every heading: it can't stand there"
-        ));
     }
     if let Some(e) = &view.estimate {
         let least = if e.given_up { "more than " } else { "" };
