@@ -9,18 +9,29 @@ use sim_core::robot::exchange::{Format, read};
 use sim_core::robot::{Robot, RobotSpec};
 use sim_core::rollout::Physics;
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 /// Misspelt names a format.
 const EACH: usize = 100;
 /// Elements that are passed over with all that is in them.
 const WHOLE: [&str; 5] = ["light", "camera", "site", "visual", "custom"];
 
-/// A good file, how it is read, and where its names stand: every place of one name, which are changed together.
+/// Where a name begins, everywhere it has to be changed with itself, and its length in bytes.
+struct Name {
+    starts: Vec<usize>,
+    length: usize,
+}
+
+/// A good file, how it is read, and its names.
 struct Good {
     text: String,
     read: fn(&str) -> Result<(), Invalid>,
-    names: Vec<Vec<Range<usize>>>,
+    names: Vec<Name>,
+}
+
+impl Good {
+    fn written(&self, name: &Name) -> &str {
+        &self.text[name.starts[0]..name.starts[0] + name.length]
+    }
 }
 
 fn xml(text: String) -> Good {
@@ -31,17 +42,16 @@ fn xml(text: String) -> Good {
             continue;
         }
         let (tag, range) = (element.tag_name().name(), element.range());
-        let mut places = vec![range.start + 1..range.start + 1 + tag.len()];
+        let mut starts = vec![range.start + 1];
         let end = format!("</{tag}>");
         if text[range.clone()].ends_with(&end) {
-            let close = range.end - end.len() + 2;
-            places.push(close..close + tag.len());
+            starts.push(range.end - end.len() + 2);
         }
         // Another root element is another format, not a misspelt one.
         if element != document.root_element() {
-            names.push(places);
+            names.push(Name { starts, length: tag.len() });
         }
-        names.extend(element.attributes().map(|a| vec![a.range().start..a.range().start + a.name().len()]));
+        names.extend(element.attributes().map(|a| Name { starts: vec![a.range().start], length: a.name().len() }));
     }
     drop(document);
     Good { text, read: |text| read(text).map(|_| ()), names }
@@ -59,13 +69,13 @@ fn toml_file(text: String, read: fn(&str) -> Result<(), Invalid>) -> Good {
                 let name = line.trim().trim_matches(|c| c == '[' || c == ']');
                 let last = name.rsplit('.').next().unwrap();
                 let start = at + line.find(name).unwrap() + name.len() - last.len();
-                names.push(vec![start..start + last.len()]);
+                names.push(Name { starts: vec![start], length: last.len() });
             } else if !chosen {
                 let code = line.split(" #").next().unwrap();
                 for (equals, _) in code.match_indices(" = ") {
                     let key = code[..equals].rsplit([' ', '{', ',']).next().unwrap();
                     if !key.is_empty() && key.bytes().all(|b| b.is_ascii_lowercase() || b == b'_') {
-                        names.push(vec![at + equals - key.len()..at + equals]);
+                        names.push(Name { starts: vec![at + equals - key.len()], length: key.len() });
                     }
                 }
             }
@@ -96,25 +106,25 @@ fn pick(stream: &mut Stream, among: usize) -> usize {
 /// Misspells one name in each of many files; all must be refused with the line.
 fn check(seed: u64, goods: &[Good]) {
     let mut stream = Stream::new(seed, Purpose::Sample, 0, 0, 0);
-    let known: BTreeSet<&str> = goods.iter().flat_map(|g| g.names.iter().map(|n| &g.text[n[0].clone()])).collect();
+    let known: BTreeSet<&str> = goods.iter().flat_map(|g| g.names.iter().map(|n| g.written(n))).collect();
     for good in goods {
         (good.read)(&good.text).unwrap_or_else(|e| panic!("{e}\n{}", good.text));
     }
     let mut tried = 0;
     while tried < EACH {
         let good = &goods[pick(&mut stream, goods.len())];
-        let places = &good.names[pick(&mut stream, good.names.len())];
-        let name = &good.text[places[0].clone()];
+        let place = &good.names[pick(&mut stream, good.names.len())];
+        let name = good.written(place);
         let wrong = misspell(name, &mut stream);
         // Another name of the format is another meaning: no misspelling that a reader could see.
         if known.contains(wrong.as_str()) || wrong.as_str() == name || wrong == "kd" {
             continue;
         }
         let mut text = good.text.clone();
-        for place in places.iter().rev() {
-            text.replace_range(place.clone(), &wrong);
+        for start in place.starts.iter().rev() {
+            text.replace_range(*start..start + place.length, &wrong);
         }
-        let line = good.text[..places[0].start].matches('\n').count() + 1;
+        let line = good.text[..place.starts[0]].matches('\n').count() + 1;
         let said = match (good.read)(&text) {
             Ok(()) => panic!("line {line}: {name} written as {wrong} is taken:\n{text}"),
             Err(invalid) => invalid.to_string(),
@@ -147,8 +157,8 @@ fn misspelt_names_in_urdf_are_refused_with_their_line() {
 
 #[test]
 fn misspelt_keys_in_toml_are_refused_with_their_line() {
-    let robot = |text: &str| Ok(drop(toml::from_str::<RobotSpec>(text).map_err(Invalid::from)?));
-    let job = |text: &str| Ok(drop(toml::from_str::<JobSpec>(text).map_err(Invalid::from)?));
+    let robot = |text: &str| toml::from_str::<RobotSpec>(text).map(|_| ()).map_err(Invalid::from);
+    let job = |text: &str| toml::from_str::<JobSpec>(text).map(|_| ()).map_err(Invalid::from);
     let environment = |text: &str| Environment::from_toml(text).map(|_| ());
     let of = |entries: &'static [catalogue::Entry], read: fn(&str) -> Result<(), Invalid>| {
         entries.iter().map(move |entry| toml_file(entry.toml.to_owned(), read))
