@@ -10,6 +10,7 @@ use sim_core::job::{Job, JobSpec, Reference};
 use sim_core::limits;
 use sim_core::robot::RobotSpec;
 use sim_core::robot::exchange::{self, Import};
+use sim_core::toml_file;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -26,7 +27,7 @@ struct Source {
 /// Reads a job, its robot and its environment, and checks all of it.
 pub fn job(file: &JobFile) -> Result<Job, Error> {
     let source = find("job", &file.job, catalogue::jobs(), None)?;
-    let mut spec: JobSpec = parse(&source, |text| toml::from_str(text).map_err(Invalid::from))?;
+    let mut spec: JobSpec = parse(&source, toml_file::read)?;
     if let Some(seed) = file.seed {
         spec.seed = seed;
     }
@@ -44,14 +45,28 @@ pub fn job(file: &JobFile) -> Result<Job, Error> {
         spec.environment = Reference::Inline(Box::new(parse(&found, Environment::from_toml)?));
         environment_label = found.label;
     }
-    Job::new(spec).map_err(|invalid| {
-        let file = match part(&invalid) {
-            Part::Robot => robot_label,
-            Part::Environment => environment_label,
-            Part::Job => source.label,
-        };
-        Error::Invalid { file, source: invalid }
-    })
+    let file_of = |invalid: &Invalid| match part(invalid) {
+        Part::Robot => robot_label.clone(),
+        Part::Environment => environment_label.clone(),
+        Part::Job => source.label.clone(),
+    };
+    Job::new(spec).map_err(|invalid| told_of_files(invalid, file_of))
+}
+
+/// An error about one file, or about several with the name of each.
+fn told_of_files(invalid: Invalid, file_of: impl Fn(&Invalid) -> String) -> Error {
+    let faults = match invalid {
+        Invalid::Several(faults) => faults,
+        one => vec![one],
+    };
+    let file = faults.first().map(&file_of).unwrap_or_default();
+    let of_others = |fault: Invalid| match file_of(&fault) {
+        own if own == file => fault,
+        other => Invalid::Conflict { field: other, reason: fault.to_string() },
+    };
+    let faults: Vec<Invalid> = faults.into_iter().map(of_others).collect();
+    let source = Invalid::all(faults).err().unwrap_or_else(|| Invalid::Several(Vec::new()));
+    Error::Invalid { file, source }
 }
 
 /// Reads a job that is written out in full, such as the job.toml of an output folder.
@@ -96,7 +111,7 @@ fn robot_spec(text: &str, label: &str, unit: f64) -> Result<Import, Invalid> {
     if xml || text.trim_start().starts_with('<') {
         return exchange::read_in(text, unit);
     }
-    let robot: RobotSpec = toml::from_str(text)?;
+    let robot: RobotSpec = toml_file::read(text)?;
     let robot = if unit == 1.0 { robot } else { robot.in_units_of(unit) };
     Ok(Import { robot, notes: Vec::new() })
 }

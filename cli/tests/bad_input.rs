@@ -197,6 +197,29 @@ fn numbers_out_of_range() {
 }
 
 #[test]
+fn faults_of_several_tables_and_files_are_listed_together() {
+    let bad_robot = ROBOT.replace("port = \"front\"", "port = \"bow\"");
+    let said = [
+        refused(&[
+            ("count = 2", "count = 0"),
+            ("iterations = 4", "iterations = 0"),
+            ("particles = 3", "particles = 0"),
+        ]),
+        refused_with(
+            &[("worm.toml", &bad_robot)],
+            &[
+                ("\"quadropod\"", "\"worm.toml\""),
+                ("seed = 1", "seed = 9223372036854775807"),
+                ("count = 2", "count = 0"),
+            ],
+        ),
+        environment_refused(&[("size = [2.0, 2.0]", "size = [2.0, nan]"), ("top = 1.0", "top = -1.0")]),
+        refused(&[("seed = 1", "sed = 1"), ("count = 2", "cuont = 2"), ("cell = 0.5", "cels = 0.5")]),
+    ];
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
 fn places_that_are_not_free() {
     let said = [
         environment_refused(&[("start = { x = -5.0", "start = { x = 0.5")]),

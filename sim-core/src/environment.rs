@@ -2,7 +2,7 @@
 //!
 //! Coordinates are measured from the map's centre, in mu; x along the map's longer side, z up, flat ground at z = 0.
 
-use crate::error::{Invalid, in_range, name};
+use crate::error::{Faults, Invalid, in_range, name, whole_in_range};
 use crate::limits;
 use serde::{Deserialize, Serialize};
 
@@ -100,7 +100,7 @@ impl Block {
 impl Environment {
     /// Reads and validates an environment file's text.
     pub fn from_toml(text: &str) -> Result<Self, Invalid> {
-        let environment: Self = toml::from_str(text)?;
+        let environment: Self = crate::toml_file::read(text)?;
         environment.validate()?;
         Ok(environment)
     }
@@ -117,50 +117,51 @@ impl Environment {
 
     /// Refuses what can't be simulated or makes no sense. `validate` in [`crate::job::Job`] adds what needs the robot.
     pub fn validate(&self) -> Result<(), Invalid> {
-        name("environment.name", &self.name)?;
-        if self.description.len() > limits::MAX_DESCRIPTION_LENGTH {
-            return Err(Invalid::OutOfRange {
-                field: "environment.description length".into(),
-                value: self.description.len() as f64,
-                min: 0.0,
-                max: limits::MAX_DESCRIPTION_LENGTH as f64,
-                unit: "bytes",
-            });
-        }
+        let mut faults = Faults::default();
+        faults.take(name("environment.name", &self.name));
+        let most = limits::MAX_DESCRIPTION_LENGTH as u64;
+        faults.take(whole_in_range(
+            "environment.description length",
+            self.description.len() as u64,
+            (0, most),
+            "bytes",
+        ));
         for (axis, &side) in self.size.iter().enumerate() {
-            in_range(format!("environment.size[{axis}]"), side, (1.0, limits::MAX_MAP_SIZE), "mu")?;
+            faults.take(in_range(format!("environment.size[{axis}]"), side, (1.0, limits::MAX_MAP_SIZE), "mu"));
         }
         let far = (-limits::MAX_MAP_SIZE, limits::MAX_MAP_SIZE);
         let turn = (-7.0, 7.0);
-        in_range("environment.start.x", self.start.x, far, "mu")?;
-        in_range("environment.start.y", self.start.y, far, "mu")?;
-        in_range("environment.start.yaw", self.start.yaw, turn, "rad")?;
+        faults.take(in_range("environment.start.x", self.start.x, far, "mu"));
+        faults.take(in_range("environment.start.y", self.start.y, far, "mu"));
+        faults.take(in_range("environment.start.yaw", self.start.yaw, turn, "rad"));
         for (list, blocks) in [("obstacle", &self.obstacles), ("terrain", &self.terrain)] {
-            in_range(
-                format!("number of environment.{list}"),
-                blocks.len() as f64,
-                (0.0, limits::MAX_BOXES as f64),
-                "",
-            )?;
+            let most = limits::MAX_BOXES as u64;
+            faults.take(whole_in_range(format!("number of environment.{list}"), blocks.len() as u64, (0, most), ""));
             for (i, b) in blocks.iter().enumerate() {
                 let at = |what: &str| format!("environment.{list}[{i}].{what}");
                 for axis in 0..2 {
-                    in_range(at(&format!("center[{axis}]")), b.center[axis], far, "mu")?;
-                    in_range(at(&format!("size[{axis}]")), b.size[axis], (1e-3, limits::MAX_MAP_SIZE), "mu")?;
+                    faults.take(in_range(at(&format!("center[{axis}]")), b.center[axis], far, "mu"));
+                    let side = (1e-3, limits::MAX_MAP_SIZE);
+                    faults.take(in_range(at(&format!("size[{axis}]")), b.size[axis], side, "mu"));
                 }
-                in_range(at("base"), b.base, (0.0, 1000.0), "mu")?;
-                in_range(at("top"), b.top, (b.base + 1e-3, 1000.0), "mu")?;
-                in_range(at("yaw"), b.yaw, turn, "rad")?;
+                faults.take(in_range(at("base"), b.base, (0.0, 1000.0), "mu"));
+                faults.take(in_range(at("top"), b.top, (b.base + 1e-3, 1000.0), "mu"));
+                faults.take(in_range(at("yaw"), b.yaw, turn, "rad"));
             }
         }
-        self.place("the start", self.start.x, self.start.y)?;
         if let Some(goal) = &self.goal {
-            in_range("environment.goal.x", goal.x, far, "mu")?;
-            in_range("environment.goal.y", goal.y, far, "mu")?;
-            in_range("environment.goal.radius", goal.radius, (1e-3, limits::MAX_MAP_SIZE), "mu")?;
-            self.place("the goal", goal.x, goal.y)?;
+            faults.take(in_range("environment.goal.x", goal.x, far, "mu"));
+            faults.take(in_range("environment.goal.y", goal.y, far, "mu"));
+            faults.take(in_range("environment.goal.radius", goal.radius, (1e-3, limits::MAX_MAP_SIZE), "mu"));
         }
-        Ok(())
+        // Where things lie says something only of sound numbers.
+        if faults.is_empty() {
+            faults.take(self.place("the start", self.start.x, self.start.y));
+            if let Some(goal) = &self.goal {
+                faults.take(self.place("the goal", goal.x, goal.y));
+            }
+        }
+        faults.end()
     }
 
     fn place(&self, what: &'static str, x: f64, y: f64) -> Result<(), Invalid> {

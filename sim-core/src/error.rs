@@ -175,13 +175,51 @@ impl Invalid {
     }
 }
 
+/// What is wrong in a file so far.
+#[derive(Debug, Default)]
+pub(crate) struct Faults(Vec<Invalid>);
+
+impl Faults {
+    /// Adds a refusal.
+    pub fn add(&mut self, fault: Invalid) {
+        match fault {
+            Invalid::Several(several) => several.into_iter().for_each(|fault| self.add(fault)),
+            fault if self.0.contains(&fault) => {}
+            fault => self.0.push(fault),
+        }
+    }
+
+    /// The value, or nothing with its refusal added.
+    pub fn take<T>(&mut self, found: Result<T, Invalid>) -> Option<T> {
+        found.map_err(|fault| self.add(fault)).ok()
+    }
+
+    /// Whether nothing is wrong.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// All refusals in the order of their lines.
+    ///
+    /// # Errors
+    /// If there is one.
+    pub fn end(mut self) -> Result<(), Invalid> {
+        self.0.sort_by_key(|fault| match fault {
+            Invalid::Foreign { line, .. } => *line,
+            _ => u32::MAX,
+        });
+        Invalid::all(self.0)
+    }
+}
+
 struct Several<'a>(&'a [Invalid]);
 
 impl fmt::Display for Several<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let most = crate::limits::MAX_FAULTS;
         write!(f, "{} faults", self.0.len())?;
-        self.0.iter().take(most).try_for_each(|fault| write!(f, "\n  {fault}"))?;
+        let indented = |fault: &Invalid| fault.to_string().replace('\n', "\n  ");
+        self.0.iter().take(most).try_for_each(|fault| write!(f, "\n  {}", indented(fault)))?;
         match self.0.len().checked_sub(most) {
             Some(more @ 1..) => write!(f, "\n  and {more} more: at most {most} are listed"),
             _ => Ok(()),
@@ -199,6 +237,13 @@ impl fmt::Display for Known<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.0.is_empty() { f.write_str("there is none") } else { write!(f, "known are {}", self.0.join(", ")) }
     }
+}
+
+/// The name that a misspelt one stands for, if one is near enough.
+pub(crate) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    let distance = |known: &&str| strsim::damerau_levenshtein(name, known);
+    let most = if name.len() < 4 { 1 } else { 2 };
+    known.iter().copied().min_by_key(|known| distance(known)).filter(|known| distance(known) <= most)
 }
 
 /// Refuses a number outside `min..=max`, and NaN.

@@ -24,5 +24,6 @@ pub mod robot;
 pub mod rollout;
 pub mod score;
 mod simd;
+pub mod toml_file;
 
 pub use rollout::engine_digests;

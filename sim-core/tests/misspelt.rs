@@ -8,6 +8,7 @@ use sim_core::random::{Purpose, Stream};
 use sim_core::robot::exchange::{Format, read};
 use sim_core::robot::{Robot, RobotSpec};
 use sim_core::rollout::Physics;
+use sim_core::toml_file;
 use std::collections::BTreeSet;
 
 /// Misspelt names a format.
@@ -157,8 +158,8 @@ fn misspelt_names_in_urdf_are_refused_with_their_line() {
 
 #[test]
 fn misspelt_keys_in_toml_are_refused_with_their_line() {
-    let robot = |text: &str| toml::from_str::<RobotSpec>(text).map(|_| ()).map_err(Invalid::from);
-    let job = |text: &str| toml::from_str::<JobSpec>(text).map(|_| ()).map_err(Invalid::from);
+    let robot = |text: &str| toml_file::read::<RobotSpec>(text).map(|_| ());
+    let job = |text: &str| toml_file::read::<JobSpec>(text).map(|_| ());
     let environment = |text: &str| Environment::from_toml(text).map(|_| ());
     let of = |entries: &'static [catalogue::Entry], read: fn(&str) -> Result<(), Invalid>| {
         entries.iter().map(move |entry| toml_file(entry.toml.to_owned(), read))

@@ -1,7 +1,7 @@
 //! The `[finish]` table of a job: what is done once the search is over.
 
 use super::{EngineChoice, PhysicsSpec, Scale};
-use crate::error::{Invalid, whole_in_range};
+use crate::error::{Faults, Invalid, whole_in_range};
 use crate::limits::{MAX_ARCHIVE, MAX_FINISH_SEEDS};
 use crate::rollout::Physics;
 use serde::{Deserialize, Serialize};
@@ -67,17 +67,20 @@ impl FinishSpec {
             return self.refuse_settings().map(|()| None);
         }
         let reference = Physics::reference_of(scale);
-        let count = |field: &str, value: Option<u32>, default: u32, max: u32| {
+        let mut faults = Faults::default();
+        let mut count = |field: &str, value: Option<u32>, default: u32, max: u32| {
             let value = value.unwrap_or(default);
-            whole_in_range(format!("finish.{field}"), value, (1, max.into()), "").map(|()| value)
+            faults.take(whole_in_range(format!("finish.{field}"), value, (1, max.into()), ""));
+            value
         };
-        Ok(Some(Finish {
-            archive: count("archive", self.archive, ARCHIVE, MAX_ARCHIVE)?,
-            seeds: count("seeds", self.seeds, SEEDS, MAX_FINISH_SEEDS)?,
-            steps_per_second: count("steps_per_second", self.steps_per_second, reference.steps_per_second, 10_000)?,
-            substeps: count("substeps", self.substeps, reference.substeps, 1000)?,
+        let finish = Finish {
+            archive: count("archive", self.archive, ARCHIVE, MAX_ARCHIVE),
+            seeds: count("seeds", self.seeds, SEEDS, MAX_FINISH_SEEDS),
+            steps_per_second: count("steps_per_second", self.steps_per_second, reference.steps_per_second, 10_000),
+            substeps: count("substeps", self.substeps, reference.substeps, 1000),
             audit: self.audit.unwrap_or(true),
-        }))
+        };
+        faults.end().map(|()| Some(finish))
     }
 
     fn refuse_settings(&self) -> Result<(), Invalid> {

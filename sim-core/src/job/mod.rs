@@ -13,7 +13,7 @@ pub use spec::*;
 use crate::catalogue;
 use crate::control::{Controller, controller};
 use crate::environment::Environment;
-use crate::error::{Invalid, in_range, name, whole_in_range};
+use crate::error::{Faults, Invalid, in_range, name, whole_in_range};
 use crate::fitness::Fitness;
 use crate::identity::Digest;
 use crate::limits;
@@ -23,6 +23,7 @@ use crate::plan::{Metric, Place, Planner, Reuse, Setting, standing_at};
 use crate::robot::{Robot, RobotSpec, State};
 use crate::rollout::{Engine, Physics, Quiet, Settled, engine, engine_digest, engines_digest, settle, settle_quietly};
 use crate::score::Direction;
+use crate::toml_file;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -57,7 +58,7 @@ impl Job {
     pub fn from_toml(text: &str) -> Result<Job, Invalid> {
         let most = limits::MAX_TOML_LENGTH as u64;
         whole_in_range("length of the job's text", text.len() as u64, (0, most), "bytes")?;
-        Self::new(toml::from_str(text)?)
+        Self::new(toml_file::read(text)?)
     }
 
     /// Resolves and validates a job whose robot and environment are written out or ship with evogait.
@@ -66,30 +67,51 @@ impl Job {
     }
 
     fn resolve(mut spec: JobSpec, unrest: Unrest) -> Result<Job, Invalid> {
-        name("name", &spec.name)?;
+        let mut faults = Faults::default();
+        faults.take(name("name", &spec.name));
         let most = limits::MAX_DESCRIPTION_LENGTH as u64;
-        whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes")?;
-        whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), "")?;
-        let robot_spec = resolve_robot(&spec)?;
-        let environment = resolve_environment(&spec.environment)?;
-        let robot = Robot::compile(&robot_spec)?;
-        let chosen = engine::choose(&spec.physics, &robot, &environment, Known::shipped())?;
-        if let Why::Measured(setting) = chosen.why {
+        faults.take(whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes"));
+        faults.take(whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), ""));
+        faults.take(validate_gaits(&spec.gaits));
+        faults.take(validate_planner(&spec.planner));
+        faults.take(spec.optimiser.validate());
+        let finish = faults.take(spec.finish.resolve(spec.physics.scale));
+        let robot_spec = faults.take(resolve_robot(&spec));
+        let environment = faults.take(resolve_environment(&spec.environment));
+        let robot = robot_spec.as_ref().and_then(|robot_spec| faults.take(Robot::compile(robot_spec)));
+        let chosen = match (&robot, &environment) {
+            (Some(robot), Some(environment)) => {
+                faults.take(engine::choose(&spec.physics, robot, environment, Known::shipped()))
+            }
+            _ => None,
+        };
+        if let Some(Why::Measured(setting)) = chosen.map(|chosen| chosen.why) {
             spec.physics = engine::with_steps(&spec.physics, setting);
         }
-        let physics = Physics::resolve(chosen.engine, &spec.physics)?;
-        validate_gaits(&spec.gaits, &physics)?;
-        validate_planner(&spec.planner)?;
-        spec.optimiser.validate()?;
-        let bounds = bounds_of(&spec.gaits, robot.hinges.len())?;
-        let parameters = bounds.0.len() as u64 * u64::from(spec.optimiser.population());
-        let most = limits::MAX_GENERATION_PARAMETERS as u64;
-        whole_in_range("parameters of a generation (candidates × length of the genome)", parameters, (1, most), "")?;
-        let finish = spec.finish.resolve(spec.physics.scale)?;
+        // Ranges of physics are the same for both engines.
+        let engine_kind = chosen.map_or(EngineKind::Rapier, |chosen| chosen.engine);
+        let physics = faults.take(Physics::resolve(engine_kind, &spec.physics));
+        faults.end()?;
+        let (Some(robot_spec), Some(environment), Some(robot), Some(chosen), Some(physics), Some(finish)) =
+            (robot_spec, environment, robot, chosen, physics, finish)
+        else {
+            unreachable!("what is not there left a fault")
+        };
+
+        let mut faults = Faults::default();
+        faults.take(whole_steps("gaits.duration", &spec.gaits, physics.steps_per_second));
         if let Some(finish) = &finish {
-            whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second)?;
+            faults.take(whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second));
         }
-        budget::validate(&spec, &environment, &physics)?;
+        let bounds = faults.take(bounds_of(&spec.gaits, robot.hinges.len()));
+        let length = bounds.as_ref().map_or(1, |bounds| bounds.0.len() as u64);
+        let parameters = length * u64::from(spec.optimiser.population());
+        let most = limits::MAX_GENERATION_PARAMETERS as u64;
+        let field = "parameters of a generation (candidates × length of the genome)";
+        faults.take(whole_in_range(field, parameters, (1, most), ""));
+        faults.take(budget::validate(&spec, &environment, &physics));
+        faults.end()?;
+        let Some(bounds) = bounds else { unreachable!("bounds that are not there left a fault") };
         let own = || settle(engine(chosen.engine), &robot, &physics).map(|state| Settled { state, quiet: None });
         let settled = match unrest {
             Unrest::SettleQuietly => settle_quietly(chosen.engine, &robot, &physics),
@@ -373,10 +395,11 @@ fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Res
     })
 }
 
-fn validate_gaits(gaits: &GaitsSpec, physics: &Physics) -> Result<(), Invalid> {
-    whole_in_range("gaits.count", gaits.count, (1, limits::MAX_GAITS.into()), "")?;
-    in_range("gaits.duration", gaits.duration, (0.1, limits::MAX_DURATION), "s")?;
-    whole_steps("gaits.duration", gaits, physics.steps_per_second)
+fn validate_gaits(gaits: &GaitsSpec) -> Result<(), Invalid> {
+    let mut faults = Faults::default();
+    faults.take(whole_in_range("gaits.count", gaits.count, (1, limits::MAX_GAITS.into()), ""));
+    faults.take(in_range("gaits.duration", gaits.duration, (0.1, limits::MAX_DURATION), "s"));
+    faults.end()
 }
 
 /// Refuses gaits that end between two steps. `field`: what is wrong if one does.
@@ -421,11 +444,13 @@ fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Job, Invalid> {
 }
 
 fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
-    whole_in_range("planner.iterations", planner.iterations, (1, limits::MAX_ITERATIONS.into()), "")?;
-    in_range("planner.yaw_weight", planner.yaw_weight, (0.0, 1000.0), "mu/rad")?;
-    in_range("planner.reuse_tolerance", planner.reuse_tolerance, (0.0, 1.0), "rad (mu for height)")?;
-    whole_in_range("planner.variants", planner.variants, (1, limits::MAX_VARIANTS.into()), "")?;
-    whole_in_range("planner.repeats", planner.repeats, (1, limits::MAX_REPEATS.into()), "")
+    let mut faults = Faults::default();
+    faults.take(whole_in_range("planner.iterations", planner.iterations, (1, limits::MAX_ITERATIONS.into()), ""));
+    faults.take(in_range("planner.yaw_weight", planner.yaw_weight, (0.0, 1000.0), "mu/rad"));
+    faults.take(in_range("planner.reuse_tolerance", planner.reuse_tolerance, (0.0, 1.0), "rad (mu for height)"));
+    faults.take(whole_in_range("planner.variants", planner.variants, (1, limits::MAX_VARIANTS.into()), ""));
+    faults.take(whole_in_range("planner.repeats", planner.repeats, (1, limits::MAX_REPEATS.into()), ""));
+    faults.end()
 }
 
 fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {

@@ -1,6 +1,6 @@
 //! The `[optimiser]` table of a job.
 
-use crate::error::{Invalid, in_range, whole_in_range};
+use crate::error::{Faults, Invalid, in_range, whole_in_range};
 use crate::limits::{MAX_GENERATIONS, MAX_POPULATION};
 use serde::{Deserialize, Serialize};
 
@@ -79,29 +79,31 @@ impl OptimiserSpec {
     pub fn validate(&self) -> Result<(), Invalid> {
         let chance = |field, value| in_range(field, value, (0.0, 1.0), "");
         let pull = |field, value| in_range(field, value, (0.0, 10.0), "");
-        whole_in_range("optimiser.generations", self.generations(), (1, MAX_GENERATIONS.into()), "")?;
+        let mut faults = Faults::default();
+        faults.take(whole_in_range("optimiser.generations", self.generations(), (1, MAX_GENERATIONS.into()), ""));
         match *self {
             Self::Pso { particles, inertia_weight, cognitive, social, .. } => {
-                whole_in_range("optimiser.particles", particles, (1, MAX_POPULATION.into()), "")?;
-                in_range("optimiser.inertia_weight", inertia_weight, (0.0, 2.0), "")?;
-                pull("optimiser.cognitive", cognitive)?;
-                pull("optimiser.social", social)
+                faults.take(whole_in_range("optimiser.particles", particles, (1, MAX_POPULATION.into()), ""));
+                faults.take(in_range("optimiser.inertia_weight", inertia_weight, (0.0, 2.0), ""));
+                faults.take(pull("optimiser.cognitive", cognitive));
+                faults.take(pull("optimiser.social", social));
             }
             Self::PsoConstriction { particles, cognitive, social, .. } => {
-                whole_in_range("optimiser.particles", particles, (1, MAX_POPULATION.into()), "")?;
-                pull("optimiser.cognitive", cognitive)?;
-                pull("optimiser.social", social)?;
-                if cognitive + social > 4.0 {
-                    return Ok(());
+                faults.take(whole_in_range("optimiser.particles", particles, (1, MAX_POPULATION.into()), ""));
+                let pulls = [pull("optimiser.cognitive", cognitive), pull("optimiser.social", social)];
+                if pulls.iter().all(Result::is_ok) && cognitive + social <= 4.0 {
+                    faults.add(Invalid::Conflict {
+                        field: "optimiser.cognitive".into(),
+                        reason: format!(
+                            "constriction is defined for cognitive + social above 4, here it is {}: \
+                             use 2.05 for each, or kind = \"pso\"",
+                            cognitive + social
+                        ),
+                    });
                 }
-                Err(Invalid::Conflict {
-                    field: "optimiser.cognitive".into(),
-                    reason: format!(
-                        "constriction is defined for cognitive + social above 4, here it is {}: \
-                         use 2.05 for each, or kind = \"pso\"",
-                        cognitive + social
-                    ),
-                })
+                for pull in pulls {
+                    faults.take(pull);
+                }
             }
             Self::Ga {
                 population,
@@ -113,16 +115,19 @@ impl OptimiserSpec {
                 elite,
                 ..
             } => {
-                whole_in_range("optimiser.population", population, (2, MAX_POPULATION.into()), "")?;
-                whole_in_range("optimiser.tournament", tournament, (1, population.into()), "")?;
-                whole_in_range("optimiser.elite", elite, (0, u64::from(population) - 1), "")?;
-                chance("optimiser.crossover_rate", crossover_rate)?;
-                in_range("optimiser.crossover_eta", crossover_eta, (0.0, 1000.0), "")?;
-                if let Some(rate) = mutation_rate {
-                    chance("optimiser.mutation_rate", rate)?;
+                let enough = whole_in_range("optimiser.population", population, (2, MAX_POPULATION.into()), "");
+                if faults.take(enough).is_some() {
+                    faults.take(whole_in_range("optimiser.tournament", tournament, (1, population.into()), ""));
+                    faults.take(whole_in_range("optimiser.elite", elite, (0, u64::from(population) - 1), ""));
                 }
-                in_range("optimiser.mutation_scale", mutation_scale, (0.0, 1.0), "")
+                faults.take(chance("optimiser.crossover_rate", crossover_rate));
+                faults.take(in_range("optimiser.crossover_eta", crossover_eta, (0.0, 1000.0), ""));
+                if let Some(rate) = mutation_rate {
+                    faults.take(chance("optimiser.mutation_rate", rate));
+                }
+                faults.take(in_range("optimiser.mutation_scale", mutation_scale, (0.0, 1.0), ""));
             }
         }
+        faults.end()
     }
 }

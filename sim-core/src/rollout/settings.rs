@@ -1,6 +1,6 @@
 //! What physics a job runs on, every number resolved.
 
-use crate::error::{Invalid, in_range};
+use crate::error::{Faults, Invalid, in_range, whole_in_range};
 use crate::job::{EngineKind, JointKind, PhysicsSpec, Scale};
 
 /// Steps a second and substeps of the lockstep engine, by scale.
@@ -80,24 +80,28 @@ impl Physics {
     /// Resolves and validates the `[physics]` table.
     pub fn resolve(engine: EngineKind, spec: &PhysicsSpec) -> Result<Self, Invalid> {
         let scale = Self::of(engine, spec.scale);
-        let number = |field: &str, value: Option<f64>, scale: f32, range: (f64, f64), unit: &'static str| {
+        let mut faults = Faults::default();
+        let mut number = |field: &str, value: Option<f64>, scale: f32, range: (f64, f64), unit: &'static str| {
             let value = value.unwrap_or(shortest(scale));
-            in_range(format!("physics.{field}"), value, range, unit).map(|()| value as f32)
+            faults.take(in_range(format!("physics.{field}"), value, range, unit));
+            value as f32
         };
-        let count = |field: &str, value: Option<u32>, scale: u32, max: u32| {
-            let value = value.unwrap_or(scale);
-            in_range(format!("physics.{field}"), f64::from(value), (1.0, f64::from(max)), "").map(|()| value)
-        };
-        Ok(Self {
-            gravity: number("gravity", spec.gravity, scale.gravity, (0.0, 1e4), "mu/s²")?,
-            friction: number("friction", spec.friction, scale.friction, (0.0, 10.0), "")?,
-            stiffness: number("stiffness", spec.stiffness, scale.stiffness, (0.0, 1e7), "kg·mu²/s²")?,
-            damping: number("damping", spec.damping, scale.damping, (0.0, 1e7), "kg·mu²/s")?,
-            max_torque: number("max_torque", spec.max_torque, scale.max_torque, (0.0, 1e7), "kg·mu²/s²")?,
-            steps_per_second: count("steps_per_second", spec.steps_per_second, scale.steps_per_second, 10_000)?,
-            substeps: count("substeps", spec.substeps, scale.substeps, 1000)?,
+        let resolved = Self {
+            gravity: number("gravity", spec.gravity, scale.gravity, (0.0, 1e4), "mu/s²"),
+            friction: number("friction", spec.friction, scale.friction, (0.0, 10.0), ""),
+            stiffness: number("stiffness", spec.stiffness, scale.stiffness, (0.0, 1e7), "kg·mu²/s²"),
+            damping: number("damping", spec.damping, scale.damping, (0.0, 1e7), "kg·mu²/s"),
+            max_torque: number("max_torque", spec.max_torque, scale.max_torque, (0.0, 1e7), "kg·mu²/s²"),
+            steps_per_second: spec.steps_per_second.unwrap_or(scale.steps_per_second),
+            substeps: spec.substeps.unwrap_or(scale.substeps),
             joints: spec.joints,
-        })
+        };
+        for (field, value, most) in
+            [("steps_per_second", resolved.steps_per_second, 10_000), ("substeps", resolved.substeps, 1000)]
+        {
+            faults.take(whole_in_range(format!("physics.{field}"), value, (1, most), ""));
+        }
+        faults.end().map(|()| resolved)
     }
 
     /// The table with engine and every number written out.

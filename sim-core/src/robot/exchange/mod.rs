@@ -7,7 +7,6 @@
 //! attribute is read, or stands in a schema as knowingly passed over, or is refused with its line. Gravity, friction and
 //! motors are not the robot's: they are a job's `[physics]`.
 
-mod faults;
 mod mjcf;
 mod names;
 mod schema;
@@ -16,10 +15,9 @@ mod tree;
 mod urdf;
 mod xml;
 
-use self::faults::Faults;
 use self::tree::Tree;
 use super::{Robot, RobotSpec};
-use crate::error::Invalid;
+use crate::error::{Faults, Invalid};
 use crate::rollout::Physics;
 
 /// A format that a robot can be written in.

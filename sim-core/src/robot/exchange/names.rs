@@ -1,9 +1,9 @@
 //! Names of other formats as names here: MuJoCo and ROS allow any text, and bodies without a name.
 
-use super::faults::Faults;
 use super::source::foreign;
 use super::tree::Link;
 use crate::error;
+use crate::error::Faults;
 use crate::limits::MAX_NAME_LENGTH;
 use roxmltree::Node;
 

@@ -1,7 +1,7 @@
 //! The elements and attributes of a format: read, knowingly passed over, or refused. There is nothing else.
 
-use super::faults::Faults;
 use super::source::{XACRO, foreign, foreign_attribute, has_expression, tag};
+use crate::error::{Faults, nearest};
 use roxmltree::Node;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -145,11 +145,4 @@ fn unknown_element(element: Node, rule: &Rule) -> crate::error::Invalid {
         None => format!("this element can't be imported in <{}>: allowed are {}", rule.tag, allowed.join(", ")),
     };
     foreign(element, reason)
-}
-
-/// The name that a misspelt one stands for, if one is near enough.
-fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
-    let distance = |known: &&str| strsim::damerau_levenshtein(name, known);
-    let most = if name.len() < 4 { 1 } else { 2 };
-    known.iter().copied().min_by_key(|known| distance(known)).filter(|known| distance(known) <= most)
 }

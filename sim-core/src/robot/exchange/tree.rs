@@ -1,8 +1,8 @@
 //! What both formats have in common: links in each other's frames, to the bodies of a robot file.
 
-use super::faults::Faults;
 use super::names::Names;
 use super::source::foreign;
+use crate::error::Faults;
 use crate::limits::MAX_BODIES;
 use crate::robot::rigid::Lump;
 use crate::robot::{BodySpec, BoxSpec, CapsuleSpec, HingeSpec, RobotSpec};

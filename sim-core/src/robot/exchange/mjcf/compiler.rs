@@ -1,7 +1,6 @@
 //! The sections that change how the others are read: `<compiler>` and `<option>`.
 
-use crate::error::Invalid;
-use crate::robot::exchange::faults::Faults;
+use crate::error::{Faults, Invalid};
 use crate::robot::exchange::source::{child, exactly, foreign_attribute, keyword, zero};
 use roxmltree::Node;
 

@@ -1,8 +1,7 @@
 //! URDF to robot files.
 
 use super::schema::ROBOT;
-use crate::error::Invalid;
-use crate::robot::exchange::faults::Faults;
+use crate::error::{Faults, Invalid};
 use crate::robot::exchange::schema::{self, Passed};
 use crate::robot::exchange::source::{child, children, exactly, foreign, quarter_turns, required, tag, turn, zero};
 use crate::robot::exchange::tree::{Frame, Link, Solid, Turning, grow};
