@@ -2,6 +2,7 @@
 
 use crate::arguments::{self, PictureFormat, RobotOutput};
 use crate::console;
+use crate::doubts;
 use crate::draw::{self, DrawnBox};
 use crate::error::Error;
 use crate::load;
@@ -116,14 +117,7 @@ fn view(spec: &RobotSpec, robot: &Robot, variants: BTreeMap<String, Vec<String>>
 /// Notes of an import, and doubts about the robot.
 fn remarks(robot: &Robot, mut notes: Vec<String>, file: &str) -> Vec<String> {
     notes.extend(robot.doubts());
-    if let Some(unit) = robot.unit_in_doubt() {
-        notes.push(format!(
-            "its bodies are about {unit} mu long, modules 1 mu: `evogait robot {file} --unit {unit} --out {}.toml` writes it \
-             with lengths divided by {unit}; gravity is then {:.1} mu/s² if the file is in metres",
-            robot.name,
-            9.81 / unit
-        ));
-    }
+    notes.extend(doubts::of_unit(robot, file));
     notes
 }
 
