@@ -21,7 +21,7 @@ pub fn of_unit(robot: &Robot, file: &str) -> Option<String> {
         "the robot's bodies are about {unit} mu long, modules 1 mu: `evogait robot {} --unit {unit} --out {}` writes it with \
          lengths divided by {unit}; gravity is then {:.1} mu/s² if the file is in metres",
         console::quoted(file),
-        console::quoted(&format!("{}.toml", robot.name)),
+        console::quoted(format!("{}.toml", robot.name)),
         9.81 / unit
     ))
 }
