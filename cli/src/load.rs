@@ -83,13 +83,13 @@ pub fn environment(name: &str) -> Result<(Environment, String), Error> {
     Ok((environment, source.label))
 }
 
-/// A robot with what its file is called in messages.
+/// A robot from a file, or from the catalogue.
 pub struct RobotFile {
     /// The robot.
     pub spec: RobotSpec,
     /// The file, or what ships under a name.
     pub label: String,
-    /// What an import says of itself.
+    /// Notes of an import.
     pub notes: Vec<String>,
 }
 

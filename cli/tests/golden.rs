@@ -1,7 +1,7 @@
 //! Golden jobs: small jobs whose scores and winners were recorded, and the digests of all jobs that ship.
 //!
 //! The files are in `tests/golden`: a resolved job `NAME.toml`, and `NAME.json` with what came of it. A change that
-//! alters one of these numbers alters everybody's results: say which and why in the changelog, then record anew with
+//! alters one of these numbers alters the results of every user: say which and why in the commit, then record anew with
 //! `EVOGAIT_RECORD=1 cargo test -p cli --test golden`.
 
 mod common;

@@ -128,7 +128,7 @@ fn run_of_own_resolved_job_in_its_folder_keeps_it() {
         fs::copy(at("out").join(name), at("copy").join(name)).unwrap();
     }
     assert!(run(folder.path(), &["run", "job.toml", "--out", "copy"]).err.contains("already done"));
-    // What a replay reads of the run is not replaced either.
+    // Files of the run that a replay reads are kept as well.
     for name in ["job.toml", "result.json", "report.json"] {
         let path = format!("out/{name}");
         assert!(refused(folder.path(), &["replay", "out", "--gait", "1", "--out", &path]).contains("would replace it"));

@@ -175,7 +175,7 @@ impl Invalid {
     }
 }
 
-/// What is wrong in a file so far.
+/// Refusals collected so far, so that a user sees all of them at once.
 #[derive(Debug, Default)]
 pub(crate) struct Faults(Vec<Invalid>);
 

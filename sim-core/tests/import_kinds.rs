@@ -91,6 +91,14 @@ fn own_orientation_wins_over_class_in_any_spelling() {
         let expected = turned(&format!(" {class}=\"{other}\""));
         assert_eq!(robot(&text).bodies[1].boxes[0].rotation, expected, "{class} of the class");
     }
+    let line = "<default><default class=\"c\"><geom fromto=\"0 0 0 .6 0 0\" euler=\"10 20 30\"/></default></default>";
+    let capsule = |own: &str| {
+        let geom = format!("<geom type=\"capsule\" size=\".1\" mass=\".5\" {own}/>");
+        mjcf(&[("%top", line), ("<geom type=\"box\" size=\".3 .1 .1\" pos=\".35 0 0\" mass=\".5\"%a/>", &geom)])
+    };
+    assert_eq!(robot(&capsule("class=\"c\"")), robot(&capsule("fromto=\"0 0 0 .6 0 0\"")));
+    let both = read(&capsule("class=\"c\" pos=\"1 0 0\"")).unwrap_err().to_string();
+    assert!(both.contains("both pos and fromto"), "{both}");
     let twice = read(&mjcf(&[("%a", " euler=\"0 0 30\" quat=\"1 0 0 0\"")])).unwrap_err().to_string();
     assert!(twice.contains("line 6, <geom>: both quat and euler"), "{twice}");
 }

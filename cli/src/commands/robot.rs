@@ -28,7 +28,7 @@ struct View {
     size: [f64; 3],
     pivot: String,
     variants: BTreeMap<String, Vec<String>>,
-    /// What an import passed over, and what of the robot is hardly meant.
+    /// Notes of the import, and doubts about the robot.
     notes: Vec<String>,
 }
 

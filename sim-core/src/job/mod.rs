@@ -417,7 +417,7 @@ fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<
     Ok(())
 }
 
-/// What is done with a robot that does not come to rest on a job's own setting.
+/// Way to deal with a robot that does not come to rest on a job's own setting.
 enum Unrest {
     /// It is settled on a quiet one.
     SettleQuietly,

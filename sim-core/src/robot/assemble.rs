@@ -2,7 +2,7 @@
 
 use super::RobotSpec;
 use super::kind::{KINDS, Kind, PortKind};
-use crate::error::{Invalid, in_range, name};
+use crate::error::{Invalid, in_range, name, whole_in_range};
 use crate::limits;
 use nalgebra::{Matrix3, Vector3};
 
@@ -117,9 +117,9 @@ impl RobotSpec {
 
     fn check_names(&self) -> Result<(), Invalid> {
         name("robot.name", &self.name)?;
-        in_range("number of robot.module", self.modules.len() as f64, (1.0, limits::MAX_MODULES as f64), "")?;
-        let length = self.description.len() as f64;
-        in_range("robot.description length", length, (0.0, limits::MAX_DESCRIPTION_LENGTH as f64), "bytes")?;
+        whole_in_range("number of robot.module", self.modules.len() as u64, (1, limits::MAX_MODULES as u64), "")?;
+        let length = self.description.len() as u64;
+        whole_in_range("robot.description length", length, (0, limits::MAX_DESCRIPTION_LENGTH as u64), "bytes")?;
         for (i, module) in self.modules.iter().enumerate() {
             let field = format!("robot.module[{i}].name");
             name(&field, &module.name)?;

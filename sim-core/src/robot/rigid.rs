@@ -2,7 +2,7 @@
 
 use super::body::{OVERLAP_TOLERANCE, vector};
 use super::{Body, BodySpec, CollisionBox, CollisionCapsule, Hinge, PartBox, Robot, RobotSpec};
-use crate::error::{Invalid, in_range, name};
+use crate::error::{Invalid, in_range, name, whole_in_range};
 use crate::limits;
 use crate::math::{Pose, Rotation};
 use nalgebra::{Matrix3, Vector3};
@@ -105,18 +105,18 @@ pub(super) fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
 }
 
 fn check(spec: &RobotSpec) -> Result<(), Invalid> {
-    in_range("number of robot.body", spec.bodies.len() as f64, (1.0, limits::MAX_BODIES as f64), "")?;
+    whole_in_range("number of robot.body", spec.bodies.len() as u64, (1, limits::MAX_BODIES as u64), "")?;
     let mut faults = Vec::new();
     let mut take = |checked: Result<(), Invalid>| faults.extend(checked.err());
     take(name("robot.name", &spec.name));
-    let length = spec.description.len() as f64;
-    take(in_range("robot.description length", length, (0.0, limits::MAX_DESCRIPTION_LENGTH as f64), "bytes"));
+    let length = spec.description.len() as u64;
+    take(whole_in_range("robot.description length", length, (0, limits::MAX_DESCRIPTION_LENGTH as u64), "bytes"));
     if !spec.modules.is_empty() {
         let reason = "a robot consists of modules or of bodies, not of both: remove one kind".to_owned();
         take(Err(Invalid::Conflict { field: "robot.body".into(), reason }));
     }
     let shapes: usize = spec.bodies.iter().map(|b| b.boxes.len() + b.capsules.len()).sum();
-    take(in_range("number of robot.body.box and .capsule", shapes as f64, (1.0, limits::MAX_SHAPES as f64), ""));
+    take(whole_in_range("number of robot.body.box and .capsule", shapes as u64, (1, limits::MAX_SHAPES as u64), ""));
     let hinges: Vec<&str> = spec.bodies.iter().filter_map(|b| Some(b.hinge.as_ref()?.name.as_str())).collect();
     for (i, body) in spec.bodies.iter().enumerate() {
         let field = |rest: &str| format!("robot.body[{i}].{rest}");
@@ -159,7 +159,7 @@ fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnM
     let trace = inertia.trace();
     let spread = Matrix3::identity() * (trace * (0.5 + 1e-6)) - inertia;
     if wrong.is_empty() && (!positive(inertia - Matrix3::identity() * (trace * 1e-9)) || !positive(spread)) {
-        let reason = "nothing has such moments: they must be positive, and none greater than the two others together";
+        let reason = "invalid inertia: it must be positive definite, and no principal moment greater than the two others together";
         take(Err(conflict("inertia", reason)));
     }
     wrong.into_iter().for_each(|fault| take(Err(fault)));

@@ -54,7 +54,7 @@ pub(super) fn adopt(robot: Option<&str>, links: &[Link], faults: &mut Faults) ->
 struct Given<'a> {
     element: Node<'a, 'a>,
     name: Option<&'a str>,
-    /// What it is called if it has no name.
+    /// Its name if the file gives none.
     instead: String,
 }
 

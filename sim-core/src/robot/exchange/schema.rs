@@ -15,11 +15,11 @@ pub(super) struct Rule {
     pub passed: &'static [&'static str],
     /// Attributes that can't be imported.
     pub refused: &'static [&'static str],
-    /// What may stand in it.
+    /// Its content.
     pub children: &'static [Child],
 }
 
-/// What may stand in an element.
+/// Content of an element.
 pub(super) enum Child {
     /// At most one of these.
     Once(&'static Rule),
@@ -44,7 +44,7 @@ impl Child {
     }
 }
 
-/// What is passed over: whole elements, and attributes by element.
+/// Record of all that is passed over: whole elements, and attributes by element.
 #[derive(Debug, Default)]
 pub(super) struct Passed {
     elements: BTreeSet<&'static str>,

@@ -1,6 +1,6 @@
 //! Reading XML: elements by the name a user knows them by, numbers, and refusals that say where.
 
-use crate::error::Invalid;
+use crate::error::{Invalid, whole_in_range};
 use crate::limits::{MAX_TOML_LENGTH, MAX_XML_DEPTH};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
@@ -18,8 +18,7 @@ pub(super) fn has_expression(value: &str) -> bool {
 
 /// A document that is not too long and not too deep.
 pub(super) fn parse(text: &str) -> Result<Document<'_>, Invalid> {
-    let length = text.len() as f64;
-    crate::error::in_range("length of the robot's text", length, (0.0, MAX_TOML_LENGTH as f64), "bytes")?;
+    whole_in_range("length of the robot's text", text.len() as u64, (0, MAX_TOML_LENGTH as u64), "bytes")?;
     let document = Document::parse(text).map_err(|error| not_xml(text, &error))?;
     let mut open = vec![(document.root_element(), 1)];
     while let Some((element, depth)) = open.pop() {

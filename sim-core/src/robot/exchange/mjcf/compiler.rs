@@ -4,7 +4,7 @@ use crate::error::{Faults, Invalid};
 use crate::robot::exchange::source::{child, exactly, foreign_attribute, keyword, zero};
 use roxmltree::Node;
 
-/// What `<compiler>` says.
+/// Settings of `<compiler>`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Compiler {
     degrees: bool,

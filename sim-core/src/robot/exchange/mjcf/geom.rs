@@ -56,6 +56,9 @@ impl<'a> Reader<'a> {
         let weighs = weighs && self.number(geom, class, "mass")?.or(self.number(geom, class, "density")?) != Some(0.0);
         let size = self.size(geom, class)?;
         let line = get("fromto")?.map(|text| exactly::<6>(geom, "fromto", text)).transpose()?;
+        if line.is_some() && at.origin != Vector3::zeros() {
+            return Err(foreign(geom, "both pos and fromto, of its own or of its class: one of them is allowed"));
+        }
         let needs = |n: usize, what: &str| {
             let reason = format!("size has {} numbers: {what}", size.len());
             if size.len() >= n { Ok(()) } else { Err(foreign(geom, reason)) }

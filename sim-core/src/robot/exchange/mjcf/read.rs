@@ -66,7 +66,7 @@ pub(in crate::robot::exchange) fn read<'a>(mujoco: Node<'a, 'a>, unit: f64) -> R
 }
 
 impl<'a> Reader<'a> {
-    /// What stands in the world: the ground, and one robot.
+    /// Reads the content of the world: the ground, and one robot.
     fn world(&mut self, around: Node<'a, 'a>, class: &'a str, frame: Frame) {
         for element in children(around) {
             match tag(element) {
@@ -167,7 +167,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// What stands in a body, directly or in frames.
+    /// Reads the content of a body, directly or in frames.
     fn content(
         &mut self,
         around: Node<'a, 'a>,
@@ -265,7 +265,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What a body holds beside geoms and bodies, directly or in frames.
+/// Joints and inertials of a body, directly or in frames.
 #[derive(Default)]
 struct Content<'a> {
     joints: Vec<Found<'a>>,

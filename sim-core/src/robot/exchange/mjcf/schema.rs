@@ -198,28 +198,30 @@ static WORLDBODY: Rule = Rule {
     ],
 };
 
+/// Stands in bodies, directly or in frames.
+static IN_BODY: [Child; 14] = [
+    Child::Once(&INERTIAL),
+    Child::Many(&JOINT),
+    Child::Once(&FREEJOINT),
+    Child::Many(&GEOM),
+    Child::Many(&BODY),
+    Child::Many(&FRAME),
+    Child::Passed("site"),
+    Child::Passed("camera"),
+    Child::Passed("light"),
+    COMPOSITE,
+    REPLICATE,
+    ATTACH,
+    FLEX,
+    INCLUDE,
+];
+
 static BODY: Rule = Rule {
     tag: "body",
     read: &["name", "childclass", "pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "mocap", "gravcomp"],
     passed: &["fuse", "simple", "sleep", "user"],
     refused: &[],
-    children: &[
-        Child::Once(&INERTIAL),
-        Child::Many(&JOINT),
-        Child::Once(&FREEJOINT),
-        Child::Many(&GEOM),
-        Child::Many(&BODY),
-        Child::Many(&FRAME),
-        Child::Passed("site"),
-        Child::Passed("camera"),
-        Child::Passed("light"),
-        COMPOSITE,
-        REPLICATE,
-        ATTACH,
-        FLEX,
-        PLUGIN,
-        INCLUDE,
-    ],
+    children: &IN_BODY,
 };
 
 static FRAME: Rule = Rule {
@@ -227,22 +229,7 @@ static FRAME: Rule = Rule {
     read: &["name", "childclass", "pos", "quat", "euler", "axisangle", "xyaxes", "zaxis"],
     passed: &[],
     refused: &[],
-    children: &[
-        Child::Once(&INERTIAL),
-        Child::Many(&JOINT),
-        Child::Once(&FREEJOINT),
-        Child::Many(&GEOM),
-        Child::Many(&BODY),
-        Child::Many(&FRAME),
-        Child::Passed("site"),
-        Child::Passed("camera"),
-        Child::Passed("light"),
-        COMPOSITE,
-        REPLICATE,
-        ATTACH,
-        FLEX,
-        INCLUDE,
-    ],
+    children: &IN_BODY,
 };
 
 static INERTIAL: Rule = Rule {
@@ -374,7 +361,7 @@ static ACTUATOR: Rule = Rule {
 const NOT_A_JOINT: &str = "only actuators of joints can be imported";
 const NO_SERVO: &str = "this actuator can't be imported: allowed are position, velocity, motor, general, intvelocity";
 
-/// What all actuators of joints share, and what is passed over of them: gains and limits of force are a job's.
+/// Rule of an actuator of joints, with the attributes that all share. Gains and limits of force are a job's.
 macro_rules! actuator {
     ($name:ident: $tag:literal, read: [$($read:literal),*], passed: [$($passed:literal),*]) => {
         static $name: Rule = Rule {
