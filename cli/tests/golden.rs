@@ -71,6 +71,7 @@ macro_rules! golden_jobs {
 }
 
 golden_jobs! {
+    lizard_coverage_in_three_dimensions_keeps_its_scores: "lizard-coverage-3d",
     lizard_coverage_by_pso_on_rapier_keeps_its_scores: "lizard-pso-rapier",
     lizard_sine_at_real_scale_on_lockstep_keeps_its_scores: "lizard-sine-lockstep-real",
     lizard_on_stairs_keeps_its_scores: "lizard-stairs-rapier",
