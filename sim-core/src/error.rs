@@ -184,7 +184,7 @@ impl Faults {
     pub fn add(&mut self, fault: Invalid) {
         match fault {
             Invalid::Several(several) => several.into_iter().for_each(|fault| self.add(fault)),
-            fault if self.0.contains(&fault) => {}
+            fault if self.is_full() || self.0.contains(&fault) => {}
             fault => self.0.push(fault),
         }
     }
@@ -192,6 +192,11 @@ impl Faults {
     /// The value, or nothing with its refusal added.
     pub fn take<T>(&mut self, found: Result<T, Invalid>) -> Option<T> {
         found.map_err(|fault| self.add(fault)).ok()
+    }
+
+    /// Whether there are so many that no more are sought.
+    pub fn is_full(&self) -> bool {
+        self.0.len() >= crate::limits::MAX_FAULTS_SOUGHT
     }
 
     /// Whether nothing is wrong.
@@ -217,7 +222,8 @@ struct Several<'a>(&'a [Invalid]);
 impl fmt::Display for Several<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let most = crate::limits::MAX_FAULTS;
-        write!(f, "{} faults", self.0.len())?;
+        let or_more = if self.0.len() < crate::limits::MAX_FAULTS_SOUGHT { "" } else { " or more" };
+        write!(f, "{} faults{or_more}", self.0.len())?;
         let indented = |fault: &Invalid| fault.to_string().replace('\n', "\n  ");
         self.0.iter().take(most).try_for_each(|fault| write!(f, "\n  {}", indented(fault)))?;
         match self.0.len().checked_sub(most) {

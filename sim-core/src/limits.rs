@@ -12,12 +12,16 @@ pub const MAX_SEED: u64 = i64::MAX as u64;
 pub const MAX_MODULES: usize = 64;
 /// Most rigid bodies of a robot that is written out body by body.
 pub const MAX_BODIES: usize = 64;
+/// Most links of an imported robot, before those without a joint between them become one body.
+pub const MAX_LINKS: usize = 1024;
 /// Most boxes and capsules of all its bodies.
 pub const MAX_SHAPES: usize = 256;
 /// Deepest nesting of elements in a robot's XML.
 pub const MAX_XML_DEPTH: usize = 128;
 /// Most faults of a file that are listed at once.
 pub const MAX_FAULTS: usize = 10;
+/// Faults of a file after which no more are sought: finding the line of each takes time.
+pub const MAX_FAULTS_SOUGHT: usize = 1000;
 /// Most obstacles, and most pieces of terrain, of an environment.
 pub const MAX_BOXES: usize = 256;
 /// Most gaits of a candidate, k.

@@ -450,6 +450,19 @@ fn all_faults_of_a_file_are_listed_up_to_ten() {
 }
 
 #[test]
+fn files_of_too_many_bodies_are_refused_by_the_limit() {
+    let bodies = "<body/>".repeat(30_000);
+    let said = read(&mjcf(&[("%world", ""), ("<body name=\"b\"", &format!("{bodies}<body name=\"b\""))])).unwrap_err();
+    assert!(said.to_string().contains("more than 1024 bodies"), "{said}");
+    let links: String = (0..5_000).map(|i| format!("<link name=\"n{i}\"/>")).collect();
+    let said = read(&urdf(&[("</robot>", &format!("{links}</robot>"))])).unwrap_err();
+    assert!(said.to_string().contains("more than 1024 links"), "{said}");
+    let unknown: String = (0..12_000).map(|i| format!("<x name=\"{i}\"/>")).collect();
+    let said = read(&mjcf(&[("%top", &unknown)])).unwrap_err().to_string();
+    assert!(said.starts_with("1000 faults or more\n"), "{said}");
+}
+
+#[test]
 fn inertia_that_no_such_body_can_have_is_doubted() {
     let doubts = |text: &str| Robot::compile(&robot(text)).unwrap().doubts();
     assert!(doubts(&urdf(&[])).is_empty() && doubts(&mjcf(&[])).is_empty());

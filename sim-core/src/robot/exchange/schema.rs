@@ -79,6 +79,9 @@ fn check_as(element: Node, rule: &'static Rule, template: bool, faults: &mut Fau
     }
     let mut seen = BTreeSet::new();
     for inner in element.children().filter(Node::is_element) {
+        if faults.is_full() {
+            return;
+        }
         if inner.tag_name().namespace().is_some_and(|space| space.contains("xacro")) {
             faults.add(foreign(inner, XACRO));
             continue;

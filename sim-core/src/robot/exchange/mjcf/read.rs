@@ -6,6 +6,7 @@ use super::joint::Found;
 use super::place::{SPELLINGS, place};
 use super::schema::MUJOCO;
 use crate::error::{Faults, Invalid};
+use crate::limits::MAX_LINKS;
 use crate::robot::exchange::schema::{self, Passed};
 use crate::robot::exchange::source::{children, exactly, foreign, keyword, required, tag, zero};
 use crate::robot::exchange::tree::{Frame, Link, Tree, grow, lump_in, solid_in};
@@ -69,6 +70,9 @@ impl<'a> Reader<'a> {
     /// Reads the content of the world: the ground, and one robot.
     fn world(&mut self, around: Node<'a, 'a>, class: &'a str, frame: Frame) {
         for element in children(around) {
+            if self.faults.is_full() {
+                return;
+            }
             match tag(element) {
                 "geom" => drop(self.ground(element, class, &frame)),
                 "frame" => {
@@ -134,6 +138,12 @@ impl<'a> Reader<'a> {
 
     /// Reads a body with all that it carries. `around`: the frame that it stands in.
     fn body(&mut self, body: Node<'a, 'a>, parent: Option<usize>, inherited: &'a str, around: &Frame) {
+        if self.links.len() > MAX_LINKS {
+            return; // refused already
+        }
+        if self.links.len() == MAX_LINKS {
+            self.faults.add(foreign(body, format!("there are more than {MAX_LINKS} bodies: that many are allowed")));
+        }
         if let Some(text) = body.attribute("mocap") {
             let mocap = self.faults.take(keyword(body, "mocap", text, &["true", "false"]));
             if mocap == Some("true") {
@@ -178,6 +188,9 @@ impl<'a> Reader<'a> {
         found: &mut Content<'a>,
     ) {
         for element in children(around) {
+            if self.faults.is_full() {
+                return;
+            }
             match tag(element) {
                 "joint" | "freejoint" => found.joints.push((element, class, *frame)),
                 "inertial" => found.inertials.push((element, *frame)),

@@ -2,6 +2,7 @@
 
 use super::schema::ROBOT;
 use crate::error::{Faults, Invalid};
+use crate::limits::MAX_LINKS;
 use crate::robot::exchange::schema::{self, Passed};
 use crate::robot::exchange::source::{child, children, exactly, foreign, quarter_turns, required, tag, turn, zero};
 use crate::robot::exchange::tree::{Frame, Link, Solid, Turning, grow};
@@ -16,6 +17,11 @@ pub(in crate::robot::exchange) fn read<'a>(robot: Node<'a, 'a>, unit: f64) -> Re
     schema::check(robot, &ROBOT, &mut faults, &mut passed);
     let of = |wanted: &str| children(robot).filter(|e| tag(*e) == wanted).collect::<Vec<_>>();
     let (links, joints) = (of("link"), of("joint"));
+    for (what, elements) in [("links", &links), ("joints", &joints)] {
+        if let Some(first) = elements.get(MAX_LINKS) {
+            return Err(foreign(*first, format!("there are more than {MAX_LINKS} {what}: that many are allowed")));
+        }
+    }
     for element in links.iter().chain(&joints) {
         faults.take(required(*element, "name"));
     }
