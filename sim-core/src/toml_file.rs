@@ -1,4 +1,4 @@
-//! Reading TOML so that all misspelt keys of a file are told at once.
+//! Reader of TOML files that lists all misspelt keys at once.
 
 use crate::error::{Invalid, nearest};
 use crate::limits::MAX_FAULTS;

@@ -360,7 +360,7 @@ fn repeated_names_are_told_as_such() {
 }
 
 #[test]
-fn extensions_that_say_nothing_of_bodies_are_passed_over_and_noted() {
+fn extensions_without_bodies_are_passed_over_and_noted() {
     let cases = [
         (
             "</robot>",

@@ -84,7 +84,7 @@ fn robot_that_settles_on_its_own_setting_keeps_its_start() {
 }
 
 #[test]
-fn quiet_setting_is_lockstep_or_multibody_and_keeps_the_job_s_physics() {
+fn quiet_setting_keeps_physics_of_the_job() {
     let physics = Physics { friction: 0.5, ..Physics::of_scale(Scale::Paper) };
     for (capsules, kind, joints) in
         [(false, EngineKind::Lockstep, JointKind::Impulse), (true, EngineKind::Rapier, JointKind::Multibody)]
