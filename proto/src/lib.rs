@@ -6,7 +6,7 @@ pub mod credentials;
 pub mod dial;
 pub mod limits;
 
-pub use convert::{ConvertError, digest, evaluations, examination, range_length, scores};
+pub use convert::{ConvertError, digest};
 
 /// Version 1 of the protocol, generated from `proto/evogait/v1`.
 #[allow(missing_docs, clippy::all)]
@@ -24,4 +24,4 @@ pub mod externalscaler {
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/evogait.v1.bin"));
 
 /// Version of the worker protocol: both sides of a session must have the same.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;

@@ -18,6 +18,7 @@ pub mod math;
 pub mod measure;
 pub mod optimise;
 pub mod plan;
+pub mod procedure;
 pub mod random;
 pub mod report;
 pub mod robot;
