@@ -83,7 +83,8 @@ impl Intake {
         if count.and_then(|count| first.checked_add(count)).is_none() {
             return Err(format!("{} tasks from {first} on are no range of tasks: it has at least one", tasks.len()));
         }
-        let shared = match shared_digest.is_empty() {
+        // A preparation shares nothing, and the digest of nothing is sent without bytes.
+        let shared = match round == 0 || shared_digest.is_empty() {
             true => Arc::default(),
             false => self.jobs.shared(&job_id, &shared_digest).ok_or("what its tasks share was not sent")?,
         };
