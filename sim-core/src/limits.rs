@@ -58,3 +58,7 @@ pub const MAX_GENOME: usize = 16_384;
 /// Most parameters in all genomes of a generation together: the state of a search, which is stored after each of them, has
 /// some 40 bytes for each.
 pub const MAX_GENERATION_PARAMETERS: usize = 8_000_000;
+/// Bytes of genomes in the tasks of one assignment: it stays far below the largest message.
+pub const MAX_ASSIGNMENT_GENOMES: usize = 8 * 1024 * 1024;
+/// Longest text that says why a robot can't be prepared, in bytes.
+pub const MAX_REFUSAL: usize = 4096;

@@ -5,10 +5,11 @@ use crate::job::{Job, Unprepared};
 use crate::random::{Purpose, Stream};
 use crate::report::{self, Traces};
 use crate::score::{Counts, Scored};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// What is asked about a candidate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Question {
     /// Its scores on fresh RRT seeds, on the search's setting.
     Fresh,
@@ -28,7 +29,7 @@ pub enum Question {
 pub const FRICTION_STEP: f64 = 0.1;
 
 /// A question about a candidate.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Examination {
     /// What is asked.
     pub question: Question,

@@ -9,6 +9,7 @@ use crate::plan::{Place, Setting, standing_at};
 use crate::robot::State;
 use crate::rollout::{Quiet, Settled, Unsettled, settle_quietly_until, settle_until};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -104,6 +105,14 @@ impl Preparation {
     /// Reads it from exactly those bytes.
     pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
         encoding::decode(FORMAT, bytes)
+    }
+}
+
+impl fmt::Display for Preparation {
+    /// Such as "settled with its pivot at a height of 0.52 mu (bits 3f051eb8)".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let height = self.own.pivot[2];
+        write!(f, "settled with its pivot at a height of {height:.2} mu (bits {:08x})", height.to_bits())
     }
 }
 
