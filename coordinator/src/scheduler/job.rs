@@ -382,7 +382,7 @@ impl ActiveJob {
         let report = report(&self.plan, found, winner.clone(), &done, traces, counts);
         let report = serde_json::to_vec(&report).map_err(unusable)?;
 
-        self.record.result_digest = Some(self.record.scores_digest.seal_winner(&winner.genome, winner.score));
+        self.record.result_digest = Some(self.record.scores_digest.seal(&winner.genome, winner.score));
         self.record.ended_at_ms = now.unix_ms;
         self.record.paused = false;
         self.record.state = JobState::Succeeded;
