@@ -2,7 +2,7 @@
 //! multibody joints, `200x2-lockstep` 200 steps a second of 2 linearisations each on the lockstep engine.
 
 use serde::{Serialize, Serializer};
-use sim_core::job::{EngineChoice, EngineKind, Job, JointKind, PhysicsSpec, Scale};
+use sim_core::job::{Checked, EngineChoice, EngineKind, JointKind, PhysicsSpec, Scale};
 use sim_core::rollout::Physics;
 use std::fmt;
 use std::str::FromStr;
@@ -22,7 +22,7 @@ pub struct Setting {
 
 impl Setting {
     /// That of a job's search.
-    pub fn of(job: &Job) -> Self {
+    pub fn of(job: &Checked) -> Self {
         Self::from_physics(job.chosen().engine, job.physics())
     }
 

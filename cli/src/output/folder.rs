@@ -4,7 +4,7 @@ use super::{JOB, RESULT, ResultFile, atomic};
 use crate::error::Error;
 use crate::{inputs, load};
 use sim_core::identity::Digest;
-use sim_core::job::Job;
+use sim_core::job::Checked;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -74,9 +74,9 @@ impl Folder {
     }
 }
 
-fn existing_job(path: &Path) -> Result<Option<(Job, String)>, Error> {
+fn existing_job(path: &Path) -> Result<Option<(Checked, String)>, Error> {
     let file = path.join(JOB);
-    if file.exists() { load::resolved_job(&file).map(Some) } else { Ok(None) }
+    if file.exists() { load::resolved(&file, Checked::from_toml).map(Some) } else { Ok(None) }
 }
 
 /// The text of the folder's job.toml if there is one: of this job, as a run writes it. What a user wrote is refused.

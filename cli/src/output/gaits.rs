@@ -1,7 +1,7 @@
 //! gaits.json: the winner's gaits, each with its parameters by name and where it leads.
 
 use serde::Serialize;
-use sim_core::job::{ControllerKind, Job};
+use sim_core::job::{Checked, ControllerKind};
 use sim_core::report::{GaitTrace, Report};
 use std::collections::BTreeMap;
 
@@ -47,7 +47,7 @@ pub fn trajectory_name(gait: usize) -> String {
 }
 
 /// Takes the gaits out of a report.
-pub fn file(job: &Job, report: &Report) -> GaitFile {
+pub fn file(job: &Checked, report: &Report) -> GaitFile {
     let names = job.parameter_names();
     let mut names = names.iter();
     let gaits = report.gaits.iter().enumerate().map(|(i, trace)| {
