@@ -8,6 +8,7 @@
 //! handed to all tasks of later rounds as the bytes they share. So no coordinator ever simulates.
 
 use crate::identity::Digest;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -51,7 +52,7 @@ pub struct BadState(pub String);
 pub struct Refused(pub String);
 
 /// A number with a name, for tables, bars and pages.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Value {
     /// Such as "best" or "rollouts".
     pub name: Cow<'static, str>,
@@ -70,7 +71,7 @@ impl PartialEq for Value {
 }
 
 /// What is told of a sealed round: a row of a series.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The series, such as "generations".
     pub series: Cow<'static, str>,
@@ -81,7 +82,7 @@ pub struct Row {
 }
 
 /// How far a procedure is.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// [`Round::phase`] of the round at hand.
     pub phase: Cow<'static, str>,
@@ -96,7 +97,7 @@ pub struct Progress {
 }
 
 /// Something that a job made: a file of its result.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Artefact {
     /// Its name, such as "report".
     pub name: String,
