@@ -3,7 +3,7 @@
 use crate::permit::Issued;
 use crate::record::{Claim, Dispute, Event, JobEvent, JobId, JobRecord, JobState, Poisoned, Ruling};
 use crate::scheduler::{
-    AssignmentId, Completed, Delivery, Detail, Held, Message, Range, Verdict, Welcome, WorkerId, WorkerView,
+    AssignmentId, Caller, Completed, Delivery, Detail, Held, Message, Range, Running, Verdict, Welcome, WorkerId, WorkerView,
 };
 use prost::Message as _;
 use proto::ConvertError;
@@ -168,7 +168,7 @@ fn numbers(ids: &[AssignmentId]) -> Vec<u64> {
 }
 
 /// A worker's result. Its texts are checked elsewhere.
-pub(crate) fn completed(request: v1::CompleteRequest) -> Result<Completed, ConvertError> {
+pub(crate) fn completed(request: v1::CompleteRequest, caller: Caller) -> Result<Completed, ConvertError> {
     let delivery = match request.outcome {
         None => return Err(ConvertError::Missing { field: "outcome" }),
         Some(complete_request::Outcome::Results(results)) => {
@@ -186,6 +186,7 @@ pub(crate) fn completed(request: v1::CompleteRequest) -> Result<Completed, Conve
         compute: Duration::from_micros(request.compute_us),
         delivery,
         tasks: request.tasks,
+        caller,
     })
 }
 
@@ -240,26 +241,13 @@ pub(crate) fn standing(detail: Detail) -> v1::Standing {
     }
 }
 
-/// The assignments that a worker still works on, as its Hello tells them.
-pub(crate) struct Running {
-    /// The assignment.
-    pub assignment: AssignmentId,
-    /// Its job.
-    pub job: JobId,
-    /// Its tasks.
-    pub range: Range,
-    /// Proof that it was issued.
-    pub permit: Vec<u8>,
-}
-
-impl From<v1::RunningAssignment> for Running {
-    fn from(wire: v1::RunningAssignment) -> Self {
-        Self {
-            assignment: AssignmentId(wire.assignment_id),
-            job: JobId::from(wire.job_id.as_str()),
-            range: Range { round: wire.round, first: wire.first, count: wire.count },
-            permit: wire.permit,
-        }
+/// An assignment that a worker still works on, as its Hello tells it.
+pub(crate) fn running(wire: v1::RunningAssignment) -> Running {
+    Running {
+        assignment: AssignmentId(wire.assignment_id),
+        job: JobId::from(wire.job_id.as_str()),
+        range: Range { round: wire.round, first: wire.first, count: wire.count },
+        permit: wire.permit,
     }
 }
 

@@ -50,6 +50,17 @@ pub enum Ruling {
     Tainted,
 }
 
+impl Ruling {
+    /// The ruling in a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Upheld => "upheld",
+            Self::Corrected => "corrected",
+            Self::Tainted => "tainted",
+        }
+    }
+}
+
 /// A task of which workers gave different bits, or that only a quarantined worker computed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dispute {

@@ -4,11 +4,13 @@
 //! next. A job that had nothing to hand out for a while may catch up on a bounded part of it: what it misses while the last
 //! candidates of a generation are out, but not hours of waiting.
 
+use super::arbiter::ask_arbiters;
+use super::fleet::{Fleet, Worker, WorkerId};
 use super::job::ActiveJob;
-use super::lease::{Kind, Lease};
-use super::round::Work;
+use super::leaving::time_for;
+use super::lease::{Kind, Lease, assign};
 use super::sizing::{Cut, may_prefetch, range_size};
-use super::worker::{Worker, WorkerId};
+use super::suspects::isolate_suspects;
 use super::{Now, Scheduler};
 use crate::record::JobId;
 use proto::limits::DEFAULT_PRIORITY;
@@ -16,7 +18,7 @@ use sim_core::identity::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 
-/// Slot time of an evaluation nobody has measured yet, s.
+/// Slot time of a task that was not measured yet, s.
 pub(super) const UNKNOWN_COST: f64 = 1.0;
 
 /// How much of its missed share a job may catch up on, s of slot time at the priority of most jobs.
@@ -27,6 +29,17 @@ const CREDIT: f64 = 60.0 / DEFAULT_PRIORITY as f64;
 enum Fill {
     FreeSlots,
     InAdvance,
+}
+
+/// What the order of work depends on.
+#[derive(Debug, Default)]
+pub(super) struct Queue {
+    /// Virtual time of the fair queue: the tag of the work handed out last.
+    pub virtual_time: f64,
+    /// Workers that may have room.
+    pub room: Room,
+    /// Workers that are kept free for the suspects of a job.
+    pub cells: BTreeMap<JobId, WorkerId>,
 }
 
 /// Workers that may have room, so that an event costs as much as it changes and not as many workers as there are.
@@ -74,6 +87,18 @@ impl Room {
         &self.free_slots
     }
 
+    fn know_slots(&mut self, fleet: &Fleet) {
+        if self.slots.is_none() {
+            let mut slots = BTreeMap::new();
+            for worker in fleet.workers.values().filter(|w| w.takes_work()) {
+                for engine in &worker.engines {
+                    *slots.entry(*engine).or_default() += worker.slots;
+                }
+            }
+            self.slots = Some(slots);
+        }
+    }
+
     fn step(&mut self) {
         self.count(1);
     }
@@ -87,116 +112,98 @@ impl Room {
     }
 }
 
-impl Scheduler {
-    /// Hands out what is pending: first to free slots everywhere, then one range a slot in advance where ranges are
-    /// short.
-    pub(super) fn dispatch(&mut self, now: Now) {
-        self.ask_others(now);
-        let kept_free = self.isolate_suspects(now);
-        for fill in [Fill::FreeSlots, Fill::InAdvance] {
-            self.know_slots();
-            let mut last: Option<WorkerId> = None;
-            while self.jobs.values().any(|job| self.size_for_any(job, fill).is_some())
-                && let Some(id) = self.room.after(fill, last.as_ref())
-            {
-                if !kept_free.contains(&id) && !self.fill(now, &id, fill) {
-                    self.room.of(fill).remove(&id);
-                }
-                last = Some(id);
+/// Hands out what is pending: first to free slots everywhere, then one range a slot in advance where ranges are short.
+pub(super) fn dispatch(core: &mut Scheduler, now: Now) {
+    ask_arbiters(core, now);
+    let kept_free = isolate_suspects(core, now);
+    for fill in [Fill::FreeSlots, Fill::InAdvance] {
+        core.queue.room.know_slots(&core.fleet);
+        let mut last: Option<WorkerId> = None;
+        while core.jobs.active.values().any(|job| size_for_any(&core.queue.room, job, fill).is_some())
+            && let Some(id) = core.queue.room.after(fill, last.as_ref())
+        {
+            if !kept_free.contains(&id) && !fill_worker(core, now, &id, fill) {
+                core.queue.room.of(fill).remove(&id);
             }
+            last = Some(id);
         }
     }
+}
 
-    fn know_slots(&mut self) {
-        if self.room.slots.is_none() {
-            let mut slots = BTreeMap::new();
-            for worker in self.workers.values().filter(|w| w.takes_work()) {
-                for engine in &worker.engines {
-                    *slots.entry(*engine).or_default() += worker.slots;
-                }
-            }
-            self.room.slots = Some(slots);
+/// Gives a worker what there is for it; `false` if it has no room left.
+fn fill_worker(core: &mut Scheduler, now: Now, id: &WorkerId, fill: Fill) -> bool {
+    loop {
+        core.queue.room.step();
+        let Some(worker) = core.fleet.workers.get(id).filter(|w| w.takes_work()) else { return false };
+        let room = match fill {
+            Fill::FreeSlots => worker.slots as usize,
+            Fill::InAdvance => 2 * worker.slots as usize,
+        };
+        if worker.held.len() >= room {
+            return false;
+        }
+        if !worker.is_open() {
+            return true;
+        }
+        let Some((job, size)) = next_job(core, now, worker, fill) else { return true };
+        hand_out(core, now, id, &job, size);
+    }
+}
+
+/// The job whose turn it is on this worker, and the size of the range.
+fn next_job(core: &Scheduler, now: Now, worker: &Worker, fill: Fill) -> Option<(JobId, u32)> {
+    let mut next: Option<(f64, u64, &JobId, u32)> = None;
+    for (id, job) in &core.jobs.active {
+        let Some(size) = offer(core, now, worker, job, fill) else { continue };
+        let tag = job.finish_tag.max(core.queue.virtual_time - CREDIT);
+        if next.is_none_or(|(best, number, ..)| (tag, job.record.number) < (best, number)) {
+            next = Some((tag, job.record.number, id, size));
         }
     }
+    next.map(|(_, _, id, size)| (id.clone(), size))
+}
 
-    /// Gives a worker what there is for it; `false` if it has no room left.
-    fn fill(&mut self, now: Now, id: &WorkerId, fill: Fill) -> bool {
-        loop {
-            self.room.step();
-            let Some(worker) = self.workers.get(id).filter(|w| w.takes_work()) else { return false };
-            let room = match fill {
-                Fill::FreeSlots => worker.slots as usize,
-                Fill::InAdvance => 2 * worker.slots as usize,
-            };
-            if worker.held.len() >= room {
-                return false;
-            }
-            if !worker.is_open() {
-                return true;
-            }
-            let Some((job, size)) = self.next_job(now, id, fill) else { return true };
-            self.hand_out(now, id, &job, size);
-        }
+/// How many tasks this job would give to this worker; `None` if nothing.
+fn offer(core: &Scheduler, now: Now, worker: &Worker, job: &ActiveJob, fill: Fill) -> Option<u32> {
+    if !worker.can_do(&job.record) {
+        return None;
     }
+    let fitting = time_for(&core.settings, now, worker, job.cost);
+    size_for_any(&core.queue.room, job, fill).map(|size| size.min(fitting)).filter(|size| *size > 0)
+}
 
-    /// The job whose turn it is on this worker, and the size of the range.
-    fn next_job(&self, now: Now, id: &WorkerId, fill: Fill) -> Option<(JobId, u32)> {
-        let worker = self.workers.get(id)?;
-        let mut next: Option<(f64, u64, &JobId, u32)> = None;
-        for (id, job) in &self.jobs {
-            let Some(size) = self.offer(now, worker, job, fill) else { continue };
-            let tag = job.finish_tag.max(self.virtual_time - CREDIT);
-            if next.is_none_or(|(best, number, ..)| (tag, job.record.number) < (best, number)) {
-                next = Some((tag, job.record.number, id, size));
-            }
-        }
-        next.map(|(_, _, id, size)| (id.clone(), size))
+/// How many tasks this job would give to a worker that can run it; `None` if nothing.
+fn size_for_any(room: &Room, job: &ActiveJob, fill: Fill) -> Option<u32> {
+    if !job.has_ordinary() {
+        return None;
     }
+    let round = &job.round;
+    let most = round.at_most();
+    if most == 1 {
+        // Long tasks, of which no two take the same time: none is sent in advance.
+        return (fill == Fill::FreeSlots).then_some(most);
+    }
+    let known = room.slots.as_ref().and_then(|slots| slots.get(&job.record.engine_digest));
+    let (all, pending, slots) = (round.size(), round.pending_unsuspected(), known.copied().unwrap_or(0));
+    let size = range_size(Cut { all, pending, slots, cost: job.cost, at_once: round.lanes(), most });
+    (fill == Fill::FreeSlots || may_prefetch(size, job.cost)).then_some(size)
+}
 
-    /// How many tasks this job would give to this worker; `None` if nothing.
-    fn offer(&self, now: Now, worker: &Worker, job: &ActiveJob, fill: Fill) -> Option<u32> {
-        if !worker.can_do(&job.record) {
-            return None;
-        }
-        let fitting = self.time_for(now, worker, job.cost);
-        self.size_for_any(job, fill).map(|size| size.min(fitting)).filter(|size| *size > 0)
-    }
+fn hand_out(core: &mut Scheduler, now: Now, worker: &WorkerId, id: &JobId, size: u32) {
+    let assignment = core.leases.new_id();
+    let Some(job) = core.jobs.active.get_mut(id) else { return };
+    let Some(range) = job.round.cut(size, assignment) else { return };
+    let tasks = job.tasks(&range);
+    let charged = charge(&mut core.queue, job, range.count);
+    let lease = Lease { charged, ..Lease::new(now, worker, id, range, Kind::Ordinary) };
+    assign(core, now, assignment, lease, tasks);
+}
 
-    /// How many tasks this job would give to a worker that can run it; `None` if nothing.
-    fn size_for_any(&self, job: &ActiveJob, fill: Fill) -> Option<u32> {
-        if !job.has_ordinary() {
-            return None;
-        }
-        let round = &job.round;
-        let most = round.work.most_at_once();
-        match round.work {
-            Work::Candidates(_) => {
-                let known = self.room.slots.as_ref().and_then(|slots| slots.get(&job.record.engine_digest));
-                let (all, pending, slots) = (round.size(), round.pending_unsuspected(), known.copied().unwrap_or(0));
-                let size = range_size(Cut { all, pending, slots, cost: job.cost, at_once: job.at_once, most });
-                (fill == Fill::FreeSlots || may_prefetch(size, job.cost)).then_some(size)
-            }
-            Work::Examinations(_) => (fill == Fill::FreeSlots).then_some(most),
-        }
-    }
-
-    fn hand_out(&mut self, now: Now, worker: &WorkerId, id: &JobId, size: u32) {
-        let assignment = self.new_assignment();
-        let Some(job) = self.jobs.get_mut(id) else { return };
-        let Some(range) = job.round.cut(size, assignment) else { return };
-        let task = job.round.work.task(range);
-        let charged = self.charge(id, range.count);
-        let lease = Lease { charged, ..Lease::new(now, worker, id, range, Kind::Ordinary) };
-        self.assign(now, assignment, lease, task);
-    }
-
-    /// Charges a job for what it is given.
-    pub(super) fn charge(&mut self, id: &JobId, count: u32) -> f64 {
-        let Some(job) = self.jobs.get_mut(id) else { return 0.0 };
-        let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(count) / f64::from(job.record.priority);
-        let tag = job.finish_tag.max(self.virtual_time - CREDIT);
-        self.virtual_time = self.virtual_time.max(tag);
-        job.finish_tag = tag + charged;
-        charged
-    }
+/// Charges a job for what it is given.
+pub(super) fn charge(queue: &mut Queue, job: &mut ActiveJob, count: u32) -> f64 {
+    let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(count) / f64::from(job.record.priority);
+    let tag = job.finish_tag.max(queue.virtual_time - CREDIT);
+    queue.virtual_time = queue.virtual_time.max(tag);
+    job.finish_tag = tag + charged;
+    charged
 }

@@ -295,6 +295,14 @@ impl ActiveJob {
         record_state(&mut self.record, now, state, events);
     }
 
+    /// A client's batch came: the write that stores what follows.
+    pub fn resume_waiting(&mut self, now: Now) -> Write {
+        self.record.progress = self.procedure.progress();
+        self.record.state = JobState::Running;
+        let event = self.record.next_event(now.unix_ms, Event::State(JobState::Running));
+        Write::Offer { record: self.record.clone(), state: self.state(), event }
+    }
+
     /// Goes on to the procedure's next round.
     pub fn next_round(&mut self) {
         let next = Round::new(self.procedure.round());

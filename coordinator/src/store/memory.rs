@@ -113,6 +113,11 @@ impl Inner {
                 entry.change(record, &events);
             }
             Write::Change { record, event } => self.entry_mut(&record.id)?.change(record, &[event]),
+            Write::Offer { record, state, event } => {
+                let entry = self.entry_mut(&record.id)?;
+                entry.state = state;
+                entry.change(record, &[event]);
+            }
             Write::Note { record } => self.entry_mut(&record.id)?.change(record, &[]),
             Write::Carry { from, to, rounds } => {
                 let carried = self.entry_mut(&from)?.rounds.range(..rounds).map(|(n, r)| (*n, r.clone())).collect();

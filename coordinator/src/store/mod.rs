@@ -74,6 +74,15 @@ pub enum Write {
         /// The event.
         event: JobEvent,
     },
+    /// A client's batch came: the procedure goes on.
+    Offer {
+        /// The job after it.
+        record: JobRecord,
+        /// The state with the batch.
+        state: RunState,
+        /// The event.
+        event: JobEvent,
+    },
     /// A part of the record that is not watched changed: charges or disputes.
     Note {
         /// The job after it.
@@ -112,7 +121,9 @@ impl Write {
     /// The events among it, to be published once it is committed.
     pub fn events(&self) -> &[JobEvent] {
         match self {
-            Self::Submit { event, .. } | Self::Change { event, .. } => std::slice::from_ref(event),
+            Self::Submit { event, .. } | Self::Change { event, .. } | Self::Offer { event, .. } => {
+                std::slice::from_ref(event)
+            }
             Self::Seal { events, .. } | Self::Finish { events, .. } => events,
             Self::Results { .. } | Self::Note { .. } | Self::Carry { .. } | Self::Quarantine { .. } => &[],
         }
@@ -124,6 +135,7 @@ impl Write {
             Self::Submit { record, .. }
             | Self::Seal { record, .. }
             | Self::Change { record, .. }
+            | Self::Offer { record, .. }
             | Self::Note { record }
             | Self::Finish { record, .. } => Some(record),
             Self::Results { .. } | Self::Carry { .. } | Self::Quarantine { .. } => None,

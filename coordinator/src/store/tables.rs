@@ -101,6 +101,12 @@ async fn apply(sql: &mut impl Sql, write: &Write, has_last_record: bool) -> Resu
             }
             insert_events(sql, record, std::slice::from_ref(event)).await
         }
+        Write::Offer { record, state, event } => {
+            let values = vec![blob::encode(state).into(), (&record.id).into()];
+            sql.run("UPDATE jobs SET run = $1 WHERE id = $2", values).await?;
+            update_record(sql, record).await?;
+            insert_events(sql, record, std::slice::from_ref(event)).await
+        }
         Write::Note { record } if has_last_record => update_record(sql, record).await,
         Write::Note { .. } => Ok(()),
         Write::Carry { from, to, rounds } => {

@@ -14,7 +14,7 @@ pub use url::{BadPostgresUrl, PostgresUrl};
 use self::failure::failure;
 use self::migrations::{FIRST, MIGRATIONS};
 use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
-use super::{Loaded, StoreError, Write, tables};
+use super::{Loaded, OLDER, StoreError, Write, tables};
 use crate::fail_point;
 use proto::credentials::PemError;
 use sqlx::pool::PoolConnection;
