@@ -43,7 +43,7 @@ fn main() {
                     .filter_map(|robot| match settle(engine(on), robot, &physics) {
                         Ok(_) => None,
                         Err(Unsettled::Moving { speed, .. }) => Some(speed),
-                        Err(Unsettled::Unstable(_)) => Some(f32::INFINITY),
+                        Err(Unsettled::Unstable(_) | Unsettled::Stopped) => Some(f32::INFINITY),
                     })
                     .collect();
                 let joints = if joints == JointKind::Multibody { ", multibody" } else { "" };

@@ -10,7 +10,7 @@ mod examine;
 
 pub use examine::{Answer, Examination, FRICTION_STEP, Question, examine};
 
-use crate::job::Job;
+use crate::job::Checked;
 use crate::optimise::archive::Archive;
 use crate::score::{Counts, Direction, Scored, mean};
 
@@ -43,7 +43,7 @@ pub struct Found {
 
 impl Plan {
     /// That of a job. Audits are for jobs that reuse transitions.
-    pub fn of(job: &Job) -> Self {
+    pub fn of(job: &Checked) -> Self {
         Self {
             direction: job.direction(),
             archive: job.finish().map_or(0, |f| f.archive),

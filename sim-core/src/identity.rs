@@ -29,6 +29,17 @@ impl Digest {
         Digest(Sha256::digest(&bytes).into())
     }
 
+    /// The digest of bytes, the same as [`Digest::of`] has for a value that `serde` calls bytes.
+    pub fn of_bytes(domain: &str, bytes: &[u8]) -> Digest {
+        struct Bytes<'a>(&'a [u8]);
+        impl Serialize for Bytes<'_> {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_bytes(self.0)
+            }
+        }
+        Self::of(domain, &Bytes(bytes))
+    }
+
     /// The first twelve digits: enough to name a folder.
     pub fn short(&self) -> String {
         self.to_string()[..12].to_owned()
@@ -74,15 +85,14 @@ impl<'de> Deserialize<'de> for Digest {
     }
 }
 
-/// The running digest of a job's scores, generation by generation and then examination by examination, sealed with the
-/// published winner: the *result digest*.
+/// The running digest of the results of a job's tasks, round by round; once sealed, the *result digest*.
 ///
 /// Two runs of jobs with the same job digest must end with the same result digest, whatever workers there were.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultDigest(Digest);
 
 impl ResultDigest {
-    /// Before the first generation.
+    /// Before the first round.
     pub fn start(job: &Digest) -> Self {
         Self(Digest::of("evogait result 1", &job.0))
     }
@@ -92,9 +102,20 @@ impl ResultDigest {
         Self(stored)
     }
 
-    /// The value so far, to be stored with the generation.
+    /// The value so far, to be stored with the round.
     pub fn value(&self) -> Digest {
         self.0
+    }
+
+    /// Folds in a round: the digests of its tasks' results, in the order of the tasks.
+    pub fn round(&mut self, round: u32, results: &[Digest]) {
+        let results: Vec<&[u8; 32]> = results.iter().map(|digest| &digest.0).collect();
+        self.0 = Digest::of("evogait round 1", &(self.0.0, round, results));
+    }
+
+    /// Ends with the last round.
+    pub fn seal(self) -> Digest {
+        Digest::of("evogait sealed result 1", &self.0.0)
     }
 
     /// Folds in the scores of a generation, in the order of the candidates. `None` stands for a failed evaluation.
@@ -108,7 +129,26 @@ impl ResultDigest {
     }
 
     /// Folds in the published winner with its score in the search, and ends.
-    pub fn seal(self, genome: &[f64], score: f64) -> Digest {
+    pub fn seal_winner(self, genome: &[f64], score: f64) -> Digest {
         Digest::of("evogait winner 1", &(self.0.0, genome, score))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn result_digest_depends_on_order_and_number_of_rounds() {
+        let [a, b] = [b"a", b"b"].map(|bytes| Digest::of_bytes("test", bytes));
+        let sealed = |rounds: &[(u32, &[Digest])]| {
+            let mut digest = ResultDigest::start(&a);
+            rounds.iter().for_each(|(number, results)| digest.round(*number, results));
+            digest.seal()
+        };
+        let ways: [&[(u32, &[Digest])]; 5] =
+            [&[], &[(0, &[a, b])], &[(0, &[b, a])], &[(1, &[a, b])], &[(0, &[a]), (1, &[b])]];
+        let distinct: std::collections::BTreeSet<Digest> = ways.map(sealed).into_iter().collect();
+        assert_eq!(distinct.len(), ways.len());
     }
 }

@@ -5,6 +5,7 @@
 
 pub mod catalogue;
 pub mod control;
+pub mod encoding;
 pub mod environment;
 pub mod error;
 pub mod evaluate;

@@ -39,7 +39,9 @@ pub const MAX_REPEATS: u32 = 1_000;
 /// Most physics steps, each with all of its substeps, that an evaluation may be able to take: on rapier some 20 hours of a
 /// core.
 pub const MAX_EVALUATION_STEPS: u64 = 10_000_000_000;
-/// Most substeps in a second of simulated time: a robot has to settle before anything else is known of its job.
+/// Most body-substeps that settling a job's robot may be able to take.
+pub const MAX_PREPARATION: u64 = 100_000_000;
+/// Most substeps in a second of simulated time.
 pub const MAX_SUBSTEPS_PER_SECOND: u32 = 100_000;
 /// Most genomes in a search's archive.
 pub const MAX_ARCHIVE: u32 = 1_000;
@@ -56,3 +58,7 @@ pub const MAX_GENOME: usize = 16_384;
 /// Most parameters in all genomes of a generation together: the state of a search, which is stored after each of them, has
 /// some 40 bytes for each.
 pub const MAX_GENERATION_PARAMETERS: usize = 8_000_000;
+/// Bytes of genomes in the tasks of one assignment: it stays far below the largest message.
+pub const MAX_ASSIGNMENT_GENOMES: usize = 8 * 1024 * 1024;
+/// Longest text that says why a robot can't be prepared, in bytes.
+pub const MAX_REFUSAL: usize = 4096;

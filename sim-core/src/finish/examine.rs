@@ -1,14 +1,15 @@
 //! One examination: a question about one candidate, and its answer.
 
 use crate::evaluate::{Stopped, Trial, grow, search_streams};
-use crate::job::Job;
+use crate::job::{Job, Unprepared};
 use crate::random::{Purpose, Stream};
 use crate::report::{self, Traces};
 use crate::score::{Counts, Scored};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// What is asked about a candidate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Question {
     /// Its scores on fresh RRT seeds, on the search's setting.
     Fresh,
@@ -28,7 +29,7 @@ pub enum Question {
 pub const FRICTION_STEP: f64 = 0.1;
 
 /// A question about a candidate.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Examination {
     /// What is asked.
     pub question: Question,
@@ -87,8 +88,12 @@ pub fn examine(job: &Job, examination: &Examination, stop: &dyn Fn() -> bool) ->
     match examination.question {
         Question::Fresh => trees(job, candidate, tolerance, streams(job, Purpose::Rescore), stop),
         Question::Reference => on_reference(job, job.reference(), candidate, stop),
-        Question::LessFriction => on_reference(job, friction(job, 1.0 - FRICTION_STEP).as_ref(), candidate, stop),
-        Question::MoreFriction => on_reference(job, friction(job, 1.0 + FRICTION_STEP).as_ref(), candidate, stop),
+        Question::LessFriction => {
+            on_reference(job, friction(job, 1.0 - FRICTION_STEP, stop)?.as_ref(), candidate, stop)
+        }
+        Question::MoreFriction => {
+            on_reference(job, friction(job, 1.0 + FRICTION_STEP, stop)?.as_ref(), candidate, stop)
+        }
         Question::WithoutReuse => trees(job, candidate, 0.0, search(), stop),
         Question::Traces => {
             let (traces, counts) = report::traces(job, candidate, stop)?;
@@ -113,11 +118,16 @@ fn on_reference(
     }
 }
 
-/// The reference with other friction.
-fn friction(job: &Job, factor: f64) -> Option<Job> {
-    let reference = job.reference()?;
+/// The reference with other friction; `None` where it can't be used.
+fn friction(job: &Job, factor: f64, stop: &dyn Fn() -> bool) -> Result<Option<Job>, Stopped> {
+    let Some(reference) = job.reference() else { return Ok(None) };
+    let Some(friction) = reference.spec().physics.friction else { return Ok(None) };
     let trembles = job.quiet().is_some() || reference.quiet().is_some();
-    reference.with_friction(reference.spec().physics.friction? * factor, trembles).ok()
+    match reference.with_friction(friction * factor, trembles, stop) {
+        Ok(other) => Ok(Some(other)),
+        Err(Unprepared::Stopped) => Err(Stopped),
+        Err(Unprepared::Refused(_)) => Ok(None),
+    }
 }
 
 /// The random streams of trees that candidates are scored on again: the same for all candidates of a job.

@@ -3,13 +3,13 @@
 //! A tree of K iterations with k gaits asks for K·k rollouts at most, and over terrain for twice as many: first in the
 //! canonical frame, then in place. Reuse makes that far fewer, which a job can count on by `planner.max_rollouts`.
 
-use super::{Job, JobSpec};
+use super::{Checked, JobSpec};
 use crate::environment::Environment;
 use crate::error::{Invalid, whole_in_range};
-use crate::limits::{MAX_EVALUATION_STEPS, MAX_SUBSTEPS_PER_SECOND};
-use crate::rollout::Physics;
+use crate::limits::{MAX_EVALUATION_STEPS, MAX_PREPARATION, MAX_SUBSTEPS_PER_SECOND};
+use crate::rollout::{LONGEST_SETTLING, Physics};
 
-impl Job {
+impl Checked {
     /// Most rollouts one evaluation can take; with reuse it takes far fewer.
     pub fn most_rollouts(&self) -> u64 {
         self.rollouts_of(self.0.spec.planner.repeats)
@@ -29,6 +29,16 @@ impl Job {
         asked.map_or_else(|| self.rollouts_of(trees), share).min(MAX_EVALUATION_STEPS / self.steps_per_rollout().max(1))
     }
 
+    /// Most work that a preparation can take, in body-substeps: bodies, times simulated seconds, times steps a second, times
+    /// substeps. A robot that does not come to rest on the job's own setting settles on a quiet one, too; and all of that
+    /// again on the reference setting.
+    pub fn preparation_budget(&self) -> u64 {
+        let substeps = |physics: &Physics| u64::from(physics.steps_per_second) * u64::from(physics.substeps);
+        let a_second = substeps(&self.0.physics) + substeps(&self.quiet_setting(0.0).physics);
+        let own = self.0.robot.bodies.len() as u64 * LONGEST_SETTLING as u64 * a_second;
+        own + self.on_reference().map_or(0, Self::preparation_budget)
+    }
+
     fn rollouts_of(&self, trees: u32) -> u64 {
         most_rollouts(&self.0.spec, &self.0.environment, trees)
     }
@@ -41,6 +51,24 @@ fn most_rollouts(spec: &JobSpec, environment: &Environment, trees: u32) -> u64 {
 
 fn steps_per_rollout(spec: &JobSpec, physics: &Physics) -> u64 {
     u64::from(physics.steps(spec.gaits.duration)) * u64::from(physics.substeps)
+}
+
+/// Refuses jobs whose preparation could take too long.
+pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
+    let needed = job.preparation_budget();
+    if needed <= MAX_PREPARATION {
+        return Ok(());
+    }
+    let finish = if job.finish().is_some() { ", finish.steps_per_second, finish.substeps" } else { "" };
+    Err(Invalid::Conflict {
+        field: "physics".into(),
+        reason: format!(
+            "settling the robot could take {needed} body-substeps (bodies × seconds × steps_per_second × substeps, on every \
+             setting that it has to come to rest on): at most {MAX_PREPARATION} are allowed; lower \
+             physics.steps_per_second, physics.substeps{finish} or the number of bodies ({})",
+            job.robot().bodies.len()
+        ),
+    })
 }
 
 /// Refuses jobs whose evaluations could take longer than anybody wants to wait.

@@ -3,11 +3,13 @@
 mod budget;
 mod engine;
 mod finish;
+mod preparation;
 mod spec;
 mod standing;
 
 pub use engine::{Chosen, Why};
 pub use finish::*;
+pub use preparation::{Job, Preparation, Unfit, Unprepared};
 pub use spec::*;
 
 use crate::catalogue;
@@ -19,17 +21,18 @@ use crate::identity::Digest;
 use crate::limits;
 use crate::measure::known::Known;
 use crate::optimise::{self, Bounds, Optimiser};
-use crate::plan::{Metric, Place, Planner, Reuse, Setting, standing_at};
-use crate::robot::{Robot, RobotSpec, State};
-use crate::rollout::{Engine, Physics, Quiet, Settled, engine, engine_digest, engines_digest, settle, settle_quietly};
+use crate::plan::{Metric, Planner, Reuse};
+use crate::robot::{Robot, RobotSpec};
+use crate::rollout::{Engine, Physics, Quiet, engine, engine_digest, engines_digest};
 use crate::score::Direction;
 use crate::toml_file;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// A resolved, validated job with its robot compiled and settled. Cheap to clone.
+/// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
+/// to clone. [`Checked::prepare`] and [`Checked::with`] make a [`Job`] of it.
 #[derive(Clone, Debug)]
-pub struct Job(Arc<Resolved>);
+pub struct Checked(Arc<Resolved>);
 
 #[derive(Debug)]
 struct Resolved {
@@ -39,34 +42,26 @@ struct Resolved {
     robot: Robot,
     engine: Chosen,
     physics: Physics,
-    fitness: Fitness,
+    direction: Direction,
+    /// Name and unit of the score.
+    label: (&'static str, &'static str),
     bounds: Bounds,
-    /// The settled start in the canonical frame.
-    start: State,
-    /// Height of the terrain that the robot starts on, mu; 0 on flat ground.
-    ground: f64,
-    /// The setting that it was settled on, if not the job's own.
-    quiet: Option<Quiet>,
     finish: Option<Finish>,
     /// The same job on the reference setting, without a finish of its own.
-    reference: Option<Job>,
+    reference: Option<Checked>,
 }
 
-impl Job {
+impl Checked {
     /// Reads a self-contained job: one whose robot and environment are written out or ship with evogait.
-    /// Settings that are not given get their defaults, so that [`Job::to_toml`] tells all of them.
-    pub fn from_toml(text: &str) -> Result<Job, Invalid> {
+    /// Settings that are not given get their defaults, so that [`Checked::to_toml`] tells all of them.
+    pub fn from_toml(text: &str) -> Result<Self, Invalid> {
         let most = limits::MAX_TOML_LENGTH as u64;
         whole_in_range("length of the job's text", text.len() as u64, (0, most), "bytes")?;
         Self::new(toml_file::read(text)?)
     }
 
-    /// Resolves and validates a job whose robot and environment are written out or ship with evogait.
-    pub fn new(spec: JobSpec) -> Result<Job, Invalid> {
-        Self::resolve(spec, Unrest::SettleQuietly)
-    }
-
-    fn resolve(mut spec: JobSpec, unrest: Unrest) -> Result<Job, Invalid> {
+    /// Resolves and validates a job whose robot and environment are written out or ship with evogait. Simulates nothing.
+    pub fn new(mut spec: JobSpec) -> Result<Self, Invalid> {
         let mut faults = Faults::default();
         faults.take(name("name", &spec.name));
         let most = limits::MAX_DESCRIPTION_LENGTH as u64;
@@ -112,57 +107,33 @@ impl Job {
         faults.take(budget::validate(&spec, &environment, &physics));
         faults.end()?;
         let Some(bounds) = bounds else { unreachable!("bounds that are not there left a fault") };
-        let own = || settle(engine(chosen.engine), &robot, &physics).map(|state| Settled { state, quiet: None });
-        let settled = match unrest {
-            Unrest::SettleQuietly => settle_quietly(chosen.engine, &robot, &physics),
-            Unrest::StartAs(settled) => own().or(Ok(settled)),
-            Unrest::Refuse => own(),
+        let (direction, label) = {
+            // No height of the start is known yet: all cells of a grid in three dimensions count.
+            let fitness = Fitness::new(&spec.fitness, &environment, f64::INFINITY)?;
+            (fitness.direction(), fitness.label())
         };
-        let Settled { state: start, quiet } =
-            settled.map_err(|e| Invalid::Conflict { field: "robot".into(), reason: e.to_string() })?;
-        let ground = standing::ground_of_start(&robot, &environment, &start)?;
-        let height = f64::from(start.pivot.translation.z) + ground;
-        let fitness = Fitness::new(&spec.fitness, &environment, height)?;
 
         spec.variant = None;
         spec.physics = physics.written_out(chosen.engine, &spec.physics);
         spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
         spec.environment = Reference::Inline(Box::new(environment.clone()));
         spec.finish = Finish::written_out(finish.as_ref());
-        let reference = finish.map(|finish| on_reference(&spec, &finish)).transpose()?;
-        Ok(Job(Arc::new(Resolved {
+        let reference = finish.as_ref().map(|finish| on_reference(&spec, finish)).transpose()?;
+        let checked = Self(Arc::new(Resolved {
             spec,
             robot_spec,
             environment,
             robot,
             engine: chosen,
             physics,
-            fitness,
+            direction,
+            label,
             bounds,
-            start,
-            ground,
-            quiet,
             finish,
             reference,
-        })))
-    }
-
-    /// The same job with other physics, its robot settled there, and without a finish.
-    pub fn with_physics(&self, physics: PhysicsSpec) -> Result<Job, Invalid> {
-        with_physics(self.spec(), physics, Unrest::SettleQuietly)
-    }
-
-    /// The same job with other friction and without a finish. A robot that does not come to rest there by itself starts
-    /// as this job's does if it is known to tremble; else it is refused, as it always was: results keep their bits.
-    pub(crate) fn with_friction(&self, friction: f64, trembles: bool) -> Result<Job, Invalid> {
-        let physics = PhysicsSpec { friction: Some(friction), ..self.spec().physics.clone() };
-        let start = || Settled { state: self.0.start.clone(), quiet: self.0.quiet };
-        with_physics(self.spec(), physics, if trembles { Unrest::StartAs(start()) } else { Unrest::Refuse })
-    }
-
-    /// The setting that the robot was settled on; `None` if it is the job's own.
-    pub fn quiet(&self) -> Option<&Quiet> {
-        self.0.quiet.as_ref()
+        }));
+        budget::validate_preparation(&checked)?;
+        Ok(checked)
     }
 
     /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
@@ -197,13 +168,13 @@ impl Job {
         Digest::of("evogait job 1", &Identity { spec: &spec, engine, fitness: spec.fitness.revision() })
     }
 
-    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or a settled
-    /// start is another engine's. A worker must offer the same.
+    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or the quiet
+    /// setting of a start is another engine's. A worker must offer the same.
     pub fn engine_digest(&self) -> Digest {
         let search = self.chosen().engine;
-        let uses = |job: &Job, kind| job.chosen().engine == kind || job.quiet().is_some_and(|q| q.engine == kind);
+        let uses = |job: &Checked, kind| job.chosen().engine == kind || job.quiet_setting(0.0).engine == kind;
         let [rapier, lockstep] = [EngineKind::Rapier, EngineKind::Lockstep]
-            .map(|kind| uses(self, kind) || self.reference().is_some_and(|reference| uses(reference, kind)));
+            .map(|kind| uses(self, kind) || self.on_reference().is_some_and(|reference| uses(reference, kind)));
         if rapier && lockstep {
             engines_digest(EngineKind::Lockstep, EngineKind::Rapier)
         } else {
@@ -211,7 +182,12 @@ impl Job {
         }
     }
 
-    /// Which engine the job runs on, and why. [`Self::reference`] has one of its own.
+    /// The setting that its robot is settled on if it trembles at so many mu/s on the job's own.
+    fn quiet_setting(&self, trembling: f32) -> Quiet {
+        Quiet::of(&self.0.robot, &self.0.physics, trembling)
+    }
+
+    /// Which engine the job runs on, and why. [`Self::on_reference`] has one of its own.
     pub fn chosen(&self) -> Chosen {
         self.0.engine
     }
@@ -253,18 +229,13 @@ impl Job {
     }
 
     /// The same job on the reference setting of its finish, if it has one.
-    pub fn reference(&self) -> Option<&Job> {
+    pub fn on_reference(&self) -> Option<&Checked> {
         self.0.reference.as_ref()
     }
 
     /// Fresh RRT seeds on which candidates are scored again.
     pub fn fresh_seeds(&self) -> u32 {
         Finish::seeds_of(self.finish())
-    }
-
-    /// The fitness.
-    pub fn fitness(&self) -> &Fitness {
-        &self.0.fitness
     }
 
     /// The box of genomes.
@@ -280,32 +251,6 @@ impl Job {
     /// The controller.
     pub fn controller(&self) -> &'static dyn Controller {
         controller(self.0.spec.gaits.controller)
-    }
-
-    /// The settled start in the canonical frame.
-    pub fn start(&self) -> &State {
-        &self.0.start
-    }
-
-    /// The settled start as rollouts begin from it: in the canonical frame, with [`Place::ORIGIN`]; among terrain in the map,
-    /// with where that is.
-    pub fn start_among_terrain(&self) -> (State, Place) {
-        match self.environment().is_flat() {
-            true => (self.start().clone(), Place::ORIGIN),
-            false => (standing_at(self.start(), &self.root()), self.root()),
-        }
-    }
-
-    /// Where the pivot starts on the map.
-    pub fn root(&self) -> Place {
-        let start = &self.0.environment.start;
-        Place { x: start.x, y: start.y, z: f64::from(self.0.start.pivot.translation.z) + self.0.ground, yaw: start.yaw }
-    }
-
-    /// The obstacle that the robot, settled and with its pivot at the goal, touches at every heading, if there is one: such a
-    /// goal is no configuration that the robot can reach as it stands.
-    pub fn blocked_goal(&self) -> Option<usize> {
-        standing::blocked_goal(&self.0.robot, &self.0.environment, &self.0.start)
     }
 
     /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
@@ -327,16 +272,6 @@ impl Job {
         Reuse { tolerance: spec.reuse_tolerance, variants: spec.variants }
     }
 
-    /// Where trees are grown.
-    pub fn setting(&self) -> Setting<'_> {
-        Setting {
-            robot: &self.0.robot,
-            environment: &self.0.environment,
-            gaits: self.0.spec.gaits.count as usize,
-            height: self.0.start.pivot.translation.z.into(),
-        }
-    }
-
     /// Names of the genome's parameters, such as `gait1.hip-front.omega1`, in order.
     pub fn parameter_names(&self) -> Vec<String> {
         let mut names = Vec::new();
@@ -352,12 +287,12 @@ impl Job {
 
     /// Whether larger or smaller scores are better.
     pub fn direction(&self) -> Direction {
-        self.0.fitness.direction()
+        self.0.direction
     }
 
     /// Name and unit of the score, such as ("coverage", "%").
     pub fn score_label(&self) -> (&'static str, &'static str) {
-        self.0.fitness.label()
+        self.0.label
     }
 
     /// A fresh optimiser at generation 0.
@@ -417,30 +352,26 @@ fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<
     Ok(())
 }
 
-/// Way to deal with a robot that does not come to rest on a job's own setting.
-enum Unrest {
-    /// It is settled on a quiet one.
-    SettleQuietly,
-    /// It starts like this.
-    StartAs(Settled),
-    /// The job is refused.
-    Refuse,
-}
-
-fn with_physics(spec: &JobSpec, physics: PhysicsSpec, unrest: Unrest) -> Result<Job, Invalid> {
+/// A job with other physics and without a finish.
+fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Checked, Invalid> {
     let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
-    Job::resolve(JobSpec { physics, finish, ..spec.clone() }, unrest)
+    Checked::new(JobSpec { physics, finish, ..spec.clone() })
 }
 
 /// A resolved job on the reference setting of its finish.
-fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Job, Invalid> {
-    with_physics(spec, finish.physics(&spec.physics), Unrest::SettleQuietly).map_err(|e| Invalid::Conflict {
+fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Checked, Invalid> {
+    with_physics(spec, finish.physics(&spec.physics)).map_err(|fault| unusable_reference(finish, &fault))
+}
+
+/// The refusal of a job that can't be used on its reference setting.
+fn unusable_reference(finish: &Finish, fault: &Invalid) -> Invalid {
+    Invalid::Conflict {
         field: "finish".into(),
         reason: format!(
-            "on its reference setting ({} steps a second, {} substeps) the job can't be used: {e}",
+            "on its reference setting ({} steps a second, {} substeps) the job can't be used: {fault}",
             finish.steps_per_second, finish.substeps
         ),
-    })
+    }
 }
 
 fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {

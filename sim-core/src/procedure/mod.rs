@@ -7,7 +7,18 @@
 //! Every job begins with round 0, its *preparation* ([`preparing`]): a worker settles the robot, and what it found is
 //! handed to all tasks of later rounds as the bytes they share. So no coordinator ever simulates.
 
+pub mod bench;
+pub mod evolve;
+pub mod kinds;
+pub mod preparing;
+
+pub use crate::optimise::REVISION;
+pub use bench::Bench;
+
+use crate::error::Invalid;
 use crate::identity::Digest;
+use crate::job::{Checked, Job};
+use preparing::Preparing;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -191,21 +202,30 @@ pub enum NotRun {
 
 /// The digest of a result's bytes: two results of a task are the same when these are.
 pub fn result_digest(result: &[u8]) -> Digest {
-    Digest::of("evogait task result 1", &result)
+    Digest::of_bytes("evogait task result 1", result)
 }
 
-// The functions below are what coordinator, worker and command line call:
-//
-// /// A job's procedure before its first round. Nothing is simulated.
-// pub fn start(problem: &Checked) -> Result<Box<dyn Procedure>, Invalid>;
-// /// A job's procedure as it was saved.
-// pub fn load(problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState>;
-// /// Raised by hand when what a coordinator computes for a job changes (today's `optimise::REVISION`).
-// pub const REVISION: u32;
-// /// A job on a worker: its text read and checked once (cheap); prepared from the shared bytes once, kept.
-// pub struct Bench; impl Bench {
-//   pub fn open(job_toml: &str) -> Result<Bench, Invalid>;
-//   pub fn engine_digest(&self) -> Digest;
-//   /// Carries out tasks of one round: (index, bytes). Results in their order. Round 0 has empty `shared`.
-//   pub fn run(&self, round: u32, shared: &[u8], tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun>;
-// }
+/// A kind of procedure: both its sides. Registered in [`kinds`].
+pub trait ProcedureKind: Sync {
+    /// As job files call it.
+    fn name(&self) -> &'static str;
+
+    /// The coordinator's side of a job before its first round. Nothing is simulated. Its rounds share no bytes.
+    fn start(&self, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid>;
+
+    /// The coordinator's side of a job as it was saved.
+    fn load(&self, problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState>;
+
+    /// Carries out tasks of one round: (index, bytes). Results in their order.
+    fn run(&self, problem: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun>;
+}
+
+/// A job's procedure before its first round. Nothing is simulated.
+pub fn start(problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
+    Ok(Box::new(Preparing::start(kinds::of(problem), problem)?))
+}
+
+/// A job's procedure as it was saved.
+pub fn load(problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
+    Ok(Box::new(Preparing::load(kinds::of(problem), problem, saved)?))
+}

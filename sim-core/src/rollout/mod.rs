@@ -10,6 +10,8 @@ pub use engine::{Engine, NUMERIC_CRATES, Request, engine, engine_digest, engine_
 pub use rapier::RapierEngine;
 pub use settings::Physics;
 pub(crate) use settle::canonical;
-pub use settle::{Quiet, Settled, Unsettled, settle, settle_quietly};
+pub use settle::{
+    LONGEST as LONGEST_SETTLING, Quiet, Settled, Unsettled, settle, settle_quietly, settle_quietly_until, settle_until,
+};
 pub use trace::{Bound, Outcome, Rollout, Span, Trace};
 pub(crate) use trace::{sample_every, spans};

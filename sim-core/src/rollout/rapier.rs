@@ -20,7 +20,20 @@ pub struct RapierEngine;
 
 impl Engine for RapierEngine {
     fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
-        batch.iter().map(|request| Simulation::new(robot, physics, terrain, request).run(request)).collect()
+        let never = || false;
+        let rollout = |request| Simulation::new(robot, physics, terrain, request).run(request, &never);
+        batch.iter().map(|request| rollout(request).expect("a rollout that nobody stops has an end")).collect()
+    }
+
+    /// Asks `stop` before every step: a step of the largest robot takes some milliseconds a substep at most.
+    fn run_until(
+        &self,
+        robot: &Robot,
+        physics: &Physics,
+        request: &Request<'_>,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Rollout> {
+        Simulation::new(robot, physics, &[], request).run(request, stop)
     }
 }
 
@@ -93,7 +106,7 @@ impl<'a> Simulation<'a> {
         self.joints = Joints::insert(&mut self.world, self.robot, self.physics, &self.bodies, start);
     }
 
-    fn run(mut self, request: &Request<'_>) -> Rollout {
+    fn run(mut self, request: &Request<'_>, stop: &dyn Fn() -> bool) -> Option<Rollout> {
         let rate = self.physics.steps_per_second;
         let steps = self.physics.steps(request.targets.duration());
         let every = sample_every(rate);
@@ -106,6 +119,9 @@ impl<'a> Simulation<'a> {
         boxes.push(self.robot.bounds(&state));
         let mut done = 0;
         while done < steps {
+            if stop() {
+                return None;
+            }
             let time = f64::from(done + 1) / f64::from(rate);
             request.targets.at(time, &mut targets);
             self.set_targets(&targets);
@@ -121,14 +137,14 @@ impl<'a> Simulation<'a> {
                 boxes.push(self.robot.bounds(&state));
             }
         }
-        Rollout {
+        Some(Rollout {
             end: state,
             end_speed: self.top_speed(),
             trace,
             swept: spans(&boxes),
             outcome,
             simulated_ms: u64::from(done) * 1000 / u64::from(rate),
-        }
+        })
     }
 
     fn set_targets(&mut self, targets: &[f32]) {

@@ -10,13 +10,16 @@ use std::fmt;
 
 /// Slower than this, a robot is at rest, mu/s.
 const REST: f32 = 0.01;
-/// A settling run, s, and how many there are at most.
+/// Length of a settling run, s, and how many there are at most.
 const RUN: f64 = 2.0;
 const RUNS: usize = 10;
 /// Steps a second and substeps of the quiet setting on the lockstep engine.
 const QUIET_LOCKSTEP: (u32, u32) = (600, 2);
 /// Steps a second and substeps of the quiet setting on rapier with multibody joints, for robots with capsules.
 const QUIET_MULTIBODY: (u32, u32) = (240, 4);
+
+/// Longest time that settling on one setting simulates, s.
+pub const LONGEST: f64 = RUN * RUNS as f64;
 
 /// A robot that does not come to rest by itself.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -39,6 +42,9 @@ pub enum Unsettled {
         /// s.
         seconds: f64,
     },
+    /// The caller gave it up.
+    #[error("stopped before the robot came to rest")]
+    Stopped,
 }
 
 /// A settled start.
@@ -63,7 +69,8 @@ pub struct Quiet {
 }
 
 impl Quiet {
-    fn of(robot: &Robot, physics: &Physics, trembling: f32) -> Self {
+    /// The quiet setting of a robot that trembles at so many mu/s on the setting of its rollouts.
+    pub fn of(robot: &Robot, physics: &Physics, trembling: f32) -> Self {
         let lockstep = lockstep::supports(robot, &[]).is_ok();
         let (engine, joints, steps) = match lockstep {
             true => (EngineKind::Lockstep, JointKind::Impulse, QUIET_LOCKSTEP),
@@ -91,11 +98,22 @@ impl fmt::Display for Quiet {
 /// # Errors
 /// The simulation breaks on the setting of its rollouts, or the robot moves on both.
 pub fn settle_quietly(kind: EngineKind, robot: &Robot, physics: &Physics) -> Result<Settled, Unsettled> {
-    match settle(engine(kind), robot, physics) {
+    settle_quietly_until(kind, robot, physics, &|| false)
+}
+
+/// Does what [`settle_quietly`] does until `stop` says so: then it returns [`Unsettled::Stopped`].
+pub fn settle_quietly_until(
+    kind: EngineKind,
+    robot: &Robot,
+    physics: &Physics,
+    stop: &dyn Fn() -> bool,
+) -> Result<Settled, Unsettled> {
+    match settle_until(engine(kind), robot, physics, stop) {
         Ok(state) => Ok(Settled { state, quiet: None }),
         Err(Unsettled::Moving { speed, .. }) => {
             let quiet = Quiet::of(robot, physics, speed);
-            let state = stand(engine(quiet.engine), robot, &quiet.physics, |rollout| drift(rollout) < REST)?;
+            let still = |rollout: &Rollout| drift(rollout) < REST;
+            let state = stand(engine(quiet.engine), robot, &quiet.physics, still, stop)?;
             Ok(Settled { state, quiet: Some(quiet) })
         }
         Err(broken) => Err(broken),
@@ -104,7 +122,17 @@ pub fn settle_quietly(kind: EngineKind, robot: &Robot, physics: &Physics) -> Res
 
 /// The settled start on flat ground, in the canonical frame (x = y = 0, heading 0), on one setting.
 pub fn settle(engine: &dyn Engine, robot: &Robot, physics: &Physics) -> Result<State, Unsettled> {
-    stand(engine, robot, physics, |_| true)
+    settle_until(engine, robot, physics, &|| false)
+}
+
+/// Does what [`settle`] does until `stop` says so: then it returns [`Unsettled::Stopped`].
+pub fn settle_until(
+    engine: &dyn Engine,
+    robot: &Robot,
+    physics: &Physics,
+    stop: &dyn Fn() -> bool,
+) -> Result<State, Unsettled> {
+    stand(engine, robot, physics, |_| true, stop)
 }
 
 /// Lets the robot stand until it is slow at the end of a run, and the run satisfies `still`.
@@ -113,6 +141,7 @@ fn stand(
     robot: &Robot,
     physics: &Physics,
     still: impl Fn(&Rollout) -> bool,
+    stop: &dyn Fn() -> bool,
 ) -> Result<State, Unsettled> {
     let targets = Targets::zero(robot.hinges.len(), RUN);
     let mut state = robot.neutral();
@@ -121,7 +150,7 @@ fn stand(
     let mut speed = 0.0;
     for _ in 0..RUNS {
         let request = Request { start: &state, targets: &targets };
-        let rollout = engine.run(robot, physics, &[], &[request]).swap_remove(0);
+        let rollout = engine.run_until(robot, physics, &request, stop).ok_or(Unsettled::Stopped)?;
         if rollout.outcome != Outcome::Completed {
             return Err(Unsettled::Unstable(rollout.outcome));
         }
@@ -133,7 +162,7 @@ fn stand(
             return Ok(state);
         }
     }
-    Err(Unsettled::Moving { speed, seconds: RUN * RUNS as f64 })
+    Err(Unsettled::Moving { speed, seconds: LONGEST })
 }
 
 /// Mean speed over the second half of a run: of the pivot, mu/s, or of a joint, rad/s. The end speed of the lockstep engine
@@ -172,11 +201,11 @@ mod tests {
         for damping in [150.0, 200.0, 300.0] {
             let physics = Physics { stiffness: 0.0, damping, ..Physics::of_scale(Scale::Paper) };
             let quiet = Quiet::of(&robot, &physics, 0.0);
-            let found = stand(engine(quiet.engine), &robot, &quiet.physics, |rollout| drift(rollout) < REST);
+            let found = stand(engine(quiet.engine), &robot, &quiet.physics, |rollout| drift(rollout) < REST, &|| false);
             assert!(matches!(found, Err(Unsettled::Moving { .. })), "{damping}: {found:?}");
         }
         let physics = Physics::of_scale(Scale::Paper);
         let quiet = Quiet::of(&robot, &physics, 0.0);
-        stand(engine(quiet.engine), &robot, &quiet.physics, |rollout| drift(rollout) < REST).unwrap();
+        stand(engine(quiet.engine), &robot, &quiet.physics, |rollout| drift(rollout) < REST, &|| false).unwrap();
     }
 }

@@ -1,0 +1,67 @@
+//! A job on a worker.
+
+use super::{Hooks, NotRun, ProcedureKind, kinds, preparing};
+use crate::error::Invalid;
+use crate::identity::Digest;
+use crate::job::{Checked, Job, Preparation};
+use std::sync::{Mutex, PoisonError};
+
+/// A job on a worker: its text read and checked once, which is cheap; prepared once from the bytes that its rounds share.
+pub struct Bench {
+    problem: Checked,
+    kind: &'static dyn ProcedureKind,
+    /// The prepared job, with the digest of the bytes that it was prepared from.
+    prepared: Mutex<Option<(Digest, Job)>>,
+}
+
+impl Bench {
+    /// Reads and checks a job. Nothing is simulated.
+    pub fn open(job_toml: &str) -> Result<Self, Invalid> {
+        Ok(Self::of(Checked::from_toml(job_toml)?))
+    }
+
+    /// That of a job that is checked.
+    pub fn of(problem: Checked) -> Self {
+        let kind = kinds::of(&problem);
+        Self { problem, kind, prepared: Mutex::new(None) }
+    }
+
+    /// The job.
+    pub fn problem(&self) -> &Checked {
+        &self.problem
+    }
+
+    /// The digest of the engine or engines that the job needs.
+    pub fn engine_digest(&self) -> Digest {
+        self.problem.engine_digest()
+    }
+
+    /// Carries out tasks of one round: (index, bytes). Results in their order. `shared` is empty in round 0.
+    pub fn run(
+        &self,
+        round: u32,
+        shared: &[u8],
+        tasks: &[(u32, Vec<u8>)],
+        hooks: &dyn Hooks,
+    ) -> Result<Vec<Vec<u8>>, NotRun> {
+        if round == 0 {
+            return preparing::run(&self.problem, tasks, hooks);
+        }
+        self.kind.run(&self.prepared(shared)?, tasks, hooks)
+    }
+
+    /// The job prepared from these bytes. A second caller waits for the first one's instead of making its own.
+    fn prepared(&self, shared: &[u8]) -> Result<Job, NotRun> {
+        let digest = Digest::of_bytes("evogait preparation 1", shared);
+        let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((known, job)) = &*prepared
+            && *known == digest
+        {
+            return Ok(job.clone());
+        }
+        let preparation = Preparation::decode(shared).map_err(|e| NotRun::Task(format!("its preparation: {e}")))?;
+        let job = self.problem.clone().with(preparation).map_err(|e| NotRun::Task(e.to_string()))?;
+        *prepared = Some((digest, job.clone()));
+        Ok(job)
+    }
+}

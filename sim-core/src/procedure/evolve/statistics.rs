@@ -1,0 +1,86 @@
+//! The distribution of a generation's scores in seven numbers.
+
+use crate::procedure::{Row, Value};
+use crate::score::Counts;
+
+/// The series of the rows.
+pub(super) const SERIES: &str = "generations";
+
+/// A generation's row: statistics over the evaluations that did not fail, without a value if all did, then what it took.
+/// Quartiles are interpolated linearly between the sorted scores (Hyndman and Fan's type 7, the default of NumPy and R).
+pub(super) fn row(
+    generation: u32,
+    scores: &[Option<f64>],
+    counts: Counts,
+    best_so_far: Option<f64>,
+    unit: &'static str,
+) -> Row {
+    let mut sorted: Vec<f64> = scores.iter().flatten().copied().filter(|s| !s.is_nan()).collect();
+    let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
+    sorted.sort_by(f64::total_cmp);
+    let score = |name: &'static str, value: Option<f64>| Value { name: name.into(), unit: unit.into(), value };
+    let mut values = vec![
+        score("min", quantile(&sorted, 0.0)),
+        score("lower_quartile", quantile(&sorted, 0.25)),
+        score("median", quantile(&sorted, 0.5)),
+        score("upper_quartile", quantile(&sorted, 0.75)),
+        score("max", quantile(&sorted, 1.0)),
+        score("mean", (!sorted.is_empty()).then_some(mean)),
+        score("best_so_far", best_so_far),
+        number("failed", scores.iter().filter(|s| s.is_none()).count() as u64),
+    ];
+    values.extend(counted(&counts));
+    Row { series: SERIES.into(), index: generation, values }
+}
+
+/// What evaluations took, a value each.
+pub(super) fn counted(counts: &Counts) -> [Value; 6] {
+    let milliseconds = Value { unit: "ms".into(), ..number("simulated_ms", counts.simulated_ms) };
+    [
+        number("rollouts", counts.rollouts),
+        number("unstable", counts.unstable),
+        milliseconds,
+        number("edges", counts.edges),
+        number("rejected", counts.rejected),
+        number("nodes", counts.nodes),
+    ]
+}
+
+/// A whole number with a name.
+pub(super) fn number(name: &'static str, value: u64) -> Value {
+    Value { name: name.into(), unit: "".into(), value: Some(value as f64) }
+}
+
+fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
+    let last = sorted.len().checked_sub(1)?;
+    let at = q * last as f64;
+    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+    Some(low + (high - low) * at.fract())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values(row: &Row) -> Vec<Option<f64>> {
+        row.values.iter().map(|value| value.value).collect()
+    }
+
+    #[test]
+    fn quartiles_are_those_of_numpy() {
+        let row = row(3, &[Some(4.0), None, Some(1.0), Some(2.0), Some(3.0)], Counts::default(), Some(9.0), "%");
+        assert_eq!(values(&row)[..5], [1.0, 1.75, 2.5, 3.25, 4.0].map(Some));
+        assert_eq!(
+            (values(&row)[5], values(&row)[6], values(&row)[7], row.index),
+            (Some(2.5), Some(9.0), Some(1.0), 3)
+        );
+        assert!(row.values[..7].iter().all(|value| value.unit == "%"));
+    }
+
+    #[test]
+    fn without_a_success_there_is_no_number() {
+        let row = row(0, &[None, None], Counts::default(), None, "%");
+        assert_eq!(values(&row)[..7], [None; 7]);
+        assert_eq!(values(&row)[7], Some(2.0));
+    }
+}

@@ -1,0 +1,64 @@
+//! The worker's side of an evolution.
+
+use super::task::{Task, TaskResult};
+use crate::evaluate::{Stopped, evaluate};
+use crate::finish::{Answer, Examination, examine};
+use crate::job::Job;
+use crate::procedure::{Hooks, NotRun};
+use crate::score::Genome;
+use std::collections::BTreeMap;
+
+impl From<Stopped> for NotRun {
+    fn from(Stopped: Stopped) -> Self {
+        Self::Stopped
+    }
+}
+
+/// Carries tasks out: all evaluations of a generation in one batch, so that they fill an engine's lanes together.
+pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
+    let stop = || hooks.stop();
+    let mut generations: BTreeMap<u32, Vec<(usize, (u32, Genome))>> = BTreeMap::new();
+    let mut examinations = Vec::new();
+    for (place, (index, bytes)) in tasks.iter().enumerate() {
+        let task = Task::decode(bytes).map_err(|e| NotRun::Task(format!("task {index}: {e}")))?;
+        match task {
+            Task::Evaluate { generation, candidate, genome } => {
+                fits(job, *index, &genome)?;
+                generations.entry(generation).or_default().push((place, (candidate, genome)));
+            }
+            Task::Examine(examination) => {
+                fits(job, *index, &examination.candidate.genome)?;
+                examinations.push((place, examination));
+            }
+        }
+    }
+    let mut results: Vec<Vec<u8>> = vec![Vec::new(); tasks.len()];
+    for (generation, candidates) in generations {
+        let (places, candidates): (Vec<usize>, Vec<(u32, Genome)>) = candidates.into_iter().unzip();
+        for (place, evaluation) in places.into_iter().zip(evaluate(job, generation, &candidates, &stop)?) {
+            let (score, counts) = (evaluation.score, evaluation.counts);
+            let result = TaskResult::Evaluated { genotype: None, score, descriptors: Vec::new(), counts };
+            results[place] = result.encode();
+        }
+    }
+    for (place, examination) in examinations {
+        results[place] = answer(job, &examination, &stop)?.encode();
+    }
+    Ok(results)
+}
+
+fn answer(job: &Job, examination: &Examination, stop: &dyn Fn() -> bool) -> Result<TaskResult, NotRun> {
+    let Answer { scores, counts, traces } = examine(job, examination, stop)?;
+    Ok(TaskResult::Examined { scores, counts, traces })
+}
+
+fn fits(job: &Job, index: u32, genome: &[f64]) -> Result<(), NotRun> {
+    let wanted = job.bounds().0.len();
+    if genome.len() != wanted || genome.iter().any(|v| !v.is_finite()) {
+        return Err(NotRun::Task(format!(
+            "task {index}: its genome has {} numbers; {wanted} finite ones are needed",
+            genome.len()
+        )));
+    }
+    Ok(())
+}
