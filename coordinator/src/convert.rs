@@ -3,7 +3,8 @@
 use crate::permit::Issued;
 use crate::record::{Claim, Dispute, Event, JobEvent, JobId, JobRecord, JobState, Poisoned, Ruling};
 use crate::scheduler::{
-    AssignmentId, Caller, Completed, Delivery, Detail, Held, Message, Range, Running, Verdict, Welcome, WorkerId, WorkerView,
+    AssignmentId, Caller, Completed, Delivery, Detail, Held, Message, Range, Running, Verdict, Welcome, WorkerId,
+    WorkerView,
 };
 use prost::Message as _;
 use proto::ConvertError;

@@ -1,8 +1,8 @@
 //! Hello: who may work here.
 
 use super::{at_most, id, printable};
-use crate::limits::MAX_RUNNING;
 use crate::convert;
+use crate::limits::MAX_RUNNING;
 use crate::scheduler::{Greeting, WorkerId};
 use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
 use proto::{PROTOCOL, v1};
@@ -55,12 +55,8 @@ pub(crate) fn check(hello: v1::Hello, address: String, credential: Arc<str>) -> 
             hello.running.len()
         )));
     }
-    let running = hello
-        .running
-        .into_iter()
-        .filter(|running| running.job_id.len() <= MAX_ID)
-        .map(convert::running)
-        .collect();
+    let running =
+        hello.running.into_iter().filter(|running| running.job_id.len() <= MAX_ID).map(convert::running).collect();
     let time_left = time("seconds_left", Duration::from_secs(hello.seconds_left))?;
     let stuck_after = time("stuck_after_ms", Duration::from_millis(hello.stuck_after_ms))?;
     Ok(Greeting {

@@ -3,8 +3,8 @@
 use super::{Api, at_most, id, no_nul, store_failed};
 use crate::access::{Pass, Passing};
 use crate::actor::{Command, SubmitError};
-use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
 use crate::convert;
+use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
 use crate::record::{JobId, JobRecord, JobState};
 use crate::scheduler::{Demand, NewJob};
 use proto::limits::{DEFAULT_PAGE, DEFAULT_PRIORITY, MAX_JOB_TOML, MAX_PAGE, MAX_PRIORITY, MAX_REQUEST_ID};
@@ -149,7 +149,7 @@ pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Dig
         priority,
         job_digest: job.digest(),
         engine_digest: job.engine_digest(),
-        kind: procedure::kind_of(&job).to_owned(),
+        kind: procedure::name(&job).to_owned(),
         procedure: procedure::start(&job).map_err(unusable)?,
         carried: None,
         // Resolved, so that workers need no files and a later version no other defaults.

@@ -83,19 +83,16 @@ fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
 fn first_doubtful(record: &JobRecord) -> Option<(u32, &'static str)> {
     let doubtful = |d: &Dispute| match d.ruling {
         Some(Ruling::Tainted) => Some((d.round, "is wrong")),
-        None if d.round < record.rounds_sealed => Some((d.round, "is in doubt (the job ended before that was decided)")),
+        None if d.round < record.rounds_sealed => {
+            Some((d.round, "is in doubt (the job ended before that was decided)"))
+        }
         _ => None,
     };
     record.disputes.iter().filter_map(doubtful).min_by_key(|(round, _)| *round)
 }
 
 /// The new job before it takes anything over.
-fn prepare(
-    request_id: String,
-    request_digest: Digest,
-    record: &JobRecord,
-    job_toml: String,
-) -> Result<NewJob, Status> {
+fn prepare(request_id: String, request_digest: Digest, record: &JobRecord, job_toml: String) -> Result<NewJob, Status> {
     let request = SubmitJobRequest { request_id, job_toml, priority: record.priority };
     let new = read(request, record.priority, request_digest)?;
     if new.job_digest != record.job_digest {

@@ -1,8 +1,8 @@
 //! WatchJob: stored events first, then live ones, without a gap between them.
 
 use super::{Api, stopping, store_failed};
-use crate::limits::EVENTS_AT_ONCE;
 use crate::convert;
+use crate::limits::EVENTS_AT_ONCE;
 use crate::record::JobId;
 use crate::store::StoreError;
 use proto::v1::JobEvent;

@@ -10,9 +10,7 @@ use crate::store::StoreError;
 use proto::ConvertError;
 use proto::limits::MAX_REASON;
 use proto::v1::worker_service_server::WorkerService;
-use proto::v1::{
-    CompleteRequest, CompleteResponse, CoordinatorMessage, Heartbeat, WorkerMessage, worker_message,
-};
+use proto::v1::{CompleteRequest, CompleteResponse, CoordinatorMessage, Heartbeat, WorkerMessage, worker_message};
 use std::pin::Pin;
 use tokio::sync::{mpsc, oneshot};
 use tokio_stream::wrappers::UnboundedReceiverStream;

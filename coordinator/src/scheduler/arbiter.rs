@@ -4,8 +4,8 @@
 use super::dispatch::Queue;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
-use super::leaving::time_for;
 use super::lease::{Kind, Lease, Range, assign};
+use super::leaving::time_for;
 use super::sizing::longest;
 use super::{Now, Scheduler};
 use crate::record::{Dispute, JobId, Source};

@@ -178,7 +178,8 @@ pub(super) fn weigh(
         }
         let result = result.filter(|_| round == job.round.number());
         let what = result.as_ref().map_or_else(String::new, |result| job.procedure.show(result));
-        let held_claim = claim(core, core.fleet.source(held.finder.clone()), held.digest, job.show(&held), held.result.clone());
+        let held_claim =
+            claim(core, core.fleet.source(held.finder.clone()), held.digest, job.show(&held), held.result.clone());
         let claim = claim(core, source.clone(), digest, what, result.map(|result| result.to_vec()));
         let Some(job) = core.jobs.active.get_mut(id) else { return differs };
         match job.hear(now, round, claim, index, (held, held_claim)) {

@@ -7,8 +7,8 @@
 use super::arbiter::ask_arbiters;
 use super::fleet::{Fleet, Worker, WorkerId};
 use super::job::ActiveJob;
-use super::leaving::time_for;
 use super::lease::{Kind, Lease, assign};
+use super::leaving::time_for;
 use super::sizing::{Cut, may_prefetch, range_size};
 use super::suspects::isolate_suspects;
 use super::{Now, Scheduler};

@@ -156,11 +156,7 @@ impl ActiveJob {
         let waits = record.state == JobState::Waiting;
         let round = if waits { Round::none(record.rounds_sealed) } else { Round::new(procedure.round()) };
         if round.number() != record.rounds_sealed {
-            return Err(BadState(format!(
-                "it is at round {} and the job at {}",
-                round.number(),
-                record.rounds_sealed
-            )));
+            return Err(BadState(format!("it is at round {} and the job at {}", round.number(), record.rounds_sealed)));
         }
         let disputed = places(&record.disputes);
         let mut job = Self {
@@ -198,7 +194,8 @@ impl ActiveJob {
 
     /// Puts right what the store still has as it was first committed.
     fn apply_rulings(&mut self) {
-        for dispute in self.record.disputes.iter().filter(|d| d.round == self.round.number()) {
+        let at_hand = self.round.number();
+        for dispute in self.record.disputes.iter().filter(|d| d.round == at_hand) {
             let held = dispute.holding().and_then(|c| Some((c.result.clone()?, c.source.finder.clone())));
             if let Some((result, finder)) = held {
                 self.round.correct(dispute.index, result.into(), finder);
@@ -259,8 +256,7 @@ impl ActiveJob {
         record.rounds_kept += u32::from(kept && record.rounds_kept == number);
         record.charges.clear();
         record.progress = self.procedure.progress();
-        let sealed =
-            SealedRound { number, row: row.clone(), digests, results: kept.then_some(results) };
+        let sealed = SealedRound { number, row: row.clone(), digests, results: kept.then_some(results) };
         let told = Event::Sealed { round: number, phase: phase.to_owned(), row };
         let mut events = vec![record.next_event(now.unix_ms, told)];
         match step {

@@ -182,8 +182,7 @@ impl Leases {
 
 /// Gives a lease to its worker, and sends it the tasks.
 pub(super) fn assign(core: &mut Scheduler, now: Now, id: AssignmentId, lease: Lease, tasks: Vec<Vec<u8>>) {
-    let (Some(worker), Some(job)) =
-        (core.fleet.workers.get_mut(&lease.worker), core.jobs.active.get_mut(&lease.job))
+    let (Some(worker), Some(job)) = (core.fleet.workers.get_mut(&lease.worker), core.jobs.active.get_mut(&lease.job))
     else {
         return;
     };

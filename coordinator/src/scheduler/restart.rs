@@ -35,7 +35,12 @@ impl Carried {
         let results = results.ok_or_else(|| unfit("its results are not kept".to_owned()))?;
         let round = procedure.round();
         if round.number != number || round.tasks as usize != results.len() || digests.len() != results.len() {
-            return Err(unfit(format!("it has {} results, and round {} has {}", results.len(), round.number, round.tasks)));
+            return Err(unfit(format!(
+                "it has {} results, and round {} has {}",
+                results.len(),
+                round.number,
+                round.tasks
+            )));
         }
         for (index, result) in (0..).zip(&results) {
             procedure.check(index, result).map_err(|e| unfit(e.to_string()))?;

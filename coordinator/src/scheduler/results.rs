@@ -229,9 +229,8 @@ fn admit(core: &Scheduler, completed: &Completed) -> Result<Option<Verdict>, Ref
 /// the call came from the worker of that id.
 fn refuse(core: &mut Scheduler, now: Now, completed: &Completed, refused: &RefusedResult) {
     let Completed { worker, assignment, job, caller, .. } = completed;
-    let is_known = core.fleet.workers.get(worker).is_some_and(|w| {
-        w.host() == &*caller.host && w.credential == caller.credential
-    });
+    let is_known =
+        core.fleet.workers.get(worker).is_some_and(|w| w.host() == &*caller.host && w.credential == caller.credential);
     if matches!(refused, RefusedResult::Unissued { .. }) {
         if is_known {
             mark(core, now, worker, &refused.to_string());
@@ -353,8 +352,7 @@ fn compare_sealed(
         return Verdict::Older;
     }
     let delivered = range.indexes().zip(results);
-    let delivered =
-        delivered.map(|(index, result)| Delivered { index, digest: result_digest(result), result: None });
+    let delivered = delivered.map(|(index, result)| Delivered { index, digest: result_digest(result), result: None });
     let conflict = weigh(core, now, id, range.round, delivered, worker, &Contradicted::new());
     // It may have waited for that.
     seal(core, now, id);

@@ -4,8 +4,8 @@
 use super::dispatch::charge;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
-use super::leaving::time_for;
 use super::lease::{AssignmentId, Kind, Lease, assign};
+use super::leaving::time_for;
 use super::{Now, Scheduler};
 use std::time::Duration;
 

@@ -142,10 +142,8 @@ impl Inner {
 
 impl Entry {
     fn change(&mut self, record: JobRecord, events: &[JobEvent]) {
-        let stored = |event: &JobEvent| StoredEvent {
-            sequence: event.sequence,
-            bytes: convert::event_bytes(&record, event),
-        };
+        let stored =
+            |event: &JobEvent| StoredEvent { sequence: event.sequence, bytes: convert::event_bytes(&record, event) };
         self.events.extend(events.iter().map(stored));
         self.record = record;
         if self.record.state.is_end() {

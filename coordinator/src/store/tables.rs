@@ -85,12 +85,8 @@ async fn apply(sql: &mut impl Sql, write: &Write, has_last_record: bool) -> Resu
         Write::Seal { record, sealed, state, events } => {
             insert_round(sql, &record.id, sealed).await?;
             // In one statement: a row is written whole, and the state of a large search is most of it.
-            let values = vec![
-                blob::encode(state).into(),
-                record.state.into(),
-                blob::encode(record).into(),
-                (&record.id).into(),
-            ];
+            let values =
+                vec![blob::encode(state).into(), record.state.into(), blob::encode(record).into(), (&record.id).into()];
             sql.run("UPDATE jobs SET run = $1, state = $2, record = $3 WHERE id = $4", values).await?;
             sql.run("DELETE FROM results WHERE job = $1", vec![(&record.id).into()]).await?;
             insert_events(sql, record, events).await
@@ -182,8 +178,7 @@ pub(super) async fn start<S: Sql>(sql: &mut S, row: Option<S::Row>) -> Result<Lo
     let corrupt = |_| StoreError::Corrupt { what: "the secret of permits".to_owned() };
     let key = PermitKey::new(row.bytes(1)?.try_into().map_err(corrupt)?);
     let epoch = row.number(0)? as u64;
-    let mut loaded =
-        Loaded { epoch, key, next_job: 1, active: Vec::new(), ended: Vec::new(), quarantined: Vec::new() };
+    let mut loaded = Loaded { epoch, key, next_job: 1, active: Vec::new(), ended: Vec::new(), quarantined: Vec::new() };
     for row in sql.rows("SELECT number, id, state FROM jobs ORDER BY number", vec![]).await? {
         let (id, state) = (JobId::from(row.text(1)?.as_str()), row.number(2)?);
         loaded.next_job = row.number(0)? as u64 + 1;
@@ -262,12 +257,7 @@ pub(super) async fn digests(sql: &mut impl Sql, id: &JobId, round: u32) -> Resul
     row.map(|row| Ok(blob::decode_digests(&row.bytes(0)?)?)).transpose()
 }
 
-pub(super) async fn rounds(
-    sql: &mut impl Sql,
-    id: &JobId,
-    from: u32,
-    limit: u32,
-) -> Result<Vec<SealedRound>, Trouble> {
+pub(super) async fn rounds(sql: &mut impl Sql, id: &JobId, from: u32, limit: u32) -> Result<Vec<SealedRound>, Trouble> {
     let query = "SELECT round, told, digests, results FROM rounds WHERE job = $1 AND round >= $2
                  ORDER BY round LIMIT $3";
     let rows = sql.rows(query, vec![id.into(), from.into(), limit.into()]).await?;

@@ -225,6 +225,11 @@ pub fn start(problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
     Ok(Box::new(Preparing::start(kinds::of(problem), problem)?))
 }
 
+/// The name of a job's procedure, such as "evolve".
+pub fn name(problem: &Checked) -> &'static str {
+    kinds::of(problem).name()
+}
+
 /// A job's procedure as it was saved.
 pub fn load(problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
     Ok(Box::new(Preparing::load(kinds::of(problem), problem, saved)?))

@@ -156,8 +156,10 @@ impl PostgresStore {
             sqlx::raw_sql(make).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
         }
         for (step, sql) in MIGRATIONS.iter().enumerate().skip(done) {
-            let sql =
-                format!("SET LOCAL search_path TO evogait; {sql}; UPDATE schema_version SET version = {}", FIRST + step);
+            let sql = format!(
+                "SET LOCAL search_path TO evogait; {sql}; UPDATE schema_version SET version = {}",
+                FIRST + step
+            );
             sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
         }
         tx.commit().await.map_err(|e| self.failure(e))
