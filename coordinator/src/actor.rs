@@ -2,6 +2,7 @@
 //!
 //! Commands that wait are handled together and committed in one transaction (group commit).
 
+use crate::convert;
 use crate::fail_point;
 use crate::journal::Journal;
 use crate::limits::GROUP;
@@ -9,11 +10,11 @@ use crate::live::Live;
 use crate::metrics::Metrics;
 use crate::record::{JobId, JobRecord};
 use crate::scheduler::{
-    Action, AssignmentId, Census, Completed, Contradicted, Demand, Greeting, Message, NewJob, Now, Scheduler,
-    SessionId, Task, Verdict, WorkerId,
+    self, Action, AssignmentId, Census, Completed, Demand, Detail, Greeting, NewJob, Now, RefusedResult, Scheduler,
+    SessionId, Verdict, WorkerId, WorkerView,
 };
 use crate::store::{Store, StoreError};
-use proto::v1::{self, assign, coordinator_message};
+use proto::v1::{self, coordinator_message};
 use sim_core::identity::Digest;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -45,7 +46,7 @@ pub(crate) enum Command {
         reply: oneshot::Sender<Option<JobRecord>>,
     },
     Workers {
-        reply: oneshot::Sender<Vec<v1::WorkerInfo>>,
+        reply: oneshot::Sender<Vec<WorkerView>>,
     },
     Demand {
         reply: oneshot::Sender<Demand>,
@@ -56,7 +57,7 @@ pub(crate) enum Command {
     },
     Detail {
         id: JobId,
-        reply: oneshot::Sender<Option<v1::Standing>>,
+        reply: oneshot::Sender<Option<Detail>>,
     },
     /// Whether a job that has not ended needs one of these engines.
     Needs {
@@ -100,13 +101,13 @@ pub(crate) enum Command {
     },
     Complete {
         completed: Completed,
-        reply: oneshot::Sender<Verdict>,
+        reply: oneshot::Sender<Result<Verdict, RefusedResult>>,
     },
-    /// A result that was of an older generation, with what was sealed then.
+    /// A result of a round before the one sealed last, with the digests of that round.
     Compare {
         completed: Completed,
-        contradicted: Contradicted,
-        reply: oneshot::Sender<Verdict>,
+        sealed: Vec<Digest>,
+        reply: oneshot::Sender<Result<Verdict, RefusedResult>>,
     },
     Stop,
 }
@@ -194,10 +195,10 @@ impl Actor {
             looked = now.since_start;
             if unheard > self.heartbeat {
                 tracing::warn!(seconds = unheard.as_secs_f64(), "the coordinator stood still");
-                self.scheduler.stood_still(unheard);
+                scheduler::on_standstill(&mut self.scheduler, unheard);
             }
             if ticks {
-                self.scheduler.tick(now);
+                scheduler::on_tick(&mut self.scheduler, now);
             }
             let (mut replies, mut handled) = (Vec::new(), 0);
             while let Some(command) = next {
@@ -226,82 +227,75 @@ impl Actor {
                     Some(record) if record.request_digest == new.request_digest => Ok((record, false)),
                     Some(record) => Err(SubmitError::OtherBody(record.id)),
                     None if self.scheduler.active_jobs() >= crate::limits::MAX_ACTIVE_JOBS => Err(SubmitError::TooMany),
-                    None => Ok((self.scheduler.submit(now, *new), true)),
+                    None => Ok((scheduler::on_submit(&mut self.scheduler, now, *new), true)),
                 };
                 later(replies, reply, answer);
             }
             Command::Cancel { id, reply } => {
-                let record = self.scheduler.cancel(now, &id);
+                let record = scheduler::on_cancel(&mut self.scheduler, now, &id);
                 later(replies, reply, record);
             }
             Command::Pause { id, paused, reply } => {
-                let record = self.scheduler.pause(now, &id, paused);
+                let record = scheduler::on_pause(&mut self.scheduler, now, &id, paused);
                 later(replies, reply, record);
             }
-            Command::Workers { reply } => later(replies, reply, self.scheduler.workers()),
-            Command::Demand { reply } => later(replies, reply, self.scheduler.demand()),
+            Command::Workers { reply } => later(replies, reply, scheduler::workers(&self.scheduler)),
+            Command::Demand { reply } => later(replies, reply, scheduler::demand(&self.scheduler)),
             Command::Standing { ids, reply } => {
                 let standing = |id| Standing {
                     record: self.scheduler.job(id).cloned(),
-                    waits_for: self.scheduler.waits_for(id),
+                    waits_for: scheduler::waits_for(&self.scheduler, id),
                     round: self.scheduler.round(id),
                 };
                 later(replies, reply, ids.iter().map(standing).collect());
             }
-            Command::Detail { id, reply } => later(replies, reply, self.scheduler.standing(now, &id)),
+            Command::Detail { id, reply } => later(replies, reply, scheduler::detail(&self.scheduler, now, &id)),
             Command::Needs { engines, reply } => later(replies, reply, self.scheduler.needs(&engines)),
-            Command::Census { reply } => later(replies, reply, self.scheduler.census()),
+            Command::Census { reply } => later(replies, reply, scheduler::census(&self.scheduler)),
             Command::Connect { greeting, outbox, reply } => {
                 let worker = greeting.worker.clone();
                 let Greeting { name, address, slots, running, .. } = &greeting;
                 tracing::info!(%worker, name, peer = address, slots, running = running.len(), "worker connected");
-                let welcome = self.scheduler.connect(now, greeting);
-                let ids = |ids: &[AssignmentId]| ids.iter().map(|a| a.0).collect();
+                let welcome = scheduler::on_connect(&mut self.scheduler, now, greeting);
                 // Before anything else goes to this session.
-                let _ = outbox.send(message(coordinator_message::Message::Welcome(v1::Welcome {
-                    epoch: self.epoch,
-                    lease_ms: self.lease.as_millis() as u32,
-                    heartbeat_ms: self.heartbeat.as_millis() as u32,
-                    keep: ids(&welcome.keep),
-                    drop: ids(&welcome.drop),
-                })));
+                let _ = outbox.send(convert::welcome(&welcome, self.epoch, self.lease, self.heartbeat));
                 self.sessions.insert(worker, (welcome.session, outbox));
                 later(replies, reply, welcome.session);
             }
             Command::Heartbeat { worker, session, running, progress } => {
-                if !self.scheduler.heartbeat(now, &worker, session, &running, &progress) {
+                if !scheduler::on_heartbeat(&mut self.scheduler, now, &worker, session, &running, &progress) {
                     // Given up meanwhile: the worker has to connect again.
                     self.hang_up(&worker, session);
                 }
             }
             Command::Reject { worker, session, assignment, reason } => {
                 tracing::warn!(%worker, assignment = assignment.0, reason, "assignment rejected");
-                self.scheduler.reject(now, &worker, session, assignment);
+                scheduler::on_reject(&mut self.scheduler, now, &worker, session, assignment);
             }
             Command::Drain { worker, session, finishing } => {
                 tracing::info!(%worker, finishing = finishing.len(), "worker drains");
-                self.scheduler.drain(now, &worker, session, &finishing);
+                scheduler::on_drain(&mut self.scheduler, now, &worker, session, &finishing);
             }
             Command::Disconnect { worker, session } => {
                 tracing::info!(%worker, "worker disconnected");
                 self.hang_up(&worker, session);
-                self.scheduler.disconnect(now, &worker, session);
+                scheduler::on_disconnect(&mut self.scheduler, now, &worker, session);
             }
             Command::Expel { worker, session, reason } => {
                 tracing::warn!(%worker, reason, "worker expelled");
                 self.hang_up(&worker, session);
-                self.scheduler.expel(now, &worker, session);
+                scheduler::on_expel(&mut self.scheduler, now, &worker, session);
             }
             Command::Complete { completed, reply } => {
                 let about = About::of(&completed);
-                let verdict = self.scheduler.complete(now, completed);
-                self.judged(&about, verdict);
+                let verdict = scheduler::on_result(&mut self.scheduler, now, completed);
+                self.judged(&about, &verdict);
                 later(replies, reply, verdict);
             }
-            Command::Compare { completed, contradicted, reply } => {
+            Command::Compare { completed, sealed, reply } => {
                 let about = About::of(&completed);
-                let verdict = self.scheduler.compare(now, completed, &contradicted);
-                self.judged(&about, verdict);
+                let verdict = scheduler::on_compare(&mut self.scheduler, now, completed, &sealed);
+                self.judged(&about, &verdict);
                 later(replies, reply, verdict);
             }
             Command::Stop => {}
@@ -310,16 +304,17 @@ impl Actor {
     }
 
     /// A result is answered so, or has yet to be compared.
-    fn judged(&self, About { worker, job, assignment }: &About, verdict: Verdict) {
-        if verdict != Verdict::Older {
-            self.metrics.result(verdict);
-        }
+    fn judged(&self, About { worker, job, assignment }: &About, verdict: &Result<Verdict, RefusedResult>) {
         match verdict {
-            Verdict::Conflict => {
-                tracing::error!(%worker, %job, assignment, "a result differs from the one that was committed")
+            // It has yet to be compared.
+            Ok(Verdict::Older) => return,
+            Ok(Verdict::Conflict) => {
+                tracing::error!(%worker, %job, assignment, "a result differs from the one that was committed");
             }
-            verdict => tracing::debug!(%worker, %job, assignment, verdict = verdict.word(), "result"),
+            Ok(verdict) => tracing::debug!(%worker, %job, assignment, verdict = verdict.word(), "result"),
+            Err(refused) => tracing::warn!(%worker, %job, assignment, %refused, "a result is refused"),
         }
+        self.metrics.result(verdict.as_ref().map_or("refused", |verdict| verdict.word()));
     }
 
     fn hang_up(&mut self, worker: &WorkerId, session: SessionId) {
@@ -354,16 +349,18 @@ impl Actor {
                 Action::Write(write) => {
                     self.journal.written(&write);
                     for event in write.events() {
-                        if let Some(job) = write.job() {
-                            self.live.tell(job, event);
+                        if let Some(record) = write.record() {
+                            self.live.publish(&record.id, || convert::event(record, event));
                         }
                     }
                 }
-                Action::Publish(job, event) => self.live.tell(&job, &event),
+                Action::Publish(record, event) => {
+                    self.live.publish(&record.id, || convert::event(&record, &event));
+                }
                 Action::Send(worker, session, content) => {
                     if let Some((_, outbox)) = self.sessions.get(&worker).filter(|(s, _)| *s == session) {
                         // A session that just broke reports itself.
-                        let _ = outbox.send(to_wire(content));
+                        let _ = outbox.send(convert::message(content));
                     }
                 }
             }
@@ -382,36 +379,6 @@ fn later<T: Send + 'static>(replies: &mut Vec<Reply>, reply: oneshot::Sender<T>,
 
 fn message(content: coordinator_message::Message) -> v1::CoordinatorMessage {
     v1::CoordinatorMessage { message: Some(content) }
-}
-
-fn to_wire(content: Message) -> v1::CoordinatorMessage {
-    message(match content {
-        Message::Drain(reason) => coordinator_message::Message::Drain(v1::Drain { reason, finishing: Vec::new() }),
-        Message::Cancel(ids) => {
-            coordinator_message::Message::Cancel(v1::Cancel { assignment_ids: ids.iter().map(|a| a.0).collect() })
-        }
-        Message::Assign { assignment, job, toml, task } => coordinator_message::Message::Assign(v1::Assign {
-            assignment_id: assignment.0,
-            job_id: job.to_string(),
-            job_toml: toml.map(|t| t.to_string()).unwrap_or_default(),
-            task: Some(match task {
-                Task::Evaluate { range, genomes, base } => assign::Task::Evaluate(v1::EvaluateTask {
-                    generation: range.round,
-                    first: range.first,
-                    genomes: range
-                        .indexes()
-                        .map(|i| v1::Genome { values: genomes[(i - base) as usize].clone() })
-                        .collect(),
-                }),
-                Task::Examine { range, examination } => assign::Task::Examine(v1::ExamineTask {
-                    round: range.round,
-                    index: range.first,
-                    question: v1::Question::from(examination.question).into(),
-                    candidate: Some((&examination.candidate).into()),
-                }),
-            }),
-        }),
-    })
 }
 
 #[cfg(test)]

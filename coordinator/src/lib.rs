@@ -6,6 +6,7 @@
 mod access;
 mod actor;
 mod api;
+mod convert;
 mod door;
 mod fail_point;
 mod journal;
@@ -16,6 +17,7 @@ mod metrics;
 pub mod open_files;
 #[doc(hidden)]
 pub mod parsers;
+pub mod permit;
 pub mod record;
 pub mod scheduler;
 mod seldom;

@@ -40,7 +40,7 @@ pub const KEEPALIVE: Duration = Duration::from_secs(10);
 pub const CENSUS_WITHIN: Duration = Duration::from_secs(3);
 /// Assignments that are told one by one of a job.
 pub const MAX_HELD_TOLD: usize = 100;
-/// Generations from which a job's pace is taken.
+/// Rounds from which a job's pace is taken.
 pub const PACE_OVER: u32 = 20;
 /// Most connections at once: a worker has two, and clients have some.
 pub const MAX_CONNECTIONS: usize = 2 * MAX_SESSIONS + 12_768;
@@ -69,8 +69,10 @@ pub const MAX_HELLOS: usize = 1024;
 pub const MAX_SESSIONS: usize = 10_000;
 /// Most jobs that are being read at once; more wait.
 pub const MAX_READINGS: usize = 4;
-/// Most searches that are done again at once, to find the genome of a generation long sealed; who wants more asks again.
-pub const MAX_REBUILDS: usize = 1;
+/// Most workers in quarantine that are remembered; beyond it the oldest entry goes.
+pub const MAX_QUARANTINED: usize = 10_000;
+/// Sealed rounds that are read from the store at once.
+pub const ROUNDS_AT_ONCE: u32 = 64;
 /// Most states that a list is asked for.
 pub const MAX_STATES: usize = 64;
 /// Most assignments that a worker may say it works on. It has at most two a slot.

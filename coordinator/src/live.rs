@@ -20,11 +20,11 @@ impl Live {
         self.lock().entry(id.clone()).or_insert_with(|| channel(LIVE_EVENTS).0).subscribe()
     }
 
-    /// Tells those who watch the job, if any.
-    pub fn tell(&self, id: &JobId, event: &JobEvent) {
+    /// Sends an event to those who watch the job; it is made only if there are any.
+    pub fn publish(&self, id: &JobId, event: impl FnOnce() -> JobEvent) {
         if let Some(channel) = self.lock().get(id) {
-            // Whoever watched may have gone this moment.
-            let _ = channel.send(Arc::new(event.clone()));
+            // The last watcher may have gone this moment.
+            let _ = channel.send(Arc::new(event()));
         }
     }
 
@@ -51,8 +51,8 @@ mod tests {
         let (mut first, mut second) = (live.subscribe(&a), live.subscribe(&a));
         let mut other = live.subscribe(&b);
         let event = JobEvent { sequence: 7, ..JobEvent::default() };
-        live.tell(&a, &event);
-        live.tell(&JobId::from("c"), &event);
+        live.publish(&a, || event.clone());
+        live.publish(&JobId::from("c"), || event.clone());
         assert_eq!(first.try_recv().unwrap().sequence, 7);
         assert_eq!(second.try_recv().unwrap().sequence, 7);
         assert!(other.try_recv().is_err(), "that was about another job");

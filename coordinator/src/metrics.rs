@@ -3,7 +3,7 @@
 
 use crate::actor::Command;
 use crate::limits::CENSUS_WITHIN;
-use crate::record::JobState;
+use crate::record::{JobState, Ruling};
 use crate::scheduler::{Census, Demand, LeaseEnd, Verdict};
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
@@ -11,7 +11,6 @@ use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
-use proto::v1::dispute;
 use sim_core::identity::Digest;
 use std::sync::{Arc, OnceLock};
 use telemetry::Vitals;
@@ -26,13 +25,10 @@ pub(crate) struct Metrics {
     registry: Registry,
     jobs: Family<Label, Gauge>,
     jobs_ended: Family<Label, Counter>,
-    /// Generations sealed.
-    pub generations: Counter,
-    /// Evaluations of the search that were taken in.
-    pub evaluations: Counter,
-    /// Examinations of the finish that were taken in.
-    pub examinations: Counter,
-    candidates: Family<Label, Gauge>,
+    /// Rounds sealed.
+    pub rounds: Counter,
+    tasks: Family<Label, Counter>,
+    round_tasks: Family<Label, Gauge>,
     slots: Gauge,
     busy: Gauge,
     workers: Family<Label, Gauge>,
@@ -40,6 +36,8 @@ pub(crate) struct Metrics {
     pub workers_lost: Counter,
     leases_ended: Family<Label, Counter>,
     disputes: Family<Label, Counter>,
+    /// Deliveries that can't be results, from workers that are known.
+    pub marks: Counter,
     /// Workers that were quarantined.
     pub quarantines: Counter,
     results: Family<Label, Counter>,
@@ -49,8 +47,8 @@ pub(crate) struct Metrics {
     pub commit_seconds: Histogram,
     /// Changes committed together.
     pub commit_writes: Histogram,
-    /// s from a generation's begin to its seal.
-    pub generation_seconds: Histogram,
+    /// s from a round's begin to its seal.
+    pub round_seconds: Histogram,
     queue: Gauge,
     /// Connections to the port for clients and workers.
     pub connections: Gauge,
@@ -68,22 +66,22 @@ impl Metrics {
             registry: Registry::with_prefix("evogait"),
             jobs: Family::default(),
             jobs_ended: Family::default(),
-            generations: Counter::default(),
-            evaluations: Counter::default(),
-            examinations: Counter::default(),
-            candidates: Family::default(),
+            rounds: Counter::default(),
+            tasks: Family::default(),
+            round_tasks: Family::default(),
             slots: Gauge::default(),
             busy: Gauge::default(),
             workers: Family::default(),
             workers_lost: Counter::default(),
             leases_ended: Family::default(),
             disputes: Family::default(),
+            marks: Counter::default(),
             quarantines: Counter::default(),
             results: Family::default(),
             attempts: Counter::default(),
             commit_seconds: Histogram::new(exponential_buckets(0.0001, 2.0, 16)),
             commit_writes: Histogram::new(exponential_buckets(1.0, 2.0, 10)),
-            generation_seconds: Histogram::new(exponential_buckets(0.001, 4.0, 12)),
+            round_seconds: Histogram::new(exponential_buckets(0.001, 4.0, 12)),
             queue: Gauge::default(),
             connections: Gauge::default(),
             store_errors: Counter::default(),
@@ -100,10 +98,9 @@ impl Metrics {
         let r = &mut self.registry;
         r.register("jobs", "Jobs that have not ended", self.jobs.clone());
         r.register("jobs_ended", "Jobs that ended since this start", self.jobs_ended.clone());
-        r.register("generations_sealed", "Generations sealed", self.generations.clone());
-        r.register("evaluations", "Evaluations of the search that were committed", self.evaluations.clone());
-        r.register("examinations", "Examinations of the finish that were committed", self.examinations.clone());
-        r.register("candidates", "Tasks of the rounds at hand that are not done", self.candidates.clone());
+        r.register("rounds_sealed", "Rounds sealed", self.rounds.clone());
+        r.register("tasks", "Tasks whose results were committed, by the phase of their round", self.tasks.clone());
+        r.register("round_tasks", "Tasks of the rounds at hand that are not done", self.round_tasks.clone());
         r.register("slots", "Slots of the workers that take work", self.slots.clone());
         r.register("slots_busy", "Slots that have work", self.busy.clone());
         r.register("workers", "Workers, by what can be expected of them", self.workers.clone());
@@ -114,13 +111,14 @@ impl Metrics {
             "Tasks of which workers gave different bits, by what was decided",
             self.disputes.clone(),
         );
+        r.register("marks", "Deliveries that were refused as no result of their task", self.marks.clone());
         r.register("quarantines", "Workers that were found to compute wrongly", self.quarantines.clone());
         r.register("results", "Results delivered, by what became of them", self.results.clone());
         r.register("attempts", "Tasks charged with a crash or a failure", self.attempts.clone());
         r.register_with_unit("commit", "Time of a commit", Unit::Seconds, self.commit_seconds.clone());
         r.register("commit_writes", "Changes committed together", self.commit_writes.clone());
-        let generation = self.generation_seconds.clone();
-        r.register_with_unit("generation", "Time from a generation's begin to its seal", Unit::Seconds, generation);
+        let round = self.round_seconds.clone();
+        r.register_with_unit("round", "Time from a round's begin to its seal", Unit::Seconds, round);
         r.register("queue_length", "Commands that wait for the actor", self.queue.clone());
         r.register("connections", "Connections of clients and workers", self.connections.clone());
         r.register("store_errors", "Commits that the store refused", self.store_errors.clone());
@@ -134,11 +132,15 @@ impl Metrics {
 
     /// A series that is not there before its first event can't be seen to grow by it.
     fn start_from_zero(&self) {
-        for state in ACTIVE {
-            self.jobs.get_or_create_owned(&[("state", word(state))]);
+        for state in JobState::ALL {
+            if state.is_end() {
+                self.jobs_ended.get_or_create_owned(&[("state", state.word())]);
+            } else {
+                self.jobs.get_or_create_owned(&[("state", state.word())]);
+            }
         }
-        for state in [JobState::Succeeded, JobState::Failed, JobState::Cancelled, JobState::Tainted] {
-            self.jobs_ended.get_or_create_owned(&[("state", word(state))]);
+        for phase in PHASES {
+            self.tasks.get_or_create_owned(&[("phase", phase)]);
         }
         for verdict in ["open", "upheld", "corrected", "tainted"] {
             self.disputes.get_or_create_owned(&[("verdict", verdict)]);
@@ -146,15 +148,8 @@ impl Metrics {
         for why in LeaseEnd::ALL {
             self.leases_ended.get_or_create_owned(&[("why", why.word())]);
         }
-        for verdict in [
-            Verdict::Accepted,
-            Verdict::Duplicate,
-            Verdict::Conflict,
-            Verdict::Obsolete,
-            Verdict::Unknown,
-            Verdict::Quarantined,
-        ] {
-            self.results.get_or_create_owned(&[("verdict", verdict.word())]);
+        for verdict in Verdict::ALL.map(Verdict::word).into_iter().chain(["refused"]) {
+            self.results.get_or_create_owned(&[("verdict", verdict)]);
         }
         self.tell(&Census::default());
     }
@@ -170,7 +165,7 @@ impl Metrics {
 
     /// A job ended.
     pub fn job_ended(&self, state: JobState) {
-        self.jobs_ended.get_or_create(&[("state", word(state))]).inc();
+        self.jobs_ended.get_or_create(&[("state", state.word())]).inc();
     }
 
     /// An assignment ended without a result.
@@ -178,20 +173,19 @@ impl Metrics {
         self.leases_ended.get_or_create(&[("why", why.word())]).inc();
     }
 
-    /// Workers disagree about a result, or somebody decided.
-    pub fn dispute(&self, verdict: dispute::Verdict) {
-        let verdict = match verdict {
-            dispute::Verdict::Unspecified => "open",
-            dispute::Verdict::Upheld => "upheld",
-            dispute::Verdict::Corrected => "corrected",
-            dispute::Verdict::Tainted => "tainted",
-        };
-        self.disputes.get_or_create(&[("verdict", verdict)]).inc();
+    /// Workers disagree about a result, or the dispute was decided.
+    pub fn dispute(&self, ruling: Option<Ruling>) {
+        self.disputes.get_or_create(&[("verdict", ruling.map_or("open", Ruling::word))]).inc();
     }
 
     /// A result was answered.
-    pub fn result(&self, verdict: Verdict) {
-        self.results.get_or_create(&[("verdict", verdict.word())]).inc();
+    pub fn result(&self, verdict: &'static str) {
+        self.results.get_or_create(&[("verdict", verdict)]).inc();
+    }
+
+    /// Results of tasks were committed.
+    pub fn tasks(&self, phase: &'static str, count: u32) {
+        self.tasks.get_or_create(&[("phase", phase)]).inc_by(count.into());
     }
 
     /// The engines of this build.
@@ -203,12 +197,12 @@ impl Metrics {
     }
 
     fn tell(&self, census: &Census) {
-        for state in ACTIVE {
+        for state in JobState::ALL.into_iter().filter(|state| !state.is_end()) {
             let jobs = census.jobs.get(&state).copied().unwrap_or(0);
-            self.jobs.get_or_create(&[("state", word(state))]).set(jobs.into());
+            self.jobs.get_or_create(&[("state", state.word())]).set(jobs.into());
         }
         for (state, count) in [("pending", census.pending), ("leased", census.leased)] {
-            self.candidates.get_or_create(&[("state", state)]).set(count as i64);
+            self.round_tasks.get_or_create(&[("state", state)]).set(count as i64);
         }
         let workers = [
             ("ready", census.ready),
@@ -225,23 +219,8 @@ impl Metrics {
     }
 }
 
-/// The states of jobs that have not ended.
-const ACTIVE: [JobState; 4] = [JobState::Queued, JobState::Running, JobState::Finishing, JobState::Reporting];
-
-/// A state as a label.
-fn word(state: JobState) -> &'static str {
-    match state {
-        JobState::Unspecified => "unspecified",
-        JobState::Queued => "queued",
-        JobState::Running => "running",
-        JobState::Finishing => "finishing",
-        JobState::Reporting => "reporting",
-        JobState::Succeeded => "succeeded",
-        JobState::Failed => "failed",
-        JobState::Cancelled => "cancelled",
-        JobState::Tainted => "tainted",
-    }
-}
+/// The phases of the procedures that ship.
+const PHASES: [&str; 4] = ["preparing", "searching", "finishing", "reporting"];
 
 /// What the coordinator says of itself at `/metrics` and `/healthz`.
 pub(crate) struct Pulse {

@@ -2,29 +2,32 @@
 
 use crate::api;
 use crate::limits::DEFAULT_LEASE;
-use crate::scheduler::{Now, Scheduler, Settings};
+use crate::permit::PermitKey;
+use crate::scheduler::{Caller, Now, Scheduler, Settings, on_connect, on_heartbeat, on_tick};
 use crate::store;
 use proto::v1;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A worker's introduction, and what a coordinator that has run for a while makes of it.
 pub fn hello(bytes: &[u8]) {
     let Ok(hello) = <v1::Hello as prost::Message>::decode(bytes) else { return };
-    if let Ok(greeting) = api::check_hello(hello, String::new()) {
-        let mut scheduler = Scheduler::new(Settings::new(1, DEFAULT_LEASE), 1, BTreeSet::new());
+    if let Ok(greeting) = api::check_hello(hello, String::new(), Arc::default()) {
+        let settings = Settings::new(1, DEFAULT_LEASE);
+        let mut scheduler = Scheduler::new(settings, PermitKey::new([0; 32]), 1, BTreeSet::new());
         let at = |seconds| Now { since_start: Duration::from_secs(seconds), unix_ms: 0 };
         let worker = greeting.worker.clone();
-        let welcome = scheduler.connect(at(3600), greeting);
-        scheduler.heartbeat(at(3601), &worker, welcome.session, &welcome.keep, &[]);
-        scheduler.tick(at(7200));
+        let welcome = on_connect(&mut scheduler, at(3600), greeting);
+        on_heartbeat(&mut scheduler, at(3601), &worker, welcome.session, &welcome.keep, &[]);
+        on_tick(&mut scheduler, at(7200));
     }
 }
 
 /// A worker's result.
 pub fn complete(bytes: &[u8]) {
     if let Ok(request) = <v1::CompleteRequest as prost::Message>::decode(bytes) {
-        let _ = api::check_completed(request);
+        let _ = api::check_completed(request, Caller::default());
     }
 }
 

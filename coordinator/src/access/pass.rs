@@ -3,6 +3,7 @@
 use super::judge;
 use super::rules::Rule;
 use super::tokens::{TokenDigest, Tokens};
+use sim_core::identity::Digest;
 use std::future::pending;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -30,6 +31,11 @@ impl Pass {
     /// That of a request.
     pub fn of(extensions: &Extensions) -> Self {
         extensions.get::<Self>().cloned().unwrap_or_default()
+    }
+
+    /// The first digits of the token's digest; empty where no token was asked for.
+    pub fn credential(&self) -> Arc<str> {
+        self.0.as_ref().map(|held| Digest(held.token).short().into()).unwrap_or_default()
     }
 
     /// Why it is good no more. Who asks knows at once; [`Self::ended`] hears of it a moment later, one holder after another.

@@ -1,6 +1,6 @@
 //! How much of a kind may be under way at once, whoever asks for it.
 
-use crate::limits::{MAX_HELLOS, MAX_READINGS, MAX_REBUILDS, MAX_SESSIONS, MAX_WATCHERS};
+use crate::limits::{MAX_HELLOS, MAX_READINGS, MAX_SESSIONS, MAX_WATCHERS};
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
@@ -16,8 +16,6 @@ pub(crate) struct Gates {
     pub sessions: Gate,
     /// Jobs that are being read.
     pub readings: Gate,
-    /// Searches that are done again for a genome.
-    pub rebuilds: Gate,
 }
 
 impl Default for Gates {
@@ -27,7 +25,6 @@ impl Default for Gates {
             hellos: Gate::new("workers that have not said Hello", MAX_HELLOS),
             sessions: Gate::new("sessions of workers", MAX_SESSIONS),
             readings: Gate::new("jobs that are being read", MAX_READINGS),
-            rebuilds: Gate::new("results of long ago that are being compared", MAX_REBUILDS),
         }
     }
 }

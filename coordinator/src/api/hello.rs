@@ -1,12 +1,13 @@
 //! Hello: who may work here.
 
 use super::{at_most, id, printable};
+use crate::convert;
 use crate::limits::MAX_RUNNING;
-use crate::record::JobId;
-use crate::scheduler::{AssignmentId, Greeting, Range, WorkerId};
+use crate::scheduler::{Greeting, WorkerId};
 use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
 use proto::{PROTOCOL, v1};
 use sim_core::identity::Digest;
+use std::sync::Arc;
 use std::time::Duration;
 use tonic::Status;
 
@@ -16,7 +17,7 @@ const VERSION: &str = env!("CARGO_PKG_VERSION");
 type Engines = [(&'static str, Digest)];
 
 /// Checks a worker's introduction. What its engines are good for is another matter: [`is_of_build`].
-pub(crate) fn check(hello: v1::Hello, address: String) -> Result<Greeting, Status> {
+pub(crate) fn check(hello: v1::Hello, address: String, credential: Arc<str>) -> Result<Greeting, Status> {
     at_most("version", &hello.version, MAX_WORKER_NAME)?;
     printable("version", &hello.version)?;
     if hello.protocol != PROTOCOL {
@@ -54,15 +55,8 @@ pub(crate) fn check(hello: v1::Hello, address: String) -> Result<Greeting, Statu
             hello.running.len()
         )));
     }
-    let running = hello
-        .running
-        .into_iter()
-        .filter(|running| running.job_id.len() <= MAX_ID)
-        .map(|running| {
-            let range = Range { round: running.generation, first: running.first, count: running.count };
-            (AssignmentId(running.assignment_id), JobId::from(running.job_id.as_str()), range)
-        })
-        .collect();
+    let running =
+        hello.running.into_iter().filter(|running| running.job_id.len() <= MAX_ID).map(convert::running).collect();
     let time_left = time("seconds_left", Duration::from_secs(hello.seconds_left))?;
     let stuck_after = time("stuck_after_ms", Duration::from_millis(hello.stuck_after_ms))?;
     Ok(Greeting {
@@ -70,6 +64,7 @@ pub(crate) fn check(hello: v1::Hello, address: String) -> Result<Greeting, Statu
         name: hello.name,
         version: hello.version,
         address,
+        credential,
         slots: hello.slots,
         engines: offered,
         running,
@@ -124,8 +119,8 @@ mod tests {
     #[test]
     fn refusals_name_both_sides() {
         let engines = [("rapier", Digest([7; 32]))];
-        let refused = |hello| check(hello, String::new()).unwrap_err().message().to_owned();
-        assert!(is_of_build(&check(hello(), String::new()).unwrap(), &engines));
+        let refused = |hello| check(hello, String::new(), Arc::default()).unwrap_err().message().to_owned();
+        assert!(is_of_build(&check(hello(), String::new(), Arc::default()).unwrap(), &engines));
 
         let message = refused(v1::Hello { protocol: PROTOCOL + 1, ..hello() });
         assert!(message.contains("evogait 9.9.9") && message.contains(VERSION), "{message}");

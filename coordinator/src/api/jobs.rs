@@ -3,8 +3,9 @@
 use super::{Api, at_most, id, no_nul, store_failed};
 use crate::access::{Pass, Passing};
 use crate::actor::{Command, SubmitError};
+use crate::convert;
 use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
-use crate::record::{JobId, JobRecord, JobState, ended};
+use crate::record::{JobId, JobRecord, JobState};
 use crate::scheduler::{Demand, NewJob};
 use proto::limits::{DEFAULT_PAGE, DEFAULT_PRIORITY, MAX_JOB_TOML, MAX_PAGE, MAX_PRIORITY, MAX_REQUEST_ID};
 use proto::v1::job_event::Event;
@@ -15,9 +16,10 @@ use proto::v1::{
     ListWorkersResponse, PauseJobRequest, PauseJobResponse, RestartJobRequest, RestartJobResponse, ResumeJobRequest,
     ResumeJobResponse, SubmitJobRequest, SubmitJobResponse, WatchJobRequest,
 };
-use sim_core::finish::Plan;
 use sim_core::identity::Digest;
+use sim_core::job::Checked;
 use sim_core::measure::statistics::median;
+use sim_core::procedure;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
@@ -30,7 +32,7 @@ impl Api {
 
     /// Jobs as the API tells them, with what they wait for and how far their round is.
     async fn tell(&self, records: Vec<JobRecord>) -> Result<Vec<Job>, Status> {
-        let active: Vec<JobId> = records.iter().filter(|r| !ended(r.state)).map(|r| r.id.clone()).collect();
+        let active: Vec<JobId> = records.iter().filter(|r| !r.state.is_end()).map(|r| r.id.clone()).collect();
         let mut standings = Vec::new();
         if !active.is_empty() {
             standings = self.ask(|reply| Command::Standing { ids: active, reply }).await?;
@@ -38,9 +40,9 @@ impl Api {
         let mut standings = standings.into_iter();
         let mut jobs = Vec::with_capacity(records.len());
         for record in records {
-            let standing = if ended(record.state) { None } else { standings.next() };
+            let standing = if record.state.is_end() { None } else { standings.next() };
             let Some(standing) = standing else {
-                jobs.push(record.to_wire());
+                jobs.push(convert::job(&record));
                 continue;
             };
             // All of one moment: the record that was read before may be a round behind what is known of the round.
@@ -48,23 +50,24 @@ impl Api {
                 Some(record) => Some(record),
                 None => self.store.job(&record.id).await.map_err(store_failed)?.map(|(record, _)| record),
             };
-            let mut job = now.unwrap_or(record).to_wire();
+            let mut job = convert::job(&now.unwrap_or(record));
             if let Some(round) = standing.round {
                 job.reason = standing.waits_for.unwrap_or_default();
-                (job.round_done, job.round_total) = round;
+                (job.tasks_done, job.tasks_total) = round;
             }
             jobs.push(job);
         }
         Ok(jobs)
     }
 
-    /// Median time from the seal of a generation to that of the next over the newest of them, ms; 0 while there are fewer
+    /// Median time from the seal of a round to that of the next over the newest of them, ms; 0 while there are fewer
     /// than two. A pause or a restart of the coordinator touches one of many.
     async fn pace(&self, id: &JobId, last_event: u64) -> Result<f64, Status> {
         let after = last_event.saturating_sub(u64::from(PACE_OVER) + 1);
         let events = self.store.events(id, after, PACE_OVER + 1).await.map_err(store_failed)?;
-        let sealed = |e: &JobEvent| matches!(e.event, Some(Event::GenerationSealed(_)));
-        let seals: Vec<i64> = events.iter().filter(|e| sealed(e)).map(|e| e.at_ms).collect();
+        let read = events.iter().filter_map(|event| convert::stored_event(&event.bytes).ok());
+        let sealed = |e: &JobEvent| matches!(e.event, Some(Event::RoundSealed(_)));
+        let seals: Vec<i64> = read.filter(sealed).map(|e| e.at_ms).collect();
         let times: Vec<f64> = seals.windows(2).map(|w| (w[1] - w[0]).max(0) as f64).collect();
         Ok(median(&times).unwrap_or(0.0))
     }
@@ -113,7 +116,7 @@ impl Api {
                 Err(Status::failed_precondition(format!(
                     "job {} has ended ({}): only a job that has not ended can be {what}",
                     record.id,
-                    record.state.as_str_name().trim_start_matches("JOB_STATE_").to_lowercase()
+                    record.state.word()
                 )))
             }
         }
@@ -135,10 +138,10 @@ pub(super) fn request_id(request_id: &str) -> Result<(), Status> {
     at_most("request_id", request_id, MAX_REQUEST_ID)
 }
 
-/// Reads the job and all the scheduler needs of it. Takes a while for large robots.
+/// Reads the job and all the scheduler needs of it. Nothing is simulated.
 pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Result<NewJob, Status> {
-    let job = sim_core::job::Job::from_toml(&request.job_toml)
-        .map_err(|e| Status::invalid_argument(format!("the job can't be used: {e}")))?;
+    let unusable = |e| Status::invalid_argument(format!("the job can't be used: {e}"));
+    let job = Checked::from_toml(&request.job_toml).map_err(unusable)?;
     Ok(NewJob {
         name: job.spec().name.clone(),
         request_id: request.request_id,
@@ -146,10 +149,8 @@ pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Dig
         priority,
         job_digest: job.digest(),
         engine_digest: job.engine_digest(),
-        generations: job.spec().optimiser.generations(),
-        at_once: job.candidates_at_once(),
-        optimiser: job.optimiser(),
-        finish: Plan::of(&job),
+        kind: procedure::name(&job).to_owned(),
+        procedure: procedure::start(&job).map_err(unusable)?,
         carried: None,
         // Resolved, so that workers need no files and a later version no other defaults.
         toml: job.to_toml().into(),
@@ -204,11 +205,11 @@ impl JobService for Api {
         let (record, job_toml) = self.stored(&request.into_inner().id).await?;
         let (id, last_event) = (record.id.clone(), record.last_event);
         let mut standing = None;
-        if !ended(record.state) {
-            standing = self.ask(|reply| Command::Detail { id: id.clone(), reply }).await?;
+        if !record.state.is_end() {
+            standing = self.ask(|reply| Command::Detail { id: id.clone(), reply }).await?.map(convert::standing);
         }
         if let Some(standing) = &mut standing {
-            standing.generation_ms = self.pace(&id, last_event).await?;
+            standing.round_ms = self.pace(&id, last_event).await?;
         }
         Ok(Response::new(GetJobResponse { job: self.tell_one(record).await?, job_toml, standing }))
     }
@@ -236,7 +237,7 @@ impl JobService for Api {
                 request.states.len()
             )));
         }
-        let states: Vec<JobState> = request.states().collect();
+        let states: Vec<JobState> = request.states().filter_map(convert::asked_state).collect();
         let mut records = self.store.jobs(below, size + 1, &states).await.map_err(store_failed)?;
         let more = records.len() > size as usize;
         records.truncate(size as usize);
@@ -265,7 +266,7 @@ impl JobService for Api {
             Some(record) => record,
             None => self.stored(&text).await?.0,
         };
-        Ok(Response::new(CancelJobResponse { job: Some(record.to_wire()) }))
+        Ok(Response::new(CancelJobResponse { job: Some(convert::job(&record)) }))
     }
 
     async fn pause_job(&self, request: Request<PauseJobRequest>) -> Result<Response<PauseJobResponse>, Status> {
@@ -295,19 +296,17 @@ impl JobService for Api {
         }
         let result = self.store.result(&record.id).await.map_err(store_failed)?;
         Ok(Response::new(GetResultResponse {
-            job: Some(record.to_wire()),
+            job: Some(convert::job(&record)),
             job_toml,
             result_digest: record.result_digest.map(|d| d.0.to_vec()).unwrap_or_default(),
-            winner: record.winner.as_ref().map(Into::into),
-            first: record.first.as_ref().map(Into::into),
-            history: result.history,
-            report_json: result.report,
+            history: result.history.iter().map(Into::into).collect(),
+            artefacts: result.artefacts.into_iter().map(Into::into).collect(),
         }))
     }
 
     async fn list_workers(&self, _: Request<ListWorkersRequest>) -> Result<Response<ListWorkersResponse>, Status> {
         let workers = self.ask(|reply| Command::Workers { reply }).await?;
-        Ok(Response::new(ListWorkersResponse { workers }))
+        Ok(Response::new(ListWorkersResponse { workers: workers.into_iter().map(convert::worker).collect() }))
     }
 
     async fn get_demand(&self, _: Request<GetDemandRequest>) -> Result<Response<GetDemandResponse>, Status> {

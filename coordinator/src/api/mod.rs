@@ -3,7 +3,6 @@
 mod gates;
 mod hello;
 mod jobs;
-mod older;
 mod restart;
 pub(crate) mod scaler;
 mod watch;

@@ -1,10 +1,10 @@
-//! RestartJob: an ended job is done again from one of its generations on.
+//! RestartJob: an ended job is done again from one of its rounds on.
 
 use super::jobs::{read, request_id};
 use super::{Api, store_failed};
-use crate::record::{Dispute, JobRecord, Origin, Ruling, ended};
+use crate::limits::ROUNDS_AT_ONCE;
+use crate::record::{Dispute, JobRecord, Origin, Ruling};
 use crate::scheduler::{Carried, NewJob};
-use crate::store::{SealedGeneration, StoreError};
 use proto::v1::{RestartJobRequest, SubmitJobRequest};
 use sim_core::identity::Digest;
 use tonic::Status;
@@ -12,94 +12,87 @@ use tonic::Status;
 impl Api {
     /// The new job, and whether it is new.
     pub(super) async fn restart(&self, request: RestartJobRequest) -> Result<(JobRecord, bool), Status> {
-        let RestartJobRequest { request_id: name, id, from_generation } = request;
+        let RestartJobRequest { request_id: name, id, from_round } = request;
         request_id(&name)?;
-        let digest = Digest::of("evogait restart 1", &(&id, from_generation));
+        let digest = Digest::of("evogait restart 2", &(&id, from_round));
         if let Some(record) = self.requested_before(&name, &digest).await? {
             return Ok((record, false));
         }
         let (record, job_toml) = self.stored(&id).await?;
-        let generations = first_again(&record, from_generation)?;
-        let generations = self.generations(&record, generations).await?;
-        let new = self.reading(move || prepare(name, digest, record, job_toml, generations)).await?;
-        self.take_in(new).await
-    }
-
-    /// The first generations of a job, as they were sealed.
-    async fn generations(&self, record: &JobRecord, count: u32) -> Result<Vec<SealedGeneration>, Status> {
-        let history = self.store.result(&record.id).await.map_err(store_failed)?.history;
-        let mut generations = Vec::with_capacity(count as usize);
-        for number in 0..count {
-            let scores = self.sealed(&record.id, number).await?;
-            let missing = || StoreError::Corrupt {
-                what: format!("the statistics of generation {number} of {} are missing", record.id),
-            };
-            let statistics = *history.get(number as usize).ok_or_else(missing).map_err(store_failed)?;
-            generations.push(SealedGeneration { scores, statistics });
+        let first = first_again(&record, from_round)?;
+        let origin = record.clone();
+        let read = move || prepare(name, digest, &origin, job_toml);
+        let mut new = self.reading(read).await?;
+        let mut carried = Carried::start(Origin { job: record.id.clone(), rounds: first }, &new.job_digest);
+        while new.procedure.round().number < first {
+            let from = new.procedure.round().number;
+            let limit = ROUNDS_AT_ONCE.min(first - from);
+            let rounds = self.store.rounds(&record.id, from, limit).await.map_err(store_failed)?;
+            let failed = |_| Status::internal("taking rounds over failed: this is a bug, please report it");
+            let told = tokio::task::spawn_blocking(move || {
+                let told = rounds.into_iter().try_for_each(|sealed| carried.tell(&mut *new.procedure, sealed));
+                (told, new, carried)
+            });
+            let (told, taken, carrying) = told.await.map_err(failed)?;
+            told.map_err(|e| Status::failed_precondition(format!("job {} can't be done again: {e}", record.id)))?;
+            (new, carried) = (taken, carrying);
+            if new.procedure.round().number == from {
+                return Err(Status::failed_precondition(format!(
+                    "round {from} of job {} is not in the store: restart from an earlier round",
+                    record.id
+                )));
+            }
         }
-        Ok(generations)
+        self.take_in(NewJob { carried: Some(carried), ..new }).await
     }
 }
 
-/// The first generation to be done again: what is asked for, if that can be, or else where the job was tainted or where
-/// nobody has decided who is right.
+/// The first round to be done again: the one that is asked for, if that can be, or else the one where the job was tainted or
+/// where a dispute is open.
 fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
     let id = &record.id;
-    if !ended(record.state) {
+    if !record.state.is_end() {
         return Err(Status::failed_precondition(format!(
             "job {id} has not ended: wait for its end or cancel it, then restart it"
         )));
     }
     let doubtful = first_doubtful(record);
-    let first = asked.or(doubtful.map(|(round, _)| round)).ok_or_else(|| {
+    // Results of later rounds are not kept: those rounds are done again, too.
+    let first = asked.or(doubtful.map(|(round, _)| round.min(record.rounds_kept))).ok_or_else(|| {
         Status::invalid_argument(format!(
-            "nothing of job {id} is wrong or in doubt: tell the first generation to be done again, 0 to {}",
-            record.generations_done
+            "nothing of job {id} is wrong or in doubt: tell the first round to be done again, 0 to {}",
+            record.rounds_kept
         ))
     })?;
-    if first > record.generations_done {
+    if first > record.rounds_kept {
         return Err(Status::invalid_argument(format!(
-            "generation {first} is out of range: {} generations of job {id} were sealed, so 0 to {0} can be the first to \
-             be done again",
-            record.generations_done
+            "round {first} is out of range: the results of {} rounds of job {id} are kept, so 0 to {0} can be the first to be \
+             done again",
+            record.rounds_kept
         )));
     }
     if let Some((round, why)) = doubtful.filter(|(round, _)| *round < first) {
         return Err(Status::failed_precondition(format!(
-            "a value of generation {round} of job {id} {why}: restart from generation {round} or an earlier one"
-        )));
-    }
-    if first == record.generations_total && record.best.is_none() {
-        return Err(Status::failed_precondition(format!(
-            "every evaluation of job {id} failed, so nothing follows its search: restart from an earlier generation"
+            "a result of round {round} of job {id} {why}: restart from round {round} or an earlier one"
         )));
     }
     Ok(first)
 }
 
-/// The first round that an ended job should not have sealed as it did, and what is the matter with it. That of everything
-/// after the search is the number of generations.
+/// The first round that an ended job should not have sealed as it did, and the reason.
 fn first_doubtful(record: &JobRecord) -> Option<(u32, &'static str)> {
-    let is_sealed = |d: &Dispute| {
-        let examined = d.round == record.generations_total && record.winner.is_some();
-        d.round < record.generations_done || examined
-    };
-    let doubtful = record.disputes.iter().filter_map(|d| match d.ruling {
+    let doubtful = |d: &Dispute| match d.ruling {
         Some(Ruling::Tainted) => Some((d.round, "is wrong")),
-        None if is_sealed(d) => Some((d.round, "is in doubt (the job ended before anybody could decide)")),
+        None if d.round < record.rounds_sealed => {
+            Some((d.round, "is in doubt (the job ended before that was decided)"))
+        }
         _ => None,
-    });
-    doubtful.map(|(round, why)| (round.min(record.generations_total), why)).min_by_key(|(round, _)| *round)
+    };
+    record.disputes.iter().filter_map(doubtful).min_by_key(|(round, _)| *round)
 }
 
-/// The new job.
-fn prepare(
-    request_id: String,
-    request_digest: Digest,
-    record: JobRecord,
-    job_toml: String,
-    generations: Vec<SealedGeneration>,
-) -> Result<NewJob, Status> {
+/// The new job before it takes anything over.
+fn prepare(request_id: String, request_digest: Digest, record: &JobRecord, job_toml: String) -> Result<NewJob, Status> {
     let request = SubmitJobRequest { request_id, job_toml, priority: record.priority };
     let new = read(request, record.priority, request_digest)?;
     if new.job_digest != record.job_digest {
@@ -111,8 +104,7 @@ fn prepare(
             new.job_digest.short()
         )));
     }
-    let origin = Origin { job: record.id, generations: generations.len() as u32 };
-    Ok(NewJob { carried: Some(Carried { origin, generations }), ..new })
+    Ok(new)
 }
 
 #[cfg(test)]

@@ -1,9 +1,11 @@
 //! WatchJob: stored events first, then live ones, without a gap between them.
 
 use super::{Api, stopping, store_failed};
+use crate::convert;
 use crate::limits::EVENTS_AT_ONCE;
-use crate::record::{JobId, ended};
-use proto::v1::{JobEvent, job_event::Event};
+use crate::record::JobId;
+use crate::store::StoreError;
+use proto::v1::JobEvent;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{OwnedSemaphorePermit, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
@@ -44,6 +46,8 @@ impl Api {
                 let read = events.len();
                 for event in events {
                     last = event.sequence;
+                    let corrupt = |e| StoreError::Corrupt { what: format!("event {last} of job {id}: {e}") };
+                    let event = convert::stored_event(&event.bytes).map_err(corrupt).map_err(store_failed)?;
                     if outbox.send(Ok(event)).await.is_err() {
                         return Ok(());
                     }
@@ -53,7 +57,7 @@ impl Api {
                 }
             }
             let job = self.store.job(id).await.map_err(store_failed)?;
-            if job.is_none_or(|(record, _)| ended(record.state) && record.last_event <= last) {
+            if job.is_none_or(|(record, _)| record.state.is_end() && record.last_event <= last) {
                 return Ok(());
             }
             loop {
@@ -68,7 +72,7 @@ impl Api {
                     Err(RecvError::Lagged(_)) => break,
                     Err(RecvError::Closed) => return Err(stopping()),
                 };
-                let stored = !matches!(event.event, Some(Event::Progress(_)));
+                let stored = convert::is_stored(&event);
                 if stored && event.sequence <= last {
                     continue;
                 }
@@ -76,7 +80,7 @@ impl Api {
                     break;
                 }
                 last = last.max(event.sequence);
-                let end = event.job.as_ref().is_some_and(|job| ended(job.state()));
+                let end = convert::has_ended(&event);
                 if outbox.send(Ok(event)).await.is_err() || end {
                     return Ok(());
                 }

@@ -1,20 +1,17 @@
 //! WorkerService: what a worker says to the coordinator.
 
-use super::{Api, hello, id, printable, stopping};
+use super::{Api, hello, id, printable, stopping, store_failed};
 use crate::access::Pass;
 use crate::actor::Command;
+use crate::convert;
 use crate::limits::{HELLO_WITHIN, MAX_RUNNING};
-use crate::record::JobId;
-use crate::scheduler::{AssignmentId, Completed, Delivery, Outcome, SessionId, Verdict, WorkerId};
+use crate::scheduler::{AssignmentId, Caller, Completed, Delivery, RefusedResult, SessionId, Verdict, WorkerId};
+use crate::store::StoreError;
+use proto::ConvertError;
 use proto::limits::MAX_REASON;
 use proto::v1::worker_service_server::WorkerService;
-use proto::v1::{
-    CompleteRequest, CompleteResponse, CoordinatorMessage, Heartbeat, WorkerMessage, complete_request,
-    complete_response, worker_message,
-};
-use sim_core::score::Counts;
+use proto::v1::{CompleteRequest, CompleteResponse, CoordinatorMessage, Heartbeat, WorkerMessage, worker_message};
 use std::pin::Pin;
-use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tokio_stream::{Stream, StreamExt as _};
@@ -38,7 +35,7 @@ impl WorkerService for Api {
         let Some(WorkerMessage { message: Some(worker_message::Message::Hello(hello)) }) = first else {
             return Err(Status::failed_precondition("a session starts with Hello"));
         };
-        let greeting = hello::check(hello, address)?;
+        let greeting = hello::check(hello, address, pass.credential())?;
         let worker = greeting.worker.clone();
         if !hello::is_of_build(&greeting, &self.engines) {
             // Whoever upgrades in mid-job leaves some workers as they were.
@@ -68,25 +65,32 @@ impl WorkerService for Api {
     }
 
     async fn complete(&self, request: Request<CompleteRequest>) -> Result<Response<CompleteResponse>, Status> {
-        let completed = completed(request.into_inner())?;
+        let address = request.remote_addr().map(|a| a.ip().to_string()).unwrap_or_default();
+        let caller = Caller { host: address.into(), credential: Pass::of(request.extensions()).credential() };
+        let completed = completed(request.into_inner(), caller)?;
         let late = completed.clone();
-        let mut verdict = self.ask(|reply| Command::Complete { completed, reply }).await?;
+        let mut verdict = self.ask(|reply| Command::Complete { completed, reply }).await?.map_err(refused)?;
         if verdict == Verdict::Older {
             verdict = self.compare(late).await?;
         }
-        let verdict = match verdict {
-            Verdict::Accepted => complete_response::Verdict::Accepted,
-            Verdict::Duplicate => complete_response::Verdict::Duplicate,
-            Verdict::Conflict => complete_response::Verdict::Conflict,
-            Verdict::Obsolete | Verdict::Older => complete_response::Verdict::Obsolete,
-            Verdict::Unknown => complete_response::Verdict::Unknown,
-            Verdict::Quarantined => complete_response::Verdict::Quarantined,
-        };
-        Ok(Response::new(CompleteResponse { verdict: verdict.into() }))
+        Ok(Response::new(CompleteResponse { verdict: convert::verdict(verdict).into() }))
     }
 }
 
+fn refused(refused: RefusedResult) -> Status {
+    Status::invalid_argument(refused.to_string())
+}
+
 impl Api {
+    /// What becomes of a result of a round before the one sealed last: it is compared with the digests in the store.
+    async fn compare(&self, completed: Completed) -> Result<Verdict, Status> {
+        let (job, round) = (&completed.job, completed.range.round);
+        let sealed = self.store.digests(job, round).await.map_err(store_failed)?;
+        let missing = || StoreError::Corrupt { what: format!("round {round} of job {job} is missing") };
+        let sealed = sealed.ok_or_else(missing).map_err(store_failed)?;
+        self.ask(|reply| Command::Compare { completed, sealed, reply }).await?.map_err(refused)
+    }
+
     /// Passes on what a worker says, until its connection ends or its token is taken away.
     async fn listen(
         &self,
@@ -159,47 +163,17 @@ impl Api {
     }
 }
 
-pub(crate) fn completed(request: CompleteRequest) -> Result<Completed, Status> {
+/// Checks a worker's result as far as it can be without its job.
+pub(crate) fn completed(request: CompleteRequest, caller: Caller) -> Result<Completed, Status> {
     id("worker_id", &request.worker_id)?;
     printable("worker_id", &request.worker_id)?;
     id("job_id", &request.job_id)?;
-    let invalid = |e: proto::ConvertError| Status::invalid_argument(e.to_string());
-    let delivery = match request.result {
-        None => return Err(invalid(proto::ConvertError::Missing { field: "result" })),
-        Some(complete_request::Result::Evaluate(result)) => Delivery::Evaluations {
-            generation: result.generation,
-            first: result.first,
-            outcomes: proto::evaluations(&result)
-                .map_err(invalid)?
-                .into_iter()
-                .map(|e| Outcome::evaluation(e.score, e.counts))
-                .collect(),
-        },
-        Some(complete_request::Result::Examine(result)) => {
-            if !result.traces_json.is_empty() {
-                let traces = serde_json::from_slice::<sim_core::report::Traces>(&result.traces_json);
-                traces.map_err(|e| Status::invalid_argument(format!("traces_json can't be read: {e}")))?;
-            }
-            Delivery::Examination {
-                round: result.round,
-                index: result.index,
-                outcome: Outcome {
-                    scores: result.scores.iter().map(|s| s.score).collect(),
-                    counts: result.counts.map(Counts::from).unwrap_or_default(),
-                    traces: result.traces_json,
-                },
-            }
-        }
-        Some(complete_request::Result::Failure(reason)) => Delivery::Failure(shortened(reason)),
-    };
-    Ok(Completed {
-        worker: WorkerId(request.worker_id.into()),
-        assignment: AssignmentId(request.assignment_id),
-        job: JobId::from(request.job_id.as_str()),
-        engine: proto::digest("engine_digest", &request.engine_digest).map_err(invalid)?,
-        compute: Duration::from_micros(request.compute_us),
-        delivery,
-    })
+    let mut completed =
+        convert::completed(request, caller).map_err(|e: ConvertError| Status::invalid_argument(e.to_string()))?;
+    if let Delivery::Failure(reason) = &mut completed.delivery {
+        *reason = shortened(std::mem::take(reason));
+    }
+    Ok(completed)
 }
 
 /// A worker's words for people: not too many of them, and nothing that steers a terminal.

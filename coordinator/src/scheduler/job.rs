@@ -1,49 +1,41 @@
-//! A job while it runs: generation after generation, and then the finish.
+//! Jobs that have not ended: round after round of their procedure.
 
-use super::dispute::places;
 use super::restart::Carried;
-use super::round::{Outcome, Range, Round};
-use super::sealed::Sealed;
-use super::search::{Search, decode_search, encode_search};
-use super::statistics::statistics;
-use super::{Now, PROGRESS_EVERY};
-use crate::record::{JobId, JobRecord, JobState};
-use crate::store::{SealedGeneration, StoredRange, Write};
-use proto::v1::{self, job_event::Event};
-use sim_core::finish::{Done, Found, Plan, Question, total};
+use super::round::Round;
+use super::{Now, lease::Range};
+use crate::record::{Dispute, Event, Finder, JobEvent, JobId, JobRecord, JobState};
+use crate::store::{LastRound, RunState, SealedRound, StoredRange, TaskRecord, Write};
 use sim_core::identity::{Digest, ResultDigest};
-use sim_core::optimise::archive::Archive;
-use sim_core::optimise::{BadState, Optimiser};
-use sim_core::report::{Traces, report};
-use sim_core::score::{Counts, Genome, Scored};
-use std::collections::BTreeMap;
+use sim_core::procedure::{self, BadState, Procedure, Step, Told, result_digest};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
+
+/// How far a round is, is published at most this often.
+const PUBLISH_EVERY: Duration = Duration::from_millis(100);
+/// Decided disputes that are kept of rounds long sealed.
+const KEPT_DISPUTES: usize = 8;
 
 /// What the scheduler needs to know of a job to run it. Of robots it knows nothing.
 pub struct NewJob {
     /// Its own name.
     pub name: String,
-    /// What the client named the request.
+    /// The client's name for the request.
     pub request_id: String,
     /// Digest of the request's body.
     pub request_digest: Digest,
-    /// 1 to 100.
+    /// Share of the workers, 1 to 100.
     pub priority: u32,
-    /// What makes it the same job as another.
+    /// Digest of everything that makes it the same job as another.
     pub job_digest: Digest,
     /// The engine it needs.
     pub engine_digest: Digest,
     /// The resolved job, for workers.
     pub toml: Arc<str>,
-    /// Candidates that take as long together as one alone, at least 1.
-    pub at_once: u32,
-    /// At generation 0.
-    pub optimiser: Box<dyn Optimiser>,
-    /// How many generations to score, at least 1.
-    pub generations: u32,
-    /// What is done once they are.
-    pub finish: Plan,
+    /// The name of its procedure, such as "evolve".
+    pub kind: String,
+    /// Its procedure: before round 0, or after the rounds that it takes over.
+    pub procedure: Box<dyn Procedure>,
     /// What it takes over, if it does an earlier job again.
     pub carried: Option<Carried>,
 }
@@ -54,56 +46,56 @@ pub struct Resumed {
     pub record: JobRecord,
     /// The resolved job, for workers.
     pub toml: Arc<str>,
-    /// Candidates that take as long together as one alone, at least 1.
-    pub at_once: u32,
-    /// Fresh: its state is taken from `state`.
-    pub optimiser: Box<dyn Optimiser>,
-    /// What is done once the search is over.
-    pub finish: Plan,
-    /// The stored state of the search: optimiser and archive.
-    pub search: Vec<u8>,
-    /// Results of rounds that are not sealed for good.
+    /// Its procedure as it was saved.
+    pub procedure: Box<dyn Procedure>,
+    /// The round sealed last.
+    pub last: Option<LastRound>,
+    /// Results of the round at hand.
     pub results: Vec<StoredRange>,
-    /// Scores of the generation sealed last.
-    pub last_scores: Option<Vec<Option<f64>>>,
+}
+
+/// All jobs of the store.
+pub(super) struct Jobs {
+    /// Those that have not ended.
+    pub active: BTreeMap<JobId, ActiveJob>,
+    /// Those that will never change again.
+    pub ended: BTreeSet<JobId>,
+    next: u64,
+}
+
+impl Jobs {
+    pub fn new(next: u64, ended: BTreeSet<JobId>) -> Self {
+        Self { active: BTreeMap::new(), ended, next }
+    }
+
+    /// The number of the next job.
+    pub fn new_number(&mut self) -> u64 {
+        self.next += 1;
+        self.next - 1
+    }
 }
 
 pub(super) struct ActiveJob {
     pub record: JobRecord,
     pub toml: Arc<str>,
-    /// Candidates that take as long together as one alone.
-    pub at_once: u32,
-    optimiser: Box<dyn Optimiser>,
-    plan: Plan,
-    archive: Archive,
-    /// What is worked on.
+    pub procedure: Box<dyn Procedure>,
     pub round: Round,
-    /// The round of examinations before it, if there was one.
-    pub examined: Option<Round>,
-    /// The generation sealed last.
-    pub last: Option<Sealed>,
-    /// Where in the record the dispute about a task is, by round and index.
+    /// The round sealed last.
+    pub last: Option<LastRound>,
+    /// Place in the record of the dispute about a task, by round and index.
     pub disputed: BTreeMap<(u32, u32), usize>,
     /// Virtual finish time in the fair queue.
     pub finish_tag: f64,
     /// Measured cost of a task, s.
     pub cost: Option<f64>,
-    last_progress: Option<Duration>,
-}
-
-/// How a job ends.
-pub(super) enum End {
-    /// The report is there.
-    Succeeded,
-    /// For this reason.
-    Failed(String),
+    last_published: Option<Duration>,
 }
 
 impl ActiveJob {
-    /// A new job and the write that stores it.
+    /// A new job and the writes that store it.
     pub fn submitted(now: Now, number: u64, new: NewJob, virtual_time: f64) -> (Self, Vec<Write>) {
-        let genomes = new.optimiser.ask();
-        let record = JobRecord {
+        let plan = new.procedure.round();
+        let mut record = JobRecord {
             id: JobId::new(number, &new.job_digest),
             number,
             name: new.name,
@@ -113,17 +105,12 @@ impl ActiveJob {
             job_digest: new.job_digest,
             engine_digest: new.engine_digest,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            search_revision: sim_core::optimise::REVISION,
-            population: genomes.len() as u32,
-            generations_done: 0,
-            generations_total: new.generations,
+            procedure: new.kind,
+            revision: procedure::REVISION,
+            rounds_sealed: plan.number,
+            rounds_kept: plan.number,
             priority: new.priority,
-            best: None,
-            first: None,
-            winner: None,
-            counts: Counts::default(),
-            evaluations: 0,
-            failed_evaluations: 0,
+            progress: new.procedure.progress(),
             reason: String::new(),
             paused: false,
             restarted_from: None,
@@ -134,99 +121,86 @@ impl ActiveJob {
             started_at_ms: 0,
             ended_at_ms: 0,
             last_event: 0,
-            scores_digest: ResultDigest::start(&new.job_digest),
+            results_digest: ResultDigest::start(&new.job_digest).value(),
             result_digest: None,
         };
-        let mut job = Self {
+        let mut last = None;
+        let carry = new.carried.map(|Carried { origin, results_digest, last: carried }| {
+            let write = Write::Carry { from: origin.job.clone(), to: record.id.clone(), rounds: origin.rounds };
+            record.restarted_from = Some(origin);
+            record.results_digest = results_digest;
+            last = carried;
+            write
+        });
+        let event = record.next_event(now.unix_ms, Event::State(JobState::Queued));
+        let round = Round::new(plan);
+        let job = Self {
             record,
             toml: new.toml,
-            at_once: new.at_once,
-            optimiser: new.optimiser,
-            plan: new.finish,
-            archive: new.finish.new_archive(),
-            round: Round::generation(0, genomes),
-            examined: None,
-            last: None,
+            procedure: new.procedure,
+            round,
+            last,
             disputed: BTreeMap::new(),
             finish_tag: virtual_time,
             cost: None,
-            last_progress: None,
+            last_published: None,
         };
-        let carry = new.carried.map(|carried| job.take_over(carried));
-        let state = job.record.state;
-        let event = event(&mut job.record, now, Event::StateChanged(state.into()));
-        let submit = Write::Submit { record: job.record.clone(), toml: job.toml.clone(), search: job.search(), event };
+        let (record, toml, state) = (job.record.clone(), job.toml.clone(), job.state());
+        let submit = Write::Submit { record, toml, state, event };
         (job, [submit].into_iter().chain(carry).collect())
     }
 
     /// A job from the store.
     pub fn resumed(resumed: Resumed, virtual_time: f64) -> Result<Self, BadState> {
-        let Resumed { record, toml, at_once, mut optimiser, finish: plan, search, mut results, last_scores } = resumed;
-        let Search { optimiser: state, archive, genomes_before, finders_before } = decode_search(&plan, &search)?;
-        optimiser.restore(&state)?;
-        if optimiser.generation() != record.generations_done {
-            return Err(BadState(format!(
-                "it is at generation {} and the job at {}",
-                optimiser.generation(),
-                record.generations_done
-            )));
+        let Resumed { record, toml, procedure, last, results } = resumed;
+        let waits = record.state == JobState::Waiting;
+        let round = if waits { Round::none(record.rounds_sealed) } else { Round::new(procedure.round()) };
+        if round.number() != record.rounds_sealed {
+            return Err(BadState(format!("it is at round {} and the job at {}", round.number(), record.rounds_sealed)));
         }
-        let genomes = optimiser.ask();
-        if genomes.len() != record.population as usize {
-            return Err(BadState(format!("{} candidates instead of {}", genomes.len(), record.population)));
-        }
-        let round = Round::generation(record.generations_done, genomes);
-        let number = record.generations_done.saturating_sub(1);
-        let last =
-            last_scores.map(|scores| Sealed { number, scores, genomes: genomes_before, finders: finders_before });
         let disputed = places(&record.disputes);
         let mut job = Self {
             record,
             toml,
-            at_once,
-            optimiser,
-            plan,
-            archive,
+            procedure,
             round,
-            examined: None,
             last,
             disputed,
             finish_tag: virtual_time,
             cost: None,
-            last_progress: None,
+            last_published: None,
         };
-        if job.record.generations_done >= job.record.generations_total {
-            job.resume_finish(&mut results)?;
-        }
-        take_up(&mut job.round, &mut results)?;
+        job.take_up(results)?;
         job.apply_rulings();
         job.round.suspect(&job.record.charges);
-        match results.first() {
-            None => Ok(job),
-            Some(StoredRange { round, first, .. }) => {
-                Err(BadState(format!("results of round {round} from {first} on don't fit")))
-            }
-        }
+        Ok(job)
     }
 
-    /// Takes up the round of examinations that the record says.
-    fn resume_finish(&mut self, results: &mut Vec<StoredRange>) -> Result<(), BadState> {
-        let found = self.found().ok_or_else(|| BadState("the search is over without a best".to_owned()))?;
-        let finishing = self.finishing(&found);
-        match (self.record.state, finishing, self.record.winner.clone()) {
-            (JobState::Finishing, Some(round), None) => self.round = round,
-            (JobState::Reporting, finishing, Some(winner)) => {
-                self.examined = finishing;
-                if let Some(round) = &mut self.examined {
-                    take_up(round, results)?;
-                }
-                let done = self.examined.as_ref().map_or(Some(Vec::new()), Round::answers);
-                let done = done.ok_or_else(|| BadState("there is a winner before all is examined".to_owned()))?;
-                self.round = self.reporting(&found, &winner, &done);
+    /// Records the stored results of the round at hand.
+    fn take_up(&mut self, ranges: Vec<StoredRange>) -> Result<(), BadState> {
+        for StoredRange { round, first, results, finder } in ranges {
+            let range = Range { round, first, count: results.len() as u32 };
+            let unfit = |why: String| BadState(format!("results of round {round} from {first} on don't fit{why}"));
+            if !self.round.contains(&range) {
+                return Err(unfit(String::new()));
             }
-            (state, ..) => return Err(BadState(format!("the search is over and the job {}", state.as_str_name()))),
+            for (index, result) in range.indexes().zip(&results) {
+                self.procedure.check(index, result).map_err(|e| unfit(format!(": {e}")))?;
+                self.round.record(index, result, &finder);
+            }
         }
         Ok(())
+    }
+
+    /// Puts right what the store still has as it was first committed.
+    fn apply_rulings(&mut self) {
+        let at_hand = self.round.number();
+        for dispute in self.record.disputes.iter().filter(|d| d.round == at_hand) {
+            let held = dispute.holding().and_then(|c| Some((c.result.clone()?, c.source.finder.clone())));
+            if let Some((result, finder)) = held {
+                self.round.correct(dispute.index, result.into(), finder);
+            }
+        }
     }
 
     /// Whether there is something to hand out.
@@ -239,245 +213,195 @@ impl ActiveJob {
         self.has_pending() && self.round.pending_unsuspected() > 0
     }
 
+    /// The tasks of a range of the round at hand.
+    pub fn tasks(&self, range: &Range) -> Vec<Vec<u8>> {
+        range.indexes().map(|index| self.procedure.task(index)).collect()
+    }
+
     /// The first work is handed out. `None` if that was before.
     pub fn start(&mut self, now: Now) -> Option<Write> {
         (self.record.state == JobState::Queued).then(|| {
             self.record.started_at_ms = now.unix_ms;
-            self.record.state = JobState::Running;
-            let event = event(&mut self.record, now, Event::StateChanged(JobState::Running.into()));
-            Write::Change { record: self.record.clone(), event }
+            self.change_state(now, JobState::Running)
         })
     }
 
-    /// Seals the round at hand if all its tasks are done, and goes on to the next. `None` while some are missing.
-    ///
-    /// The second part of the answer says how the job ends, if so; one that fails is yet to be told so.
-    pub fn seal(&mut self, now: Now) -> Option<(Option<Write>, Option<End>)> {
-        if self.is_round_disputed(self.round.number) {
-            return None;
-        }
-        let Some(answers) = self.round.answers() else {
-            return if self.round.is_generation() { self.seal_generation(now) } else { None };
-        };
-        let Some(found) = self.found() else {
-            return Some((None, Some(End::Failed("the search is over without a best".to_owned()))));
-        };
-        Some(match self.record.winner.clone() {
-            None => (Some(self.choose_winner(now, &found, &answers)), None),
-            // What is in doubt further back would taint it.
-            Some(_) if self.open_disputes().next().is_some() => return None,
-            Some(winner) => match self.make_report(now, found, winner, &answers) {
-                Ok(write) => (Some(write), Some(End::Succeeded)),
-                Err(reason) => (None, Some(End::Failed(reason))),
-            },
-        })
-    }
-
-    /// Folds a generation's scores, and goes on to the next round.
-    fn seal_generation(&mut self, now: Now) -> Option<(Option<Write>, Option<End>)> {
-        let outcomes = self.round.outcomes()?;
-        let scores: Vec<Option<f64>> = outcomes.iter().map(|o| o.score()).collect();
-        let counts = total(outcomes.iter().map(|o| &o.counts));
-        let number = self.round.number;
-        self.fold_generation(Sealed::of(&self.round, scores.clone()), counts);
-
-        let best_so_far = self.record.best.as_ref().map(|b| b.score);
-        let statistics = statistics(number, &scores, counts, best_so_far);
-        let mut events = vec![event(&mut self.record, now, Event::GenerationSealed(statistics))];
-        let mut end = None;
-        let before = self.record.state;
-        if self.next_round() {
-            let state = self.record.state;
-            if state != before {
-                events.push(event(&mut self.record, now, Event::StateChanged(state.into())));
-            }
-        } else {
-            end = Some(End::Failed(format!(
-                "all {} evaluations failed (the robot was unstable at its start): there is no winner; check the \
-                 robot, the start and the [physics] table",
-                self.record.evaluations
-            )));
-        }
-        let sealed = SealedGeneration { scores, statistics };
-        self.prune_disputes();
-        let write = Write::Seal { record: self.record.clone(), sealed, search: self.search(), events };
-        Some((Some(write), end))
-    }
-
-    /// Folds a generation's scores by index into digest, archive and optimiser.
-    pub(super) fn fold_generation(&mut self, sealed: Sealed, counts: Counts) {
-        let (number, scores) = (sealed.number, &sealed.scores);
-        let failed = scores.iter().filter(|s| s.is_none()).count() as u32;
-        let direction = self.optimiser.direction();
-        let genomes = sealed.genomes.clone().unwrap_or_else(|| self.optimiser.ask().into());
-
-        let record = &mut self.record;
-        record.scores_digest.generation(number, scores);
-        record.evaluations += scores.len() as u64;
-        record.failed_evaluations += u64::from(failed);
-        record.counts += counts;
-        let scored = |(i, score): (usize, f64)| Scored {
-            generation: number,
-            candidate: i as u32,
-            score,
-            genome: genomes[i].clone(),
-        };
-        let succeeded = scores.iter().enumerate().filter_map(|(i, s)| s.map(|s| (i, s)));
-        self.archive.generation(succeeded.map(scored));
-        if let Some((i, score)) = direction.best(scores) {
-            let best = scored((i, score));
-            if record.first.is_none() {
-                record.first = Some(best.clone());
-            }
-            if direction.better(Some(score), record.best.as_ref().map(|b| b.score)) {
-                record.best = Some(best);
-            }
-        }
-        record.generations_done = number + 1;
-        record.charges.clear();
-        self.optimiser.tell(scores);
-        self.last = Some(sealed);
-    }
-
-    /// Goes on to the next generation, or to what follows the search. `false` if that can't be: there is no best.
-    pub(super) fn next_round(&mut self) -> bool {
-        if self.record.generations_done < self.record.generations_total {
-            self.round = Round::generation(self.record.generations_done, self.optimiser.ask());
-            return true;
-        }
-        let Some(found) = self.found() else { return false };
-        self.cost = None;
-        self.record.state = match self.finishing(&found) {
-            Some(round) => {
-                self.round = round;
-                JobState::Finishing
-            }
-            None => self.report_on(&found, &[]),
-        };
-        true
-    }
-
-    /// The archive is examined: the winner follows, and the questions about it.
-    fn choose_winner(&mut self, now: Now, found: &Found, answers: &[Done]) -> Write {
-        self.fold(answers);
-        self.record.charges.clear();
-        let before = self.round.clone();
-        let state = self.report_on(found, answers);
-        self.examined = Some(before);
+    fn change_state(&mut self, now: Now, state: JobState) -> Write {
         self.record.state = state;
-        let event = event(&mut self.record, now, Event::StateChanged(state.into()));
+        self.change(now, Event::State(state))
+    }
+
+    /// An event, with the job as it stands now.
+    pub fn change(&mut self, now: Now, event: Event) -> Write {
+        let event = self.record.next_event(now.unix_ms, event);
         Write::Change { record: self.record.clone(), event }
     }
 
-    /// All questions are answered.
-    fn make_report(&mut self, now: Now, found: Found, winner: Scored, answers: &[Done]) -> Result<Write, String> {
-        self.fold(answers);
-        let rounds = || self.examined.iter().chain([&self.round]);
-        let outcomes: Vec<&Outcome> = rounds().filter_map(Round::outcomes).flatten().collect();
-        let counts = total(outcomes.iter().map(|o| &o.counts));
-        let done: Vec<Done> = rounds().filter_map(Round::answers).flatten().collect();
-        let traces = done.iter().position(|(e, _)| e.is(Question::Traces, &winner)).map(|at| &outcomes[at].traces);
-        let unusable = |e: serde_json::Error| format!("the report can't be put together: {e}");
-        let traces: Traces = serde_json::from_slice(traces.map_or(&[], Vec::as_slice)).map_err(unusable)?;
-        let report = report(&self.plan, found, winner.clone(), &done, traces, counts);
-        let report = serde_json::to_vec(&report).map_err(unusable)?;
-
-        self.record.result_digest = Some(self.record.scores_digest.seal(&winner.genome, winner.score));
-        self.record.ended_at_ms = now.unix_ms;
-        self.record.paused = false;
-        self.record.state = JobState::Succeeded;
-        let event = event(&mut self.record, now, Event::StateChanged(JobState::Succeeded.into()));
-        Ok(Write::Report { record: self.record.clone(), report, event })
-    }
-
-    /// Sets the winner and the round of questions about it.
-    fn report_on(&mut self, found: &Found, answers: &[Done]) -> JobState {
-        let winner = self.plan.winner(found, answers);
-        self.round = self.reporting(found, &winner, answers);
-        self.record.winner = Some(winner);
-        JobState::Reporting
-    }
-
-    fn fold(&mut self, answers: &[Done]) {
-        let scores: Vec<Vec<Option<f64>>> = answers.iter().map(|(_, scores)| scores.clone()).collect();
-        self.record.scores_digest.examinations(self.round.number, &scores);
-    }
-
-    /// The candidates of the generation at hand.
-    pub(super) fn genomes(&self) -> Vec<Genome> {
-        self.optimiser.ask()
-    }
-
-    /// What the search found, if any of its evaluations succeeded.
-    fn found(&self) -> Option<Found> {
-        Some(Found {
-            first: self.record.first.clone()?,
-            best: self.record.best.clone()?,
-            archive: self.archive.entries().to_vec(),
-            bests: self.archive.bests().to_vec(),
-        })
-    }
-
-    /// The first round after the search, numbered on from the generations; `None` if it would be empty.
-    fn finishing(&self, found: &Found) -> Option<Round> {
-        let examinations = self.plan.finishing(found);
-        (!examinations.is_empty()).then(|| Round::examinations(self.record.generations_total, examinations))
-    }
-
-    /// The last round.
-    fn reporting(&self, found: &Found, winner: &Scored, done: &[Done]) -> Round {
-        Round::examinations(self.record.generations_total + 1, self.plan.reporting(found, winner, done))
-    }
-
-    /// The state of the search, for the store.
-    fn search(&self) -> Vec<u8> {
-        encode_search(self.optimiser.save(), &self.archive, self.last.as_ref())
-    }
-
-    /// How far the round is, at most every [`PROGRESS_EVERY`].
-    pub fn progress(&mut self, now: Now) -> Option<v1::JobEvent> {
-        if self.last_progress.is_some_and(|last| now.since_start < last + PROGRESS_EVERY) {
+    /// Seals the round at hand if its results are there and nothing is disputed, and goes on to the next. `None` otherwise.
+    /// The job may have ended afterwards.
+    pub fn seal(&mut self, now: Now) -> Option<Write> {
+        // A disputed result must not be folded, and one that was folded last would taint all that follows.
+        if self.open_disputes().next().is_some() {
             return None;
         }
-        self.last_progress = Some(now.since_start);
-        let generation = self.record.generations_done;
-        let progress = v1::Progress { generation, done: self.round.done(), total: self.round.size() };
-        Some(v1::JobEvent {
-            sequence: self.record.last_event,
-            at_ms: now.unix_ms,
-            event: Some(Event::Progress(progress)),
-            job: Some(self.record.to_wire()),
-        })
+        let results = self.round.settled(&*self.procedure)?;
+        let digests: Vec<Digest> = results.iter().map(|result| result_digest(result)).collect();
+        let (number, phase, kept) = (self.round.number(), self.round.phase(), self.round.is_kept());
+        self.last = Some(self.last_round(results.len() as u32));
+        let Told { row, step } = self.procedure.tell(&results);
+
+        let record = &mut self.record;
+        record.fold(number, &digests);
+        record.rounds_sealed = number + 1;
+        record.rounds_kept += u32::from(kept && record.rounds_kept == number);
+        record.charges.clear();
+        record.progress = self.procedure.progress();
+        let sealed = SealedRound { number, row: row.clone(), digests, results: kept.then_some(results) };
+        let told = Event::Sealed { round: number, phase: phase.to_owned(), row };
+        let mut events = vec![record.next_event(now.unix_ms, told)];
+        match step {
+            Step::Next => {
+                self.next_round();
+                let (record, state) = (self.record.clone(), self.state());
+                Some(Write::Seal { record, sealed, state, events })
+            }
+            Step::Waiting => {
+                self.round = Round::none(number + 1);
+                self.prune_disputes();
+                record_state(&mut self.record, now, JobState::Waiting, &mut events);
+                let (record, state) = (self.record.clone(), self.state());
+                Some(Write::Seal { record, sealed, state, events })
+            }
+            Step::Done(artefacts) => {
+                self.record.result_digest = Some(ResultDigest::resume(self.record.results_digest).seal());
+                self.end(now, JobState::Succeeded, &mut events);
+                Some(Write::Finish { record: self.record.clone(), sealed, artefacts, events })
+            }
+            Step::Failed(reason) => {
+                self.record.reason = reason;
+                self.end(now, JobState::Failed, &mut events);
+                Some(Write::Finish { record: self.record.clone(), sealed, artefacts: Vec::new(), events })
+            }
+        }
+    }
+
+    fn end(&mut self, now: Now, state: JobState, events: &mut Vec<JobEvent>) {
+        self.record.ended_at_ms = now.unix_ms;
+        self.record.paused = false;
+        record_state(&mut self.record, now, state, events);
+    }
+
+    /// A client's batch came: the write that stores what follows.
+    pub fn resume_waiting(&mut self, now: Now) -> Write {
+        self.record.progress = self.procedure.progress();
+        self.record.state = JobState::Running;
+        let event = self.record.next_event(now.unix_ms, Event::State(JobState::Running));
+        Write::Offer { record: self.record.clone(), state: self.state(), event }
+    }
+
+    /// Goes on to the procedure's next round.
+    pub fn next_round(&mut self) {
+        let next = Round::new(self.procedure.round());
+        if next.phase() != self.round.phase() {
+            self.cost = None;
+        }
+        self.round = next;
+        self.prune_disputes();
+    }
+
+    /// What is kept of the round at hand once it is sealed.
+    fn last_round(&self, tasks: u32) -> LastRound {
+        let task = |index: u32| {
+            let (digest, finder) = self.round.found(index).expect("every task that settles a round is done");
+            let (task, what) = (self.procedure.task(index), self.procedure.describe(index));
+            TaskRecord { task, what, digest, finder: finder.clone() }
+        };
+        LastRound { number: self.round.number(), tasks: (0..tasks).map(task).collect() }
+    }
+
+    /// The state before the round at hand, for the store.
+    pub fn state(&self) -> RunState {
+        RunState { procedure: self.procedure.save(), last: self.last.clone() }
+    }
+
+    /// How far the round is, at most every [`PUBLISH_EVERY`].
+    pub fn publish(&mut self, now: Now) -> Option<JobEvent> {
+        if self.last_published.is_some_and(|last| now.since_start < last + PUBLISH_EVERY) {
+            return None;
+        }
+        self.last_published = Some(now.since_start);
+        let (round, done, total) = (self.round.number(), self.round.done(), self.round.size());
+        let event = Event::Done { round, done, total };
+        Some(JobEvent { sequence: self.record.last_event, at_ms: now.unix_ms, event })
+    }
+
+    /// The dispute about a task, if there is or was one.
+    pub fn dispute(&self, round: u32, index: u32) -> Option<&Dispute> {
+        self.record.disputes.get(*self.disputed.get(&(round, index))?)
+    }
+
+    /// Adds a dispute about a task that has none. Returns its place.
+    pub fn open_dispute(&mut self, dispute: Dispute) -> usize {
+        let at = self.record.disputes.len();
+        self.disputed.insert((dispute.round, dispute.index), at);
+        self.record.disputes.push(dispute);
+        at
+    }
+
+    /// Whether the dispute about a task is open.
+    pub fn is_disputed(&self, round: u32, index: u32) -> bool {
+        self.dispute(round, index).is_some_and(Dispute::is_open)
+    }
+
+    /// Disputes that are not decided.
+    pub fn open_disputes(&self) -> impl Iterator<Item = &Dispute> {
+        self.record.disputes.iter().filter(|d| d.is_open())
+    }
+
+    /// Removes decided disputes that nothing depends on any more, but for the newest few.
+    fn prune_disputes(&mut self) {
+        let round = self.round.number();
+        // The round sealed last can be disputed again.
+        let needed = |d: &Dispute| d.is_open() || d.round + 1 >= round;
+        let mut spare = self.record.disputes.iter().filter(|d| !needed(d)).count().saturating_sub(KEPT_DISPUTES);
+        self.record.disputes.retain(|d| {
+            let keep = needed(d) || spare == 0;
+            spare -= usize::from(!keep);
+            keep
+        });
+        self.record.disputes.iter_mut().filter(|d| d.round < round).for_each(Dispute::seal);
+        self.disputed = places(&self.record.disputes);
+    }
+
+    /// The tasks, one by one, whose results a worker delivered, as far as they are still known.
+    pub fn found_by(&self, worker: &str) -> Vec<Range> {
+        let of = |finder: &Finder| &*finder.worker == worker;
+        let one = |round: u32, first: u32| Range { round, first, count: 1 };
+        let sealed = self.last.iter().flat_map(|last| {
+            let found = (0..).zip(last.tasks.iter()).filter(|(_, task)| of(&task.finder));
+            found.map(|(index, _)| one(last.number, index))
+        });
+        let at_hand = (0..self.round.size()).filter(|i| self.round.found(*i).is_some_and(|(_, finder)| of(finder)));
+        sealed.chain(at_hand.map(|index| one(self.round.number(), index))).collect()
     }
 }
 
-/// Records the stored results of a round and takes them out of the list.
-fn take_up(round: &mut Round, results: &mut Vec<StoredRange>) -> Result<(), BadState> {
-    let number = round.number;
-    for StoredRange { first, outcomes, finder, .. } in results.extract_if(.., |range| range.round == number) {
-        let range = Range { round: number, first, count: outcomes.len() as u32 };
-        if !round.contains(&range) {
-            return Err(BadState(format!("results of tasks {:?} of round {number} don't fit", range.indexes())));
-        }
-        for (index, outcome) in range.indexes().zip(&outcomes) {
-            round.record(index, outcome, &finder);
-        }
-    }
-    Ok(())
+fn record_state(record: &mut JobRecord, now: Now, state: JobState, events: &mut Vec<JobEvent>) {
+    record.state = state;
+    events.push(record.next_event(now.unix_ms, Event::State(state)));
 }
 
-/// A job ends without success: how it stands then, and the write that says so.
+/// Place of the dispute about a task, by round and index: a whole round can be disputed at once.
+fn places(disputes: &[Dispute]) -> BTreeMap<(u32, u32), usize> {
+    disputes.iter().enumerate().map(|(at, d)| ((d.round, d.index), at)).collect()
+}
+
+/// Ends a job without success: how it stands then, and the write that stores it.
 pub(super) fn end(mut record: JobRecord, now: Now, state: JobState, reason: String) -> (JobRecord, Write) {
     record.ended_at_ms = now.unix_ms;
     record.paused = false;
     record.reason = reason;
     record.state = state;
-    let event = event(&mut record, now, Event::StateChanged(state.into()));
+    let event = record.next_event(now.unix_ms, Event::State(state));
     (record.clone(), Write::Change { record, event })
-}
-
-/// The next event, with the job as it stands now.
-pub(super) fn event(record: &mut JobRecord, now: Now, event: Event) -> v1::JobEvent {
-    record.last_event += 1;
-    v1::JobEvent { sequence: record.last_event, at_ms: now.unix_ms, event: Some(event), job: Some(record.to_wire()) }
 }

@@ -1,8 +1,7 @@
-//! What happened inside the scheduler that whoever runs it wants to read and count. Nothing is decided by it.
+//! Events inside the scheduler for logs and metrics. Nothing is decided by them.
 
-use super::lease::{AssignmentId, Lease};
-use super::worker::WorkerId;
-use super::{Range, Scheduler};
+use super::fleet::WorkerId;
+use super::lease::{AssignmentId, Range};
 use crate::record::JobId;
 
 /// Something worth a line in the log.
@@ -32,18 +31,27 @@ pub enum Note {
         /// Why.
         why: LeaseEnd,
     },
-    /// Results that were not there before were taken in.
+    /// Results that were not there before were recorded.
     Taken {
-        /// From whom.
+        /// The worker that delivered them.
         worker: WorkerId,
-        /// Of which job.
+        /// The job.
         job: JobId,
-        /// The generation, or the round of examinations.
+        /// The round.
         round: u32,
-        /// Whether they are evaluations of the search.
-        evaluations: bool,
+        /// What the round is about, in a word.
+        phase: &'static str,
         /// How many.
         count: u32,
+    },
+    /// A worker delivered what can't be a result of its task.
+    Marked {
+        /// The worker.
+        worker: WorkerId,
+        /// Its marks so far.
+        marks: u32,
+        /// What is wrong with the result.
+        why: String,
     },
     /// A task was charged with a crash or a failure.
     Attempt {
@@ -57,7 +65,7 @@ pub enum Note {
         why: String,
     },
     /// A worker that was taken for dead lives: what its death was blamed on is not to blame.
-    TakenBack {
+    ChargesWithdrawn {
         /// Which.
         worker: WorkerId,
         /// Of which job.
@@ -91,14 +99,24 @@ pub enum LeaseEnd {
     Failed,
     /// It made no progress for long.
     Stuck,
-    /// Nobody needs it any more.
+    /// Its result was refused.
+    Refused,
+    /// Its tasks are done, or not needed any more.
     Needless,
 }
 
 impl LeaseEnd {
     /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Lost, Self::Undelivered, Self::Drained, Self::Rejected, Self::Failed, Self::Stuck, Self::Needless];
+    pub const ALL: [Self; 8] = [
+        Self::Lost,
+        Self::Undelivered,
+        Self::Drained,
+        Self::Rejected,
+        Self::Failed,
+        Self::Stuck,
+        Self::Refused,
+        Self::Needless,
+    ];
 
     /// As a word.
     pub fn word(self) -> &'static str {
@@ -109,19 +127,8 @@ impl LeaseEnd {
             Self::Rejected => "rejected",
             Self::Failed => "failed",
             Self::Stuck => "stuck",
+            Self::Refused => "refused",
             Self::Needless => "needless",
         }
-    }
-}
-
-impl Scheduler {
-    /// What there is to tell since the last call.
-    pub fn take_notes(&mut self) -> Vec<Note> {
-        std::mem::take(&mut self.notes)
-    }
-
-    pub(super) fn note_end(&mut self, id: AssignmentId, lease: &Lease, why: LeaseEnd) {
-        let (worker, job, range) = (lease.worker.clone(), lease.job.clone(), lease.range);
-        self.notes.push(Note::LeaseEnded { worker, job, assignment: id, range, why });
     }
 }

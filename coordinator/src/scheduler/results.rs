@@ -1,81 +1,100 @@
-//! Results come in: on time, late, twice, wrong, or for something long over.
+//! Results come in: on time, late, twice, wrong, or of work that was never issued.
 
-use super::job::End;
-use super::lease::{AssignmentId, Kind};
+use super::arbitration::{Contradicted, Delivered, weigh};
+use super::dispatch::dispatch;
+use super::events::{forget, others_can};
+use super::fleet::WorkerId;
+use super::lease::{AssignmentId, Kind, Range, end_lease, record_failure, remove_lease, revoke_leases};
 use super::notes::{LeaseEnd, Note};
-use super::older::Contradicted;
-use super::round::{Finder, Outcome, Range, Recorded};
-use super::worker::WorkerId;
+use super::round::Recorded;
+use super::trust::{clear_of_blame, mark, spare};
 use super::{Action, Now, Scheduler, stuck};
-use crate::record::{JobId, JobState};
+use crate::permit;
+use crate::record::{Finder, JobId};
 use crate::store::Write;
 use sim_core::identity::Digest;
+use sim_core::procedure::result_digest;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
-/// What a worker delivers.
+/// The peer that made a call.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Caller {
+    /// Its source address without the port.
+    pub host: Arc<str>,
+    /// The first digits of its token's digest; empty where calls need none.
+    pub credential: Arc<str>,
+}
+
+/// A delivery of a worker.
 #[derive(Clone, Debug)]
 pub struct Completed {
-    /// Who.
+    /// The worker.
     pub worker: WorkerId,
-    /// Which assignment it was.
+    /// The assignment.
     pub assignment: AssignmentId,
-    /// Of which job.
+    /// Its job.
     pub job: JobId,
     /// The engine that ran.
     pub engine: Digest,
+    /// Its tasks.
+    pub range: Range,
+    /// Proof that it was issued.
+    pub permit: Vec<u8>,
     /// How long a slot was busy; zero if unknown.
     pub compute: Duration,
-    /// What came of it.
+    /// The outcome.
     pub delivery: Delivery,
+    /// The tasks as they were assigned, where the answer before was [`Verdict::NeedsTasks`].
+    pub tasks: Vec<Vec<u8>>,
+    /// The peer that delivers.
+    pub caller: Caller,
 }
 
-/// What came of an assignment.
+/// The outcome of an assignment.
 #[derive(Clone, Debug)]
 pub enum Delivery {
-    /// Scores.
-    Evaluations {
-        /// The generation.
-        generation: u32,
-        /// Index of the first.
-        first: u32,
-        /// By index from `first` on.
-        outcomes: Vec<Outcome>,
-    },
-    /// The answer to a question.
-    Examination {
-        /// The round.
-        round: u32,
-        /// Its index there.
-        index: u32,
-        /// The answer.
-        outcome: Outcome,
-    },
+    /// Results, by index from the range's first on.
+    Results(Vec<Arc<[u8]>>),
     /// It could not be carried out.
     Failure(String),
 }
 
-/// What became of a result.
+/// The answer to a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// It counts.
     Accepted,
     /// The same bits were there before.
     Duplicate,
-    /// Other bits were there before: somebody computes wrongly.
+    /// Other bits were there before: a worker computes wrongly.
     Conflict,
-    /// The job ended.
+    /// The job ended or moved on.
     Obsolete,
-    /// It is of a generation before the one sealed last: nothing is known of it here, see [`Scheduler::compare`].
+    /// It is of a round before the one sealed last: the store has its digests, see [`super::on_compare`].
     Older,
     /// No such job or range.
     Unknown,
-    /// What this worker says is not trusted any more; nothing was stored.
+    /// This worker's results are ignored; nothing was stored.
     Quarantined,
+    /// It differs from a result sealed long ago: its tasks are needed, so that a third worker can decide.
+    NeedsTasks,
 }
 
 impl Verdict {
-    /// As a word.
+    /// All verdicts that are answered.
+    pub const ALL: [Self; 7] = [
+        Self::Accepted,
+        Self::Duplicate,
+        Self::Conflict,
+        Self::Obsolete,
+        Self::Unknown,
+        Self::Quarantined,
+        Self::NeedsTasks,
+    ];
+
+    /// The verdict in a word.
     pub fn word(self) -> &'static str {
         match self {
             Self::Accepted => "accepted",
@@ -85,234 +104,371 @@ impl Verdict {
             Self::Older => "older",
             Self::Unknown => "unknown",
             Self::Quarantined => "quarantined",
+            Self::NeedsTasks => "needs tasks",
         }
     }
 }
 
-impl Scheduler {
-    /// A result. Whoever has the lease: the first right one wins.
-    pub fn complete(&mut self, now: Now, completed: Completed) -> Verdict {
-        let verdict = self.take_result(now, completed);
-        self.dispatch(now);
-        verdict
-    }
-
-    fn take_result(&mut self, now: Now, completed: Completed) -> Verdict {
-        let Completed { worker, assignment, job: id, engine, compute, delivery } = completed;
-        if self.quarantined.contains_key(&worker) {
-            return Verdict::Quarantined;
-        }
-        if !self.workers.contains_key(&worker) {
-            self.clear_of_blame(&worker);
-        }
-        let lease = self.leases.get(&assignment).filter(|l| l.worker == worker && l.job == id);
-        let (own, decides) = (lease.is_some(), lease.is_some_and(|l| l.kind == Kind::Decides));
-        let Some(job) = self.jobs.get(&id) else {
-            return if self.ended.contains(&id) { Verdict::Obsolete } else { Verdict::Unknown };
-        };
-        if job.record.engine_digest != engine {
-            return Verdict::Unknown;
-        }
-        match delivery {
-            Delivery::Failure(reason) => {
-                if !own {
-                    return Verdict::Obsolete;
-                }
-                let others = decides || self.others_can(&worker, &id);
-                if let Some(lease) = self.release(assignment, LeaseEnd::Failed) {
-                    if others && let Some(worker) = self.workers.get_mut(&worker) {
-                        // It may be the worker: somebody else, for a while.
-                        worker.refused.insert(id.clone(), now.since_start + self.settings.lease);
-                        self.wake_by(now.since_start + self.settings.lease);
-                    }
-                    self.blame(now, &lease, true, None, &reason);
-                }
-                Verdict::Accepted
-            }
-            Delivery::Evaluations { generation, first, outcomes } => {
-                let Ok(count) = u32::try_from(outcomes.len()) else { return Verdict::Unknown };
-                let range = Range { round: generation, first, count };
-                let fits = first.checked_add(count).is_some_and(|end| count > 0 && end <= job.record.population);
-                let job_generation = job.record.generations_done;
-                if !fits || generation > job.record.generations_done || generation >= job.record.generations_total {
-                    return Verdict::Unknown;
-                }
-                if own {
-                    self.settle(assignment, count, compute);
-                }
-                if generation < job_generation {
-                    return self.take_late(now, &id, range, outcomes, &worker, decides);
-                }
-                self.take_outcomes(now, &id, range, outcomes, &worker, decides)
-            }
-            Delivery::Examination { round, index, outcome } => {
-                let range = Range { round, first: index, count: 1 };
-                let examined = job.examined.iter().any(|r| r.contains(&range));
-                if !examined && (job.round.is_generation() || !job.round.contains(&range)) {
-                    return Verdict::Unknown;
-                }
-                if own {
-                    self.settle(assignment, 1, compute);
-                }
-                if examined {
-                    return self.take_late(now, &id, range, vec![outcome], &worker, decides);
-                }
-                self.take_outcomes(now, &id, range, vec![outcome], &worker, decides)
-            }
-        }
-    }
-
-    /// Whether another worker takes this job's work.
-    fn others_can(&self, worker: &WorkerId, id: &JobId) -> bool {
-        let Some(job) = self.jobs.get(id) else { return false };
-        self.workers.iter().any(|(other, w)| other != worker && w.takes_work() && w.can_do(&job.record))
-    }
-
-    /// Results of the round at hand.
-    fn take_outcomes(
-        &mut self,
-        now: Now,
-        id: &JobId,
+/// A delivery that can't be a result of an assignment that was issued. Costs the worker a mark; not retryable.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RefusedResult {
+    /// Nothing like it was issued.
+    #[error(
+        "assignment {} ({count} tasks of round {round} of job {job} from {first} on) was never issued to worker {worker}: \
+         a result needs the permit that came with its assignment",
+        .assignment.0, round = .range.round, first = .range.first, count = .range.count
+    )]
+    Unissued {
+        /// The assignment that was named.
+        assignment: AssignmentId,
+        /// The worker that was named.
+        worker: WorkerId,
+        /// The job that was named.
+        job: JobId,
+        /// The tasks that were named.
         range: Range,
-        outcomes: Vec<Outcome>,
-        worker: &WorkerId,
-        decides: bool,
-    ) -> Verdict {
-        let finder = self.finder(worker);
-        let Some(job) = self.jobs.get_mut(id).filter(|j| j.round.contains(&range)) else { return Verdict::Unknown };
-        // What is new, in ranges without a break; and what may contradict what is there, or decide a dispute.
-        let mut ranges: Vec<(u32, Vec<Outcome>)> = Vec::new();
-        let mut there: Vec<(u32, Outcome)> = Vec::new();
-        // Others that were given some of it.
-        let mut holders: BTreeSet<AssignmentId> = BTreeSet::new();
-        for (index, outcome) in range.indexes().zip(outcomes) {
-            match job.round.record(index, &outcome, &finder) {
-                Recorded::New(holder) => {
-                    holders.extend(holder);
-                    match ranges.last_mut() {
-                        Some((first, run)) if *first + run.len() as u32 == index => run.push(outcome),
-                        _ => ranges.push((index, vec![outcome])),
-                    }
+    },
+    /// It ran on an engine that the job does not use.
+    #[error("it ran on engine {}: the job needs engine {}", .ran.short(), .needed.short())]
+    Engine {
+        /// The engine that ran.
+        ran: Digest,
+        /// The one that the job needs.
+        needed: Digest,
+    },
+    /// Too few or too many results.
+    #[error("it has {found} results: its assignment has {needed} tasks")]
+    Count {
+        /// Results that it has.
+        found: usize,
+        /// Tasks of the assignment.
+        needed: u32,
+    },
+    /// One of its results can't be one of its task.
+    #[error(transparent)]
+    Result(#[from] sim_core::procedure::Rejected),
+    /// The tasks beside it are not those that were assigned.
+    #[error("the tasks that came with it are not those of assignment {}", .assignment.0)]
+    Tasks {
+        /// The assignment.
+        assignment: AssignmentId,
+    },
+}
+
+/// Takes a result; see [`super::on_result`]. Whichever worker has the lease: the first right result wins.
+pub(super) fn take(core: &mut Scheduler, now: Now, completed: Completed) -> Result<Verdict, RefusedResult> {
+    let (worker, id, assignment) = (completed.worker.clone(), completed.job.clone(), completed.assignment);
+    if core.trust.is_quarantined(&worker) {
+        return Ok(Verdict::Quarantined);
+    }
+    match admit(core, &completed) {
+        Ok(None) => {}
+        Ok(Some(verdict)) => return Ok(verdict),
+        Err(refused) => {
+            refuse(core, now, &completed, &refused);
+            return Err(refused);
+        }
+    }
+    if !core.fleet.workers.contains_key(&worker) {
+        clear_of_blame(core, &worker);
+    }
+    let lease = core.leases.all.get(&assignment).filter(|l| l.worker == worker && l.job == id);
+    let (own, arbitrates) = (lease.is_some(), lease.is_some_and(|l| l.kind == Kind::Arbitration));
+    let results = match completed.delivery {
+        Delivery::Failure(reason) if own => {
+            take_failure(core, now, assignment, arbitrates, &reason);
+            return Ok(Verdict::Accepted);
+        }
+        Delivery::Failure(_) => return Ok(Verdict::Obsolete),
+        Delivery::Results(results) => results,
+    };
+    if own {
+        complete_lease(core, assignment, completed.range.count, completed.compute);
+    }
+    let Some(job) = core.jobs.active.get(&id) else { return Ok(Verdict::Obsolete) };
+    let range = completed.range;
+    if range.round == job.round.number() {
+        return Ok(take_results(core, now, &id, range, results, &worker, arbitrates));
+    }
+    Ok(compare_sealed(core, now, &id, range, &results, &worker, arbitrates))
+}
+
+/// Checks that a delivery is of an assignment that was issued, and whole. Returns the verdict where there is nothing to take.
+fn admit(core: &Scheduler, completed: &Completed) -> Result<Option<Verdict>, RefusedResult> {
+    let Completed { worker, assignment, job: id, engine, range, permit, delivery, .. } = completed;
+    let issued = core.leases.was_issued(*assignment) && core.trust.key.admits(completed.issued(), permit);
+    if !issued {
+        let (assignment, worker, job, range) = (*assignment, worker.clone(), id.clone(), *range);
+        return Err(RefusedResult::Unissued { assignment, worker, job, range });
+    }
+    let Some(job) = core.jobs.active.get(id) else {
+        return Ok(Some(if core.jobs.ended.contains(id) { Verdict::Obsolete } else { Verdict::Unknown }));
+    };
+    if job.record.engine_digest != *engine {
+        return Err(RefusedResult::Engine { ran: *engine, needed: job.record.engine_digest });
+    }
+    let Delivery::Results(results) = delivery else { return Ok(None) };
+    if results.len() != range.count as usize {
+        return Err(RefusedResult::Count { found: results.len(), needed: range.count });
+    }
+    if range.round > job.round.number() {
+        return Ok(Some(Verdict::Unknown));
+    }
+    if range.round == job.round.number() {
+        if !job.round.contains(range) {
+            return Ok(Some(Verdict::Unknown));
+        }
+        for (index, result) in range.indexes().zip(results) {
+            job.procedure.check(index, result)?;
+        }
+    }
+    Ok(None)
+}
+
+/// A refused delivery ends its lease, at no cost to the tasks, and marks its worker: by its permit, or, where that is wrong, if
+/// the call came from the worker of that id.
+fn refuse(core: &mut Scheduler, now: Now, completed: &Completed, refused: &RefusedResult) {
+    let Completed { worker, assignment, job, caller, .. } = completed;
+    let is_known =
+        core.fleet.workers.get(worker).is_some_and(|w| w.host() == &*caller.host && w.credential == caller.credential);
+    if matches!(refused, RefusedResult::Unissued { .. }) {
+        if is_known {
+            mark(core, now, worker, &refused.to_string());
+        }
+        return;
+    }
+    if core.leases.all.get(assignment).is_some_and(|l| l.worker == *worker && l.job == *job) {
+        end_lease(core, *assignment, LeaseEnd::Refused);
+        spare(core, now, worker, job);
+    }
+    mark(core, now, worker, &refused.to_string());
+}
+
+/// A worker could not carry its lease out.
+fn take_failure(core: &mut Scheduler, now: Now, assignment: AssignmentId, arbitrates: bool, reason: &str) {
+    let Some(lease) = core.leases.all.get(&assignment) else { return };
+    let (worker, job) = (lease.worker.clone(), lease.job.clone());
+    let others = arbitrates || others_can(core, &worker, &job);
+    if let Some(lease) = end_lease(core, assignment, LeaseEnd::Failed) {
+        if others {
+            // It may be the worker: another one, for a while.
+            spare(core, now, &worker, &job);
+        }
+        record_failure(core, now, &lease, true, None, reason);
+    }
+}
+
+/// Results of the round at hand.
+fn take_results(
+    core: &mut Scheduler,
+    now: Now,
+    id: &JobId,
+    range: Range,
+    results: Vec<Arc<[u8]>>,
+    worker: &WorkerId,
+    arbitrates: bool,
+) -> Verdict {
+    let finder = core.fleet.finder(worker);
+    let Some(job) = core.jobs.active.get_mut(id) else { return Verdict::Unknown };
+    // New results, in ranges without a break; and those that may contradict what is there, or decide a dispute.
+    let mut ranges: Vec<(u32, Vec<Arc<[u8]>>)> = Vec::new();
+    let mut there: Vec<Delivered> = Vec::new();
+    // Leases of other workers on some of it.
+    let mut holders: BTreeSet<AssignmentId> = BTreeSet::new();
+    for (index, result) in range.indexes().zip(results) {
+        match job.round.record(index, &result, &finder) {
+            Recorded::New(holder) => {
+                holders.extend(holder);
+                match ranges.last_mut() {
+                    Some((first, run)) if *first + run.len() as u32 == index => run.push(result),
+                    _ => ranges.push((index, vec![result])),
                 }
-                Recorded::Same if !job.is_disputed(range.round, index) => {}
-                Recorded::Same | Recorded::Other => there.push((index, outcome)),
+            }
+            Recorded::Same if !job.is_disputed(range.round, index) => {}
+            Recorded::Same | Recorded::Other => {
+                there.push(Delivered { index, digest: result_digest(&result), result: Some(result) });
             }
         }
-        let accepted: usize = ranges.iter().map(|(_, run)| run.len()).sum();
-        if let Some(finder) = self.workers.get_mut(worker) {
-            finder.evaluations += accepted as u64;
-            if std::mem::take(&mut finder.stuck) >= stuck::MOST_TIMES {
-                self.room.may_have(worker);
-                self.room.workers_changed();
-            }
-        }
-        if accepted > 0 {
-            self.notes.push(Note::Taken {
-                worker: worker.clone(),
-                job: id.clone(),
-                round: range.round,
-                evaluations: job.round.is_generation(),
-                count: accepted as u32,
-            });
-            let done = |a: &AssignmentId| self.leases.get(a).is_some_and(|l| job.round.is_done(&l.range));
-            let originals = holders.into_iter().filter(done);
-            let needless: Vec<AssignmentId> =
-                originals.flat_map(|a| [Some(a), self.copies.get(&a).copied()]).flatten().collect();
-            self.cancel_leases(&needless);
-        }
-        // Before anything is sealed: what is in doubt is not.
-        let conflict = !there.is_empty() && self.weigh(now, id, &range, there, worker, &Contradicted::new());
-        if accepted > 0 {
-            self.seal_or_store(now, id, range.round, ranges, finder);
+    }
+    let accepted = ranges.iter().map(|(_, run)| run.len() as u32).sum();
+    let phase = job.round.phase();
+    if let Some(worker) = core.fleet.workers.get_mut(worker) {
+        worker.tasks += u64::from(accepted);
+    }
+    stuck::moves_again(core, worker);
+    if accepted > 0 {
+        core.out.notes.push(Note::Taken {
+            worker: worker.clone(),
+            job: id.clone(),
+            round: range.round,
+            phase,
+            count: accepted,
+        });
+        revoke_done(core, id, holders);
+    }
+    // Before anything is sealed: a disputed result is not.
+    let conflict = !there.is_empty() && weigh(core, now, id, range.round, there, worker, &Contradicted::new());
+    if accepted > 0 {
+        seal_or_store(core, now, id, range.round, ranges, finder);
+    } else {
+        seal(core, now, id);
+    }
+    match (conflict, accepted) {
+        (true, _) => Verdict::Conflict,
+        (false, 0) if !arbitrates => Verdict::Duplicate,
+        (false, _) => Verdict::Accepted,
+    }
+}
+
+/// Revokes the leases, and their copies, whose tasks are all done.
+fn revoke_done(core: &mut Scheduler, id: &JobId, holders: BTreeSet<AssignmentId>) {
+    let Some(job) = core.jobs.active.get(id) else { return };
+    let done = |a: &AssignmentId| core.leases.all.get(a).is_some_and(|l| job.round.is_done(&l.range));
+    let originals = holders.into_iter().filter(done);
+    let needless: Vec<AssignmentId> =
+        originals.flat_map(|a| [Some(a), core.leases.copies.get(&a).copied()]).flatten().collect();
+    revoke_leases(core, &needless, LeaseEnd::Needless);
+}
+
+/// Results of a round that is sealed: they can only agree or disagree.
+fn compare_sealed(
+    core: &mut Scheduler,
+    now: Now,
+    id: &JobId,
+    range: Range,
+    results: &[Arc<[u8]>],
+    worker: &WorkerId,
+    arbitrates: bool,
+) -> Verdict {
+    let Some(job) = core.jobs.active.get(id) else { return Verdict::Unknown };
+    let last = job.last.as_ref().filter(|last| last.number == range.round);
+    // Tasks beyond a prefix that settled the round count for nothing.
+    let beyond = last.is_some_and(|last| !range.is_within(last.tasks.len() as u32));
+    let disputed = range.indexes().any(|index| job.is_disputed(range.round, index));
+    if beyond {
+        return Verdict::Obsolete;
+    }
+    if last.is_none() && !disputed {
+        return Verdict::Older;
+    }
+    let delivered = range.indexes().zip(results);
+    let delivered = delivered.map(|(index, result)| Delivered { index, digest: result_digest(result), result: None });
+    let conflict = weigh(core, now, id, range.round, delivered, worker, &Contradicted::new());
+    // It may have waited for that.
+    seal(core, now, id);
+    match (conflict, arbitrates) {
+        (true, _) => Verdict::Conflict,
+        (false, true) => Verdict::Accepted,
+        (false, false) => Verdict::Duplicate,
+    }
+}
+
+/// Takes a result that was [`Verdict::Older`]; see [`super::on_compare`].
+pub(super) fn compare(
+    core: &mut Scheduler,
+    now: Now,
+    completed: Completed,
+    sealed: &[Digest],
+) -> Result<Verdict, RefusedResult> {
+    let Completed { worker, assignment, job: id, range, permit, delivery, tasks, .. } = completed;
+    // Either may have come to pass while the digests were read.
+    if core.trust.is_quarantined(&worker) {
+        return Ok(Verdict::Quarantined);
+    }
+    if !core.jobs.active.contains_key(&id) {
+        return Ok(Verdict::Obsolete);
+    }
+    let Delivery::Results(results) = delivery else { return Ok(Verdict::Unknown) };
+    if !range.is_within(sealed.len() as u32) {
+        return Ok(Verdict::Obsolete);
+    }
+    let delivered = range.indexes().zip(&results).map(|(index, result)| (index, result_digest(result)));
+    let differing: Vec<(u32, Digest)> = delivered.filter(|(i, digest)| sealed[*i as usize] != *digest).collect();
+    if differing.is_empty() {
+        return Ok(Verdict::Duplicate);
+    }
+    if tasks.is_empty() {
+        return Ok(Verdict::NeedsTasks);
+    }
+    if tasks.len() != range.count as usize || !permit::is_of(&permit, &tasks) {
+        let refused = RefusedResult::Tasks { assignment };
+        mark(core, now, &worker, &refused.to_string());
+        return Err(refused);
+    }
+    let committed = |&(index, _): &(u32, Digest)| {
+        let task = tasks[(index - range.first) as usize].clone();
+        (index, super::Committed { digest: sealed[index as usize], task })
+    };
+    let contradicted: Contradicted = differing.iter().map(committed).collect();
+    let delivered = differing.into_iter().map(|(index, digest)| Delivered { index, digest, result: None });
+    let conflict = weigh(core, now, &id, range.round, delivered, &worker, &contradicted);
+    Ok(if conflict { Verdict::Conflict } else { Verdict::Duplicate })
+}
+
+/// Stores new results, and goes on to the next round if this one is complete.
+fn seal_or_store(
+    core: &mut Scheduler,
+    now: Now,
+    id: &JobId,
+    round: u32,
+    ranges: Vec<(u32, Vec<Arc<[u8]>>)>,
+    finder: Finder,
+) {
+    // A round that is sealed now is stored as a whole.
+    if seal(core, now, id) {
+        return;
+    }
+    core.out.write(Write::Results { job: id.clone(), round, ranges, finder });
+    let Some(job) = core.jobs.active.get_mut(id) else { return };
+    if let Some(event) = job.publish(now) {
+        core.out.actions.push(Action::Publish(Box::new(job.record.clone()), event));
+    }
+}
+
+/// Seals the round at hand if it is complete. Tasks beyond those that settle it are cancelled.
+pub(super) fn seal(core: &mut Scheduler, now: Now, id: &JobId) -> bool {
+    let Some(job) = core.jobs.active.get_mut(id) else { return false };
+    let round = job.round.number();
+    let Some(write) = job.seal(now) else { return false };
+    let ended = job.record.state.is_end();
+    core.out.write(write);
+    if ended {
+        core.jobs.active.remove(id);
+        forget(core, id);
+        return true;
+    }
+    let beyond = core.leases.of(id).filter(|(_, l)| l.range.round == round && l.kind != Kind::Arbitration);
+    let beyond: Vec<AssignmentId> = beyond.map(|(id, _)| *id).collect();
+    revoke_leases(core, &beyond, LeaseEnd::Needless);
+    true
+}
+
+/// A lease was completed: its measured cost replaces the estimate.
+fn complete_lease(core: &mut Scheduler, id: AssignmentId, count: u32, compute: Duration) {
+    let Some(lease) = core.leases.all.get_mut(&id) else { return };
+    if let Some(job) = core.jobs.active.get_mut(&lease.job) {
+        if compute.is_zero() {
+            // Unknown: the estimate stands.
+            lease.charged = 0.0;
         } else {
-            self.seal(now, id);
-        }
-        match (conflict, accepted) {
-            (true, _) => Verdict::Conflict,
-            (false, 0) if !decides => Verdict::Duplicate,
-            (false, _) => Verdict::Accepted,
-        }
-    }
-
-    /// Results of a round that is sealed: they can only agree or disagree.
-    fn take_late(
-        &mut self,
-        now: Now,
-        id: &JobId,
-        range: Range,
-        outcomes: Vec<Outcome>,
-        worker: &WorkerId,
-        decides: bool,
-    ) -> Verdict {
-        let Some(job) = self.jobs.get(id) else { return Verdict::Unknown };
-        let known = job.last.iter().any(|s| s.contains(&range)) || job.examined.iter().any(|r| r.contains(&range));
-        let disputed = range.indexes().any(|index| job.is_disputed(range.round, index));
-        if !known && !disputed {
-            return Verdict::Older;
-        }
-        let conflict = self.weigh(now, id, &range, range.indexes().zip(outcomes), worker, &Contradicted::new());
-        // It may have waited for that.
-        self.seal(now, id);
-        if conflict {
-            Verdict::Conflict
-        } else if decides {
-            Verdict::Accepted
-        } else {
-            Verdict::Duplicate
-        }
-    }
-
-    /// Keeps what came in, and goes on to the next round if this one is complete.
-    fn seal_or_store(&mut self, now: Now, id: &JobId, round: u32, ranges: Vec<(u32, Vec<Outcome>)>, finder: Finder) {
-        let Some(job) = self.jobs.get(id) else { return };
-        let write = Action::Write(Box::new(Write::Results { job: id.clone(), round, ranges, finder }));
-        // Of a sealed generation only the scores are kept; answers are needed until the report is made.
-        let of_generation = job.round.is_generation();
-        if !of_generation {
-            self.actions.push(write.clone());
-        }
-        if self.seal(now, id) {
-            return;
-        }
-        if of_generation {
-            self.actions.push(write);
-        }
-        if let Some(event) = self.jobs.get_mut(id).and_then(|job| job.progress(now)) {
-            self.actions.push(Action::Publish(id.clone(), Box::new(event)));
-        }
-    }
-
-    /// Seals the round at hand if it is complete.
-    pub(super) fn seal(&mut self, now: Now, id: &JobId) -> bool {
-        let Some((write, end)) = self.jobs.get_mut(id).and_then(|job| job.seal(now)) else { return false };
-        self.actions.extend(write.map(|write| Action::Write(Box::new(write))));
-        match end {
-            None => {}
-            Some(End::Succeeded) => {
-                self.jobs.remove(id);
-                self.forget(id);
-            }
-            Some(End::Failed(reason)) => {
-                self.end_job(now, id, JobState::Failed, reason);
-            }
-        }
-        true
-    }
-
-    /// A lease was worked off: its measured cost replaces the estimate.
-    fn settle(&mut self, id: AssignmentId, count: u32, compute: Duration) {
-        let Some(lease) = self.leases.get_mut(&id) else { return };
-        if let Some(job) = self.jobs.get_mut(&lease.job) {
-            if compute.is_zero() {
-                // Unknown: the estimate stands.
-                lease.charged = 0.0;
-            } else {
-                let each = compute.as_secs_f64() / f64::from(count);
+            let each = compute.as_secs_f64() / f64::from(count.max(1));
+            // Another round's tasks may cost something else.
+            if lease.range.round == job.round.number() {
                 job.cost = Some(job.cost.map_or(each, |cost| 0.7 * cost + 0.3 * each));
-                job.finish_tag += compute.as_secs_f64() / f64::from(job.record.priority);
             }
+            job.finish_tag += compute.as_secs_f64() / f64::from(job.record.priority);
         }
-        // Should a result cover less than was asked for, the rest is still to be done.
-        self.drop_lease(id);
     }
+    remove_lease(core, id);
+}
+
+/// Takes a result and hands out what follows.
+pub(super) fn take_and_dispatch(
+    core: &mut Scheduler,
+    now: Now,
+    take: impl FnOnce(&mut Scheduler) -> Result<Verdict, RefusedResult>,
+) -> Result<Verdict, RefusedResult> {
+    let verdict = take(core);
+    dispatch(core, now);
+    verdict
 }

@@ -1,4 +1,4 @@
-//! How many candidates go into a range. Only speed depends on it, never a result.
+//! How many tasks go into a range. Only speed depends on it, never a result.
 
 /// A range should take at least this long, s: below, the round trip costs more than the work.
 const LEAST: f64 = 0.02;
@@ -11,15 +11,15 @@ const PREFETCH_BELOW: f64 = 1.0;
 /// What is to be cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
-    /// Candidates of the generation.
+    /// Tasks of the round.
     pub all: u32,
-    /// Of these, those that nobody has.
+    /// Of these, those that no worker has.
     pub pending: u32,
     /// Slots that may get them.
     pub slots: u32,
-    /// Measured time of an evaluation, s.
+    /// Measured time of a task, s.
     pub cost: Option<f64>,
-    /// Candidates that take as long together as one alone.
+    /// Tasks that take as long together as one alone.
     pub at_once: u32,
     /// The hard limit.
     pub most: u32,
@@ -27,10 +27,10 @@ pub(super) struct Cut {
 
 /// The size of the next range.
 ///
-/// Guided self-scheduling: a fixed share of what is left, so ranges get smaller towards the end of a generation and all
+/// Guided self-scheduling: a fixed share of what is left, so ranges get smaller towards the end of a round and all
 /// slots end at about the same time. About three ranges a slot while nothing is measured, two afterwards.
 ///
-/// An engine that simulates many candidates at once wants all of a slot's candidates in one range, and never so few that
+/// An engine that simulates many tasks at once wants all of a slot's tasks in one range, and never so few that
 /// part of it runs empty.
 pub(super) fn range_size(cut: Cut) -> u32 {
     let Cut { all, pending, slots, cost, at_once, most } = cut;

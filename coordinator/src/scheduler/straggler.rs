@@ -1,66 +1,66 @@
-//! Stragglers: at the end of a round, ranges that take far longer than they should are given to a second worker as well.
-//! The first result wins; the bits can't differ.
+//! Stragglers: at the end of a round, leases that take far longer than they should are given to a second worker as well. The
+//! first result wins; the bits can't differ.
 
+use super::dispatch::charge;
+use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
-use super::lease::{AssignmentId, Kind, Lease};
-use super::worker::{Worker, WorkerId};
+use super::lease::{AssignmentId, Kind, Lease, assign};
+use super::leaving::time_for;
 use super::{Now, Scheduler};
 use std::time::Duration;
 
-/// A range is a straggler once it has taken so many times what its tasks cost on the average …
+/// A lease is a straggler once it has taken so many times what its tasks cost on the average …
 const SLOWER: f64 = 2.0;
 /// … and at least this long: a copy made sooner would hardly be done sooner.
 const LEAST: Duration = Duration::from_secs(1);
 /// Where there was none, they are looked for again after this time: looking costs as much as there is work out.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-impl Scheduler {
-    /// Gives free slots of a worker that nobody else needs to stragglers, the oldest first; each gets one copy.
-    pub(super) fn copy_stragglers(&mut self, now: Now, id: &WorkerId) {
-        if now.since_start < self.look_again {
-            return;
+/// Gives free slots of a worker that no other work needs to stragglers, the oldest first; each gets one copy.
+pub(super) fn copy_stragglers(core: &mut Scheduler, now: Now, id: &WorkerId) {
+    if now.since_start < core.alarm.look_again {
+        return;
+    }
+    while core.fleet.workers.get(id).is_some_and(Worker::has_free_slot) {
+        let stragglers = stragglers(core, now);
+        if stragglers.is_empty() {
+            core.alarm.look_again = now.since_start + LOOK_EVERY;
         }
-        let has_room = |w: &Worker| w.is_open() && w.held.len() < w.slots as usize;
-        while self.workers.get(id).is_some_and(has_room) {
-            let stragglers = self.stragglers(now);
-            if stragglers.is_empty() {
-                self.look_again = now.since_start + LOOK_EVERY;
-            }
-            let Some(original) = stragglers.into_iter().find(|a| self.may_copy(now, id, *a)) else { return };
-            self.copy(now, id, original);
-        }
+        let Some(original) = stragglers.into_iter().find(|a| may_copy(core, now, id, *a)) else { return };
+        copy(core, now, id, original);
     }
+}
 
-    /// Those that have no copy, the oldest first.
-    fn stragglers(&mut self, now: Now) -> Vec<AssignmentId> {
-        self.room.count(self.leases.len());
-        let lacks_copy = |(original, lease): &(&AssignmentId, &Lease)| {
-            lease.kind == Kind::Ordinary
-                && !lease.solo
-                && !self.copies.contains_key(original)
-                && self.jobs.get(&lease.job).is_some_and(|job| is_straggler(now, job, lease))
-        };
-        let mut found: Vec<_> = self.leases.iter().filter(lacks_copy).map(|(a, lease)| (lease.since, *a)).collect();
-        found.sort_unstable();
-        found.into_iter().map(|(_, original)| original).collect()
-    }
+/// Those that have no copy, the oldest first.
+fn stragglers(core: &mut Scheduler, now: Now) -> Vec<AssignmentId> {
+    core.queue.room.count(core.leases.all.len());
+    let lacks_copy = |(original, lease): &(&AssignmentId, &Lease)| {
+        lease.kind == Kind::Ordinary
+            && !lease.solo
+            && !core.leases.copies.contains_key(original)
+            && core.jobs.active.get(&lease.job).is_some_and(|job| is_straggler(now, job, lease))
+    };
+    let mut found: Vec<_> = core.leases.all.iter().filter(lacks_copy).map(|(a, lease)| (lease.since, *a)).collect();
+    found.sort_unstable();
+    found.into_iter().map(|(_, original)| original).collect()
+}
 
-    fn may_copy(&self, now: Now, id: &WorkerId, original: AssignmentId) -> bool {
-        let Some((lease, worker)) = self.leases.get(&original).zip(self.workers.get(id)) else { return false };
-        let Some(job) = self.jobs.get(&lease.job) else { return false };
-        lease.worker != *id && worker.can_do(&job.record) && self.time_for(now, worker, job.cost) >= lease.range.count
-    }
+fn may_copy(core: &Scheduler, now: Now, id: &WorkerId, original: AssignmentId) -> bool {
+    let Some((lease, worker)) = core.leases.all.get(&original).zip(core.fleet.workers.get(id)) else { return false };
+    let Some(job) = core.jobs.active.get(&lease.job) else { return false };
+    let fits = time_for(&core.settings, now, worker, job.cost) >= lease.range.count;
+    lease.worker != *id && worker.can_do(&job.record) && fits
+}
 
-    fn copy(&mut self, now: Now, id: &WorkerId, original: AssignmentId) {
-        let copy = self.new_assignment();
-        let Some(lease) = self.leases.get(&original).cloned() else { return };
-        let Some(job) = self.jobs.get(&lease.job) else { return };
-        let task = job.round.work.task(lease.range);
-        let charged = self.charge(&lease.job, lease.range.count);
-        self.copies.insert(original, copy);
-        let lease = Lease { charged, ..Lease::new(now, id, &lease.job, lease.range, Kind::Copy(original)) };
-        self.assign(now, copy, lease, task);
-    }
+fn copy(core: &mut Scheduler, now: Now, id: &WorkerId, original: AssignmentId) {
+    let copy = core.leases.new_id();
+    let Some(lease) = core.leases.all.get(&original).cloned() else { return };
+    let Some(job) = core.jobs.active.get_mut(&lease.job) else { return };
+    let tasks = job.tasks(&lease.range);
+    let charged = charge(&mut core.queue, job, lease.range.count);
+    core.leases.copies.insert(original, copy);
+    let lease = Lease { charged, ..Lease::new(now, id, &lease.job, lease.range, Kind::Copy(original)) };
+    assign(core, now, copy, lease, tasks);
 }
 
 /// Whether nothing is left to hand out beside it and it takes longer than its measured cost says.

@@ -6,13 +6,12 @@ use crate::journal::Journal;
 use crate::live::Live;
 use crate::metrics::Metrics;
 use crate::record::JobRecord;
-use crate::scheduler::{Resumed, Scheduler, Settings};
+use crate::scheduler::{Resumed, Scheduler, Settings, on_resume, on_unusable};
 use crate::standby;
 use crate::store::{Loaded, Store, StoreError, StoredJob};
-use sim_core::finish::Plan;
 use sim_core::identity::Digest;
-use sim_core::job::Job;
-use sim_core::optimise;
+use sim_core::job::Checked;
+use sim_core::procedure;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -73,17 +72,17 @@ async fn take_up(
     tracing::info!(epoch = loaded.epoch, jobs = loaded.active.len(), "the store is taken up");
     let clock = Clock::start();
     let settings = Settings::new(loaded.epoch, lease);
-    let mut scheduler = Scheduler::new(settings, loaded.next_job, loaded.ended.into_iter().collect())
+    let mut scheduler = Scheduler::new(settings, loaded.key, loaded.next_job, loaded.ended.into_iter().collect())
         .with_quarantined(loaded.quarantined)
         .with_engines(engines);
     for stored in loaded.active {
         let id = stored.record.id.clone();
         let read = tokio::task::spawn_blocking(move || read_again(stored)).await;
         let problem = match read.map_err(|e| Error::Server(e.to_string()))? {
-            Ok(resumed) => scheduler.resume(clock.now(), resumed).err().map(|e| e.to_string()),
+            Ok(resumed) => on_resume(&mut scheduler, clock.now(), resumed).err().map(|e| e.to_string()),
             Err(unusable) => {
                 let (record, reason) = *unusable;
-                scheduler.give_up(clock.now(), record, reason.clone());
+                on_unusable(&mut scheduler, clock.now(), record, reason.clone());
                 Some(reason)
             }
         };
@@ -106,32 +105,35 @@ async fn take_up(
     })
 }
 
-/// Reads a stored job again, or says why it can't go on.
+/// Reads a stored job again, or says why it can't go on. Nothing is simulated.
 fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
-    let StoredJob { record, toml, search, results, last_scores } = stored;
-    match Job::from_toml(&toml) {
-        Ok(_) if record.search_revision != optimise::REVISION => {
-            let reason = format!(
-                "it was submitted to evogait {}, whose search differs from that of this version: submit it again",
-                record.version
-            );
-            Err(Box::new((record, reason)))
-        }
-        // The engine may be another build's: then workers of that one go on with it.
-        Ok(job) if job.digest_on(record.engine_digest) == record.job_digest => {
-            let (at_once, optimiser, finish) = (job.candidates_at_once(), job.optimiser(), Plan::of(&job));
-            Ok(Resumed { record, toml, at_once, optimiser, finish, search, results, last_scores })
-        }
-        Ok(job) => {
-            let reason = format!(
-                "it was submitted to another version of evogait, which reads it differently (job digest then {}, now \
-                 {}): submit it again",
-                record.job_digest.short(),
-                job.digest_on(record.engine_digest).short()
-            );
-            Err(Box::new((record, reason)))
-        }
-        Err(error) => Err(Box::new((record, format!("this version of evogait can't read it: {error}")))),
+    let StoredJob { record, toml, state, results } = stored;
+    let unusable = |record, reason| Err(Box::new((record, reason)));
+    let job = match Checked::from_toml(&toml) {
+        Ok(job) => job,
+        Err(error) => return unusable(record, format!("this version of evogait can't read it: {error}")),
+    };
+    if record.revision != procedure::REVISION {
+        let reason = format!(
+            "it was submitted to evogait {}, whose procedures differ from those of this version: submit it again",
+            record.version
+        );
+        return unusable(record, reason);
+    }
+    // The engine may be another build's: then workers of that one go on with it.
+    let digest = job.digest_on(record.engine_digest);
+    if digest != record.job_digest {
+        let reason = format!(
+            "it was submitted to another version of evogait, which reads it differently (job digest then {}, now {}): submit \
+             it again",
+            record.job_digest.short(),
+            digest.short()
+        );
+        return unusable(record, reason);
+    }
+    match procedure::load(&job, &state.procedure) {
+        Ok(procedure) => Ok(Resumed { record, toml, procedure, last: state.last, results }),
+        Err(error) => unusable(record, error.to_string()),
     }
 }
 

@@ -1,99 +1,82 @@
-//! Blobs: a version byte, then protobuf. A reader that meets a version it does not know says so.
+//! Blobs: a version byte, then MessagePack by field name. A reader that meets a version it does not know says so.
 
-use super::{Quarantined, StoreError};
-use crate::record::{JobRecord, StoredOutcome, StoredRecord};
-use crate::scheduler::{Finder, Outcome};
-use proto::v1;
+use super::{Quarantined, RunState, StoreError};
+use crate::record::{Finder, JobRecord};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_bytes::ByteBuf;
+use sim_core::identity::Digest;
+use std::sync::Arc;
 
-const VERSION: u8 = 1;
+/// Version 1 was protobuf.
+const VERSION: u8 = 2;
 
-#[derive(Clone, PartialEq, prost::Message)]
-struct Outcomes {
-    #[prost(message, repeated, tag = "1")]
-    outcomes: Vec<StoredOutcome>,
-    /// Who found them.
-    #[prost(string, tag = "2")]
-    worker: String,
-    /// Where that was; empty in a store of an earlier version.
-    #[prost(string, tag = "3")]
-    host: String,
+/// Results of a range, and the worker that delivered them.
+#[derive(Serialize, Deserialize)]
+struct Delivered {
+    results: Vec<ByteBuf>,
+    finder: Finder,
 }
 
-#[derive(Clone, PartialEq, prost::Message)]
-struct StoredQuarantine {
-    #[prost(string, tag = "1")]
-    name: String,
-    #[prost(string, tag = "2")]
-    reason: String,
-    #[prost(int64, tag = "3")]
-    at_ms: i64,
-}
-
-#[derive(Clone, PartialEq, prost::Message)]
-struct Scores {
-    #[prost(message, repeated, tag = "1")]
-    scores: Vec<v1::Score>,
-}
-
-pub(super) fn encode(message: &impl prost::Message) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(1 + message.encoded_len());
-    bytes.push(VERSION);
-    bytes.extend_from_slice(&message.encode_to_vec());
+pub(super) fn encode(value: &impl Serialize) -> Vec<u8> {
+    let mut bytes = vec![VERSION];
+    rmp_serde::encode::write_named(&mut bytes, value).expect("our own structures can be written");
     bytes
 }
 
-pub(super) fn decode<M: prost::Message + Default>(what: &str, bytes: &[u8]) -> Result<M, StoreError> {
+pub(super) fn decode<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T, StoreError> {
     let corrupt = |reason: String| StoreError::Corrupt { what: format!("{what}: {reason}") };
     match bytes.split_first() {
-        Some((&VERSION, message)) => M::decode(message).map_err(|e| corrupt(e.to_string())),
+        Some((&VERSION, value)) => rmp_serde::from_slice(value).map_err(|e| corrupt(e.to_string())),
         Some((version, _)) => Err(corrupt(format!("version {version} is not known"))),
         None => Err(corrupt("it is empty".to_owned())),
     }
 }
 
-pub(super) fn encode_record(record: &JobRecord) -> Vec<u8> {
-    encode(&record.to_stored())
+/// Results of a range, and the worker that delivered them.
+pub(super) fn encode_delivered(results: &[Arc<[u8]>], finder: &Finder) -> Vec<u8> {
+    encode(&Delivered { results: buffers(results), finder: finder.clone() })
 }
 
-pub(super) fn decode_record(bytes: &[u8]) -> Result<JobRecord, StoreError> {
-    let stored: StoredRecord = decode("job", bytes)?;
-    JobRecord::from_stored(stored).map_err(|e| StoreError::Corrupt { what: format!("job: {e}") })
+pub(super) fn decode_delivered(bytes: &[u8]) -> Result<(Vec<Arc<[u8]>>, Finder), StoreError> {
+    let Delivered { results, finder } = decode("results", bytes)?;
+    Ok((shared(results), finder))
 }
 
-/// Outcomes, and who found them.
-pub(super) fn encode_outcomes(outcomes: &[Outcome], finder: &Finder) -> Vec<u8> {
-    let (worker, host) = (finder.worker.to_string(), finder.host.to_string());
-    encode(&Outcomes { outcomes: outcomes.iter().map(Into::into).collect(), worker, host })
+pub(super) fn encode_results(results: &[Arc<[u8]>]) -> Vec<u8> {
+    encode(&buffers(results))
 }
 
-pub(super) fn decode_outcomes(bytes: &[u8]) -> Result<(Vec<Outcome>, Finder), StoreError> {
-    let Outcomes { outcomes, worker, host } = decode("results", bytes)?;
-    let finder = Finder { worker: worker.into(), host: host.into() };
-    Ok((outcomes.into_iter().map(Into::into).collect(), finder))
+pub(super) fn decode_results(bytes: &[u8]) -> Result<Vec<Arc<[u8]>>, StoreError> {
+    decode("results", bytes).map(shared)
 }
 
-pub(super) fn encode_quarantined(entry: &Quarantined) -> Vec<u8> {
-    let Quarantined { worker: _, name, reason, at_ms } = entry;
-    encode(&StoredQuarantine { name: name.to_string(), reason: reason.clone(), at_ms: *at_ms })
+/// Digests one after the other, 32 bytes each.
+pub(super) fn encode_digests(digests: &[Digest]) -> Vec<u8> {
+    digests.iter().flat_map(|digest| digest.0).collect()
 }
 
-pub(super) fn decode_quarantined(worker: &str, bytes: &[u8]) -> Result<Quarantined, StoreError> {
-    let StoredQuarantine { name, reason, at_ms } = decode("quarantine", bytes)?;
-    Ok(Quarantined { worker: worker.into(), name: name.into(), reason, at_ms })
+pub(super) fn decode_digests(bytes: &[u8]) -> Result<Vec<Digest>, StoreError> {
+    match bytes.as_chunks() {
+        (digests, []) => Ok(digests.iter().copied().map(Digest).collect()),
+        _ => Err(StoreError::Corrupt { what: format!("digests of {} bytes", bytes.len()) }),
+    }
 }
 
-pub(super) fn encode_scores(scores: &[Option<f64>]) -> Vec<u8> {
-    encode(&Scores { scores: proto::scores(scores) })
+fn buffers(results: &[Arc<[u8]>]) -> Vec<ByteBuf> {
+    results.iter().map(|result| ByteBuf::from(&**result)).collect()
 }
 
-pub(super) fn decode_scores(bytes: &[u8]) -> Result<Vec<Option<f64>>, StoreError> {
-    let stored: Scores = decode("scores", bytes)?;
-    Ok(stored.scores.into_iter().map(|s| s.score).collect())
+fn shared(results: Vec<ByteBuf>) -> Vec<Arc<[u8]>> {
+    results.into_iter().map(|result| result.into_vec().into()).collect()
 }
 
 /// Reads bytes as each kind of blob.
 pub(crate) fn decode_anything(bytes: &[u8]) {
-    let _ = decode_record(bytes);
-    let _ = decode_outcomes(bytes);
-    let _ = decode_scores(bytes);
+    let _ = decode::<JobRecord>("job", bytes);
+    let _ = decode::<RunState>("state", bytes);
+    let _ = decode::<Quarantined>("quarantine", bytes);
+    let _ = decode_delivered(bytes);
+    let _ = decode_results(bytes);
+    let _ = decode_digests(bytes);
 }

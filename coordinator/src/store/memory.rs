@@ -1,18 +1,32 @@
 //! A store in memory: what the others must behave like. Forgotten when it is dropped.
 
 use super::{
-    Answer, Loaded, Quarantined, SealedGeneration, Store, StoreError, StoredJob, StoredRange, StoredResult, Write,
+    Answer, Loaded, Quarantined, RunState, SealedRound, Store, StoreError, StoredEvent, StoredJob, StoredRange,
+    StoredResult, Write,
 };
-use crate::record::{JobId, JobRecord, JobState, ended};
-use crate::scheduler::{Finder, Outcome};
-use proto::v1;
+use crate::convert;
+use crate::permit::PermitKey;
+use crate::record::{Finder, JobEvent, JobId, JobRecord, JobState};
+use sim_core::identity::Digest;
+use sim_core::procedure::Artefact;
 use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{BuildHasher as _, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// See the module.
-#[derive(Default)]
 pub struct MemoryStore {
     inner: Mutex<Inner>,
+    key: PermitKey,
+}
+
+impl Default for MemoryStore {
+    fn default() -> Self {
+        let mut key = [0; 32];
+        for word in key.as_chunks_mut::<8>().0 {
+            *word = RandomState::new().hash_one(0).to_le_bytes();
+        }
+        Self { inner: Mutex::default(), key: PermitKey::new(key) }
+    }
 }
 
 #[derive(Default)]
@@ -27,12 +41,12 @@ struct Inner {
 struct Entry {
     record: JobRecord,
     toml: Arc<str>,
-    search: Vec<u8>,
+    state: RunState,
     /// By round and index of the first.
-    results: BTreeMap<(u32, u32), (Vec<Outcome>, Finder)>,
-    generations: Vec<SealedGeneration>,
-    events: Vec<v1::JobEvent>,
-    report: Vec<u8>,
+    results: BTreeMap<(u32, u32), (Vec<Arc<[u8]>>, Finder)>,
+    rounds: BTreeMap<u32, SealedRound>,
+    events: Vec<StoredEvent>,
+    artefacts: Vec<Artefact>,
 }
 
 impl Inner {
@@ -46,75 +60,80 @@ impl Inner {
         entry.ok_or_else(|| StoreError::Database(format!("there is no job {id}")))
     }
 
-    fn load(&self) -> Loaded {
+    fn load(&self, key: PermitKey) -> Loaded {
         let next_job = self.jobs.keys().last().map_or(1, |n| n + 1);
         let quarantined = self.quarantined.values().cloned().collect();
-        let mut loaded = Loaded { epoch: self.epoch, next_job, quarantined, ..Loaded::default() };
+        let (mut active, mut ended) = (Vec::new(), Vec::new());
         for entry in self.jobs.values() {
-            if ended(entry.record.state) {
-                loaded.ended.push(entry.record.id.clone());
-            } else {
-                loaded.active.push(StoredJob {
-                    record: entry.record.clone(),
-                    toml: entry.toml.clone(),
-                    search: entry.search.clone(),
-                    results: entry
-                        .results
-                        .iter()
-                        .map(|(&(round, first), (outcomes, finder))| StoredRange {
-                            round,
-                            first,
-                            outcomes: outcomes.clone(),
-                            finder: finder.clone(),
-                        })
-                        .collect(),
-                    last_scores: entry.generations.last().map(|g| g.scores.clone()),
-                });
+            if entry.record.state.is_end() {
+                ended.push(entry.record.id.clone());
+                continue;
             }
+            let range = |(&(round, first), (results, finder)): (&(u32, u32), &(Vec<Arc<[u8]>>, Finder))| StoredRange {
+                round,
+                first,
+                results: results.clone(),
+                finder: finder.clone(),
+            };
+            active.push(StoredJob {
+                record: entry.record.clone(),
+                toml: entry.toml.clone(),
+                state: entry.state.clone(),
+                results: entry.results.iter().map(range).collect(),
+            });
         }
-        loaded
+        Loaded { epoch: self.epoch, key, next_job, active, ended, quarantined }
     }
 
     fn apply(&mut self, write: Write) -> Result<(), StoreError> {
         match write {
-            Write::Submit { record, toml, search, event } => {
+            Write::Submit { record, toml, state, event } => {
                 self.numbers.insert(record.id.clone(), record.number);
-                let entry = Entry {
-                    record,
+                let mut entry = Entry {
+                    record: record.clone(),
                     toml,
-                    search,
+                    state,
                     results: BTreeMap::new(),
-                    generations: Vec::new(),
-                    events: vec![event],
-                    report: Vec::new(),
+                    rounds: BTreeMap::new(),
+                    events: Vec::new(),
+                    artefacts: Vec::new(),
                 };
+                entry.change(record, &[event]);
                 self.jobs.insert(entry.record.number, entry);
             }
             Write::Results { job, round, ranges, finder } => {
                 let ranges = ranges.into_iter().map(|(first, o)| ((round, first), (o, finder.clone())));
                 self.entry_mut(&job)?.results.extend(ranges);
             }
-            Write::Seal { record, sealed, search, events } => {
+            Write::Seal { record, sealed, state, events } => {
                 let entry = self.entry_mut(&record.id)?;
-                entry.generations.push(sealed);
-                entry.search = search;
+                entry.rounds.insert(sealed.number, sealed);
+                entry.state = state;
                 entry.results.clear();
-                entry.change(record, events);
+                entry.change(record, &events);
             }
-            Write::Change { record, event } => self.entry_mut(&record.id)?.change(record, vec![event]),
-            Write::Note { record } => self.entry_mut(&record.id)?.change(record, Vec::new()),
-            Write::Carry { from, to, generations } => {
-                let carried: Vec<_> =
-                    self.entry_mut(&from)?.generations.iter().take(generations as usize).cloned().collect();
-                self.entry_mut(&to)?.generations = carried;
+            Write::Change { record, event } => self.entry_mut(&record.id)?.change(record, &[event]),
+            Write::Offer { record, state, event } => {
+                let entry = self.entry_mut(&record.id)?;
+                entry.state = state;
+                entry.change(record, &[event]);
             }
-            Write::Quarantine(entry) => {
+            Write::Note { record } => self.entry_mut(&record.id)?.change(record, &[]),
+            Write::Carry { from, to, rounds } => {
+                let carried = self.entry_mut(&from)?.rounds.range(..rounds).map(|(n, r)| (*n, r.clone())).collect();
+                self.entry_mut(&to)?.rounds = carried;
+            }
+            Write::Quarantine { entry, instead_of } => {
+                if let Some(worker) = instead_of {
+                    self.quarantined.remove(&worker);
+                }
                 self.quarantined.entry(entry.worker.clone()).or_insert(entry);
             }
-            Write::Report { record, report, event } => {
+            Write::Finish { record, sealed, artefacts, events } => {
                 let entry = self.entry_mut(&record.id)?;
-                entry.report = report;
-                entry.change(record, vec![event]);
+                entry.rounds.insert(sealed.number, sealed);
+                entry.artefacts = artefacts;
+                entry.change(record, &events);
             }
         }
         Ok(())
@@ -122,12 +141,14 @@ impl Inner {
 }
 
 impl Entry {
-    fn change(&mut self, record: JobRecord, events: Vec<v1::JobEvent>) {
+    fn change(&mut self, record: JobRecord, events: &[JobEvent]) {
+        let stored =
+            |event: &JobEvent| StoredEvent { sequence: event.sequence, bytes: convert::event_bytes(&record, event) };
+        self.events.extend(events.iter().map(stored));
         self.record = record;
-        self.events.extend(events);
-        if ended(self.record.state) {
+        if self.record.state.is_end() {
             self.results.clear();
-            self.search.clear();
+            self.state = RunState::default();
         }
     }
 }
@@ -158,7 +179,7 @@ impl Store for MemoryStore {
     fn start(&self) -> Answer<'_, Loaded> {
         answer(self.lock().map(|mut inner| {
             inner.epoch += 1;
-            inner.load()
+            inner.load(self.key.clone())
         }))
     }
 
@@ -190,27 +211,31 @@ impl Store for MemoryStore {
         })
     }
 
-    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>> {
+    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<StoredEvent>> {
         self.read(|inner| {
             let events = inner.entry(id).map(|e| e.events.as_slice()).unwrap_or_default();
             events.iter().filter(|e| e.sequence > after).take(limit as usize).cloned().collect()
         })
     }
 
-    fn scores<'a>(&'a self, id: &'a JobId, generation: u32) -> Answer<'a, Option<Vec<Option<f64>>>> {
+    fn digests<'a>(&'a self, id: &'a JobId, round: u32) -> Answer<'a, Option<Vec<Digest>>> {
+        self.read(|inner| inner.entry(id)?.rounds.get(&round).map(|sealed| sealed.digests.clone()))
+    }
+
+    fn rounds<'a>(&'a self, id: &'a JobId, from: u32, limit: u32) -> Answer<'a, Vec<SealedRound>> {
         self.read(|inner| {
-            let sealed = inner.entry(id).and_then(|e| e.generations.get(generation as usize));
-            sealed.map(|g| g.scores.clone())
+            let rounds = inner.entry(id).map(|e| e.rounds.range(from..).map(|(_, sealed)| sealed.clone()));
+            rounds.map(|rounds| rounds.take(limit as usize).collect()).unwrap_or_default()
         })
     }
 
     fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult> {
         self.read(|inner| {
             let result = inner.entry(id).map(|e| StoredResult {
-                history: e.generations.iter().map(|g| g.statistics).collect(),
-                report: e.report.clone(),
+                history: e.rounds.values().filter_map(|sealed| sealed.row.clone()).collect(),
+                artefacts: e.artefacts.clone(),
             });
-            result.unwrap_or(StoredResult { history: Vec::new(), report: Vec::new() })
+            result.unwrap_or_default()
         })
     }
 

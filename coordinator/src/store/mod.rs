@@ -1,7 +1,8 @@
 //! Where jobs live. One trait; SQLite and PostgreSQL in production, memory in tests; one test suite for all.
 //!
-//! Few indexed columns, everything else in versioned blobs (a version byte, then protobuf), so that a second SQL dialect
-//! stays small. Numbers that must keep their bits are in blobs: SQLite turns NaN into NULL.
+//! Few indexed columns, everything else in versioned blobs (a version byte, then MessagePack by field name), so that a second
+//! SQL dialect stays small and a field can be added. Numbers that must keep their bits are in blobs: SQLite turns NaN into
+//! NULL.
 
 mod blob;
 mod memory;
@@ -17,12 +18,18 @@ pub use postgres::{BadPostgresUrl, PostgresStore, PostgresUrl};
 pub use sqlite::SqliteStore;
 pub use url::{BadStoreUrl, StoreUrl};
 
-use crate::record::{JobId, JobRecord, JobState};
-use crate::scheduler::{Finder, Outcome};
-use proto::v1;
+use crate::permit::PermitKey;
+use crate::record::{Finder, JobEvent, JobId, JobRecord, JobState};
+use serde::{Deserialize, Serialize};
+use sim_core::identity::Digest;
+use sim_core::procedure::{Artefact, Row};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
+
+/// Why a store of an earlier schema is refused.
+const OLDER: &str = "it was written by an older version of evogait, whose jobs were no rounds of tasks: finish them with that \
+                     version, or use another --store (or folder, for `evogait run`) and submit them again";
 
 /// One change. Changes that belong together are committed together.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,123 +40,166 @@ pub enum Write {
         record: JobRecord,
         /// As it was resolved.
         toml: Arc<str>,
-        /// The state of the search at generation 0.
-        search: Vec<u8>,
+        /// Its state before the round at hand.
+        state: RunState,
         /// The first event.
-        event: v1::JobEvent,
+        event: JobEvent,
     },
     /// Results of the round at hand.
     Results {
         /// The job.
         job: JobId,
-        /// The round: a generation, or examinations after the search.
+        /// The round.
         round: u32,
-        /// Ranges without overlap: (index of the first, outcomes).
-        ranges: Vec<(u32, Vec<Outcome>)>,
-        /// Who found them.
+        /// Ranges without overlap: (index of the first, results).
+        ranges: Vec<(u32, Vec<Arc<[u8]>>)>,
+        /// The worker that delivered them.
         finder: Finder,
     },
-    /// A generation is over: scores, statistics, the state of the search and the events at once.
+    /// A round is over: what is kept of it, the state for the next one and the events at once.
     Seal {
         /// The job after it.
         record: JobRecord,
-        /// What is kept of the generation; the ranges' results go.
-        sealed: SealedGeneration,
-        /// The state of the search for the next generation.
-        search: Vec<u8>,
-        /// What is told.
-        events: Vec<v1::JobEvent>,
+        /// What is kept of the round; the ranges' results go.
+        sealed: SealedRound,
+        /// The state for the next round.
+        state: RunState,
+        /// Events, in order.
+        events: Vec<JobEvent>,
     },
     /// The job stands elsewhere.
     Change {
         /// The job after it.
         record: JobRecord,
-        /// What is told.
-        event: v1::JobEvent,
+        /// The event.
+        event: JobEvent,
     },
-    /// What nobody watches of a job changed: what is held against its tasks, or in doubt.
+    /// A client's batch came: the procedure goes on.
+    Offer {
+        /// The job after it.
+        record: JobRecord,
+        /// The state with the batch.
+        state: RunState,
+        /// The event.
+        event: JobEvent,
+    },
+    /// A part of the record that is not watched changed: charges or disputes.
     Note {
         /// The job after it.
         record: JobRecord,
     },
-    /// A restarted job takes over what is kept of the first generations of another.
+    /// A restarted job takes over what is kept of the first rounds of another.
     Carry {
         /// From this job …
         from: JobId,
         /// … to this one, which was submitted before.
         to: JobId,
         /// How many.
-        generations: u32,
+        rounds: u32,
     },
-    /// A worker's results are not trusted any more.
-    Quarantine(Quarantined),
-    /// The report: the job succeeded.
-    Report {
+    /// A worker's results are ignored from now on.
+    Quarantine {
+        /// The worker.
+        entry: Quarantined,
+        /// The entry that it replaces, where there are too many.
+        instead_of: Option<Arc<str>>,
+    },
+    /// The last round is over: the job succeeded.
+    Finish {
         /// The job after it.
         record: JobRecord,
-        /// JSON.
-        report: Vec<u8>,
-        /// What is told.
-        event: v1::JobEvent,
+        /// What is kept of the round.
+        sealed: SealedRound,
+        /// What the job made.
+        artefacts: Vec<Artefact>,
+        /// Events, in order.
+        events: Vec<JobEvent>,
     },
 }
 
 impl Write {
-    /// The events among it, to be told once it is committed.
-    pub fn events(&self) -> &[v1::JobEvent] {
+    /// The events among it, to be published once it is committed.
+    pub fn events(&self) -> &[JobEvent] {
         match self {
-            Self::Submit { event, .. } | Self::Change { event, .. } | Self::Report { event, .. } => {
+            Self::Submit { event, .. } | Self::Change { event, .. } | Self::Offer { event, .. } => {
                 std::slice::from_ref(event)
             }
-            Self::Seal { events, .. } => events,
-            Self::Results { .. } | Self::Note { .. } | Self::Carry { .. } | Self::Quarantine(_) => &[],
+            Self::Seal { events, .. } | Self::Finish { events, .. } => events,
+            Self::Results { .. } | Self::Note { .. } | Self::Carry { .. } | Self::Quarantine { .. } => &[],
         }
     }
 
-    /// The job as it stands after it, if it has that in full.
-    fn record(&self) -> Option<&JobRecord> {
+    /// The job as it stands after it, if the write has that in full.
+    pub fn record(&self) -> Option<&JobRecord> {
         match self {
             Self::Submit { record, .. }
             | Self::Seal { record, .. }
             | Self::Change { record, .. }
+            | Self::Offer { record, .. }
             | Self::Note { record }
-            | Self::Report { record, .. } => Some(record),
-            Self::Results { .. } | Self::Carry { .. } | Self::Quarantine(_) => None,
-        }
-    }
-
-    /// Whose change it is; `None` if it is of no job.
-    pub fn job(&self) -> Option<&JobId> {
-        match self {
-            Self::Results { job, .. } | Self::Carry { to: job, .. } => Some(job),
-            _ => self.record().map(|record| &record.id),
+            | Self::Finish { record, .. } => Some(record),
+            Self::Results { .. } | Self::Carry { .. } | Self::Quarantine { .. } => None,
         }
     }
 }
 
-/// What is kept of a generation.
-#[derive(Clone, Debug)]
-pub struct SealedGeneration {
-    /// By candidate; `None` where the evaluation failed.
-    pub scores: Vec<Option<f64>>,
-    /// What the scores look like.
-    pub statistics: v1::GenerationSealed,
+/// The state of a job between two rounds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunState {
+    /// The procedure's own.
+    #[serde(with = "serde_bytes")]
+    pub procedure: Vec<u8>,
+    /// The round sealed last.
+    pub last: Option<LastRound>,
 }
 
-impl PartialEq for SealedGeneration {
-    fn eq(&self, other: &Self) -> bool {
-        let bits = |s: &Self| s.scores.iter().map(|s| s.map(f64::to_bits)).collect::<Vec<_>>();
-        bits(self) == bits(other)
-    }
+/// The round sealed last, so that a late result of it can be compared, and decided by a third worker.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LastRound {
+    /// Its number.
+    pub number: u32,
+    /// Its tasks, by index.
+    pub tasks: Arc<[TaskRecord]>,
 }
 
-/// A worker that gave other bits than two others did.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A task of a sealed round.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskRecord {
+    /// The task.
+    #[serde(with = "serde_bytes")]
+    pub task: Vec<u8>,
+    /// The task, for people.
+    pub what: String,
+    /// Digest of its result.
+    pub digest: Digest,
+    /// The worker that delivered the result.
+    pub finder: Finder,
+}
+
+/// What is kept of a round.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SealedRound {
+    /// Its number.
+    pub number: u32,
+    /// What is told of it.
+    pub row: Option<Row>,
+    /// Digests of its results, by index.
+    pub digests: Vec<Digest>,
+    /// The results, if they are kept.
+    pub results: Option<Vec<Arc<[u8]>>>,
+}
+
+/// A worker whose results are ignored.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Quarantined {
     /// Its id.
     pub worker: Arc<str>,
     /// Its name, for people.
     pub name: Arc<str>,
+    /// The host it called from.
+    pub host: Arc<str>,
+    /// The first digits of its token's digest; empty where calls need none.
+    pub credential: Arc<str>,
     /// Why, in a sentence.
     pub reason: String,
     /// Unix time, ms.
@@ -164,8 +214,8 @@ pub struct StoredRange {
     /// Index of the first task.
     pub first: u32,
     /// By index from `first` on.
-    pub outcomes: Vec<Outcome>,
-    /// Who found them, as far as that was stored.
+    pub results: Vec<Arc<[u8]>>,
+    /// The worker that delivered them.
     pub finder: Finder,
 }
 
@@ -176,36 +226,45 @@ pub struct StoredJob {
     pub record: JobRecord,
     /// As it was resolved.
     pub toml: Arc<str>,
-    /// The state of the search.
-    pub search: Vec<u8>,
-    /// Results of the current generation, or of all rounds after the search.
+    /// Its state before the round at hand.
+    pub state: RunState,
+    /// Results of the round at hand.
     pub results: Vec<StoredRange>,
-    /// Scores of the generation sealed last.
-    pub last_scores: Option<Vec<Option<f64>>>,
 }
 
 /// What a coordinator finds when it starts.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Loaded {
     /// Counts the starts on this store, this one included.
     pub epoch: u64,
+    /// The secret of the store's permits.
+    pub key: PermitKey,
     /// The number for the next job.
     pub next_job: u64,
     /// Jobs that go on.
     pub active: Vec<StoredJob>,
     /// Jobs that will never change again.
     pub ended: Vec<JobId>,
-    /// Workers whose results are not trusted.
+    /// Workers whose results are ignored.
     pub quarantined: Vec<Quarantined>,
 }
 
-/// What a succeeded job found.
-#[derive(Clone, Debug)]
+/// The result of a job that succeeded.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StoredResult {
-    /// Statistics by generation.
-    pub history: Vec<v1::GenerationSealed>,
-    /// JSON.
-    pub report: Vec<u8>,
+    /// What was told of the sealed rounds, in order.
+    pub history: Vec<Row>,
+    /// What the job made.
+    pub artefacts: Vec<Artefact>,
+}
+
+/// An event as the store keeps it: with the job as it stood then.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredEvent {
+    /// Its sequence number.
+    pub sequence: u64,
+    /// The event and the job, as clients get them.
+    pub bytes: Vec<u8>,
 }
 
 /// Why the store can't do what it should.
@@ -324,12 +383,15 @@ pub trait Store: Send + Sync {
     fn jobs<'a>(&'a self, below: u64, limit: u32, states: &'a [JobState]) -> Answer<'a, Vec<JobRecord>>;
 
     /// Up to `limit` events after a sequence number, in order.
-    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>>;
+    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<StoredEvent>>;
 
-    /// Scores of a sealed generation.
-    fn scores<'a>(&'a self, id: &'a JobId, generation: u32) -> Answer<'a, Option<Vec<Option<f64>>>>;
+    /// Digests of a sealed round's results, by index.
+    fn digests<'a>(&'a self, id: &'a JobId, round: u32) -> Answer<'a, Option<Vec<Digest>>>;
 
-    /// History and report.
+    /// Up to `limit` sealed rounds from a number on, in order, with their results as far as those are kept.
+    fn rounds<'a>(&'a self, id: &'a JobId, from: u32, limit: u32) -> Answer<'a, Vec<SealedRound>>;
+
+    /// History and artefacts.
     fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult>;
 
     /// Ends the use of it in an orderly way; whoever asks from here on gets [`StoreError::Closed`]. May be called again.

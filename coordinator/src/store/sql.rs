@@ -4,9 +4,9 @@
 //! `tables`, the same for all.
 
 use super::tables::{self, Trouble};
-use super::{Answer, Loaded, Store, StoreError, StoredResult, Write};
+use super::{Answer, Loaded, SealedRound, Store, StoreError, StoredEvent, StoredResult, Write};
 use crate::record::{JobId, JobRecord, JobState};
-use proto::v1;
+use sim_core::identity::Digest;
 use sqlx::query::Query;
 use sqlx::{Database, Decode, Encode, IntoArguments, Type};
 use std::ops::DerefMut;
@@ -35,7 +35,7 @@ impl From<u64> for Value<'_> {
 
 impl From<JobState> for Value<'_> {
     fn from(state: JobState) -> Self {
-        Self::Number(i32::from(state).into())
+        Self::Number(state as i64)
     }
 }
 
@@ -105,7 +105,7 @@ pub(super) struct ResultRow {
     pub job: JobId,
     pub round: u32,
     pub first: u32,
-    pub outcomes: Vec<u8>,
+    pub results: Vec<u8>,
 }
 
 /// A connection. Placeholders are `$1`, `$2`, …, which both databases read.
@@ -218,17 +218,24 @@ impl<D: Dialect> Store for D {
         })
     }
 
-    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<v1::JobEvent>> {
+    fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<StoredEvent>> {
         Box::pin(async move {
             let mut connection = self.connection().await?;
             tables::events(&mut *connection, id, after, limit).await.map_err(|e| self.trouble(e))
         })
     }
 
-    fn scores<'a>(&'a self, id: &'a JobId, generation: u32) -> Answer<'a, Option<Vec<Option<f64>>>> {
+    fn digests<'a>(&'a self, id: &'a JobId, round: u32) -> Answer<'a, Option<Vec<Digest>>> {
         Box::pin(async move {
             let mut connection = self.connection().await?;
-            tables::scores(&mut *connection, id, generation).await.map_err(|e| self.trouble(e))
+            tables::digests(&mut *connection, id, round).await.map_err(|e| self.trouble(e))
+        })
+    }
+
+    fn rounds<'a>(&'a self, id: &'a JobId, from: u32, limit: u32) -> Answer<'a, Vec<SealedRound>> {
+        Box::pin(async move {
+            let mut connection = self.connection().await?;
+            tables::rounds(&mut *connection, id, from, limit).await.map_err(|e| self.trouble(e))
         })
     }
 

@@ -19,6 +19,7 @@ use crate::error::Invalid;
 use crate::identity::Digest;
 use crate::job::{Checked, Job};
 use preparing::Preparing;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -62,7 +63,7 @@ pub struct BadState(pub String);
 pub struct Refused(pub String);
 
 /// A number with a name, for tables, bars and pages.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Value {
     /// Such as "best" or "rollouts".
     pub name: Cow<'static, str>,
@@ -81,7 +82,7 @@ impl PartialEq for Value {
 }
 
 /// What is told of a sealed round: a row of a series.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The series, such as "generations".
     pub series: Cow<'static, str>,
@@ -92,7 +93,7 @@ pub struct Row {
 }
 
 /// How far a procedure is.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// [`Round::phase`] of the round at hand.
     pub phase: Cow<'static, str>,
@@ -107,7 +108,7 @@ pub struct Progress {
 }
 
 /// Something that a job made: a file of its result.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Artefact {
     /// Its name, such as "report".
     pub name: String,
@@ -222,6 +223,11 @@ pub trait ProcedureKind: Sync {
 /// A job's procedure before its first round. Nothing is simulated.
 pub fn start(problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
     Ok(Box::new(Preparing::start(kinds::of(problem), problem)?))
+}
+
+/// The name of a job's procedure, such as "evolve".
+pub fn name(problem: &Checked) -> &'static str {
+    kinds::of(problem).name()
 }
 
 /// A job's procedure as it was saved.

@@ -2,7 +2,7 @@
 //!
 //! Everything is in a schema of its own, so that a database can be shared with other programs.
 
-/// Step n brings a schema of version n to n + 1.
+/// Step n brings a schema of version FIRST + n - 1 to FIRST + n.
 pub(super) const MIGRATIONS: [&str; 1] = ["
     -- One row: who is at work. Every commit goes through it, which is what keeps an old coordinator out.
     CREATE TABLE coordinator (
@@ -16,9 +16,12 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
         -- Without a renewal for this long it is taken for dead.
         takeover_ms BIGINT NOT NULL,
         -- It stopped in an orderly way.
-        released BOOLEAN NOT NULL
+        released BOOLEAN NOT NULL,
+        -- The secret of permits.
+        key BYTEA NOT NULL
     );
-    INSERT INTO coordinator VALUES (1, 0, 0, 'epoch', 0, TRUE);
+    INSERT INTO coordinator 
+        VALUES (1, 0, 0, 'epoch', 0, TRUE, uuid_send(gen_random_uuid()) || uuid_send(gen_random_uuid()));
 
     CREATE TABLE jobs (
         number BIGINT PRIMARY KEY,
@@ -26,7 +29,8 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
         request_id TEXT NOT NULL UNIQUE,
         state BIGINT NOT NULL,
         record BYTEA NOT NULL,
-        search BYTEA
+        -- The state of its procedure before the round at hand; NULL once it has ended.
+        run BYTEA
     );
     CREATE INDEX jobs_by_state ON jobs (state, number);
 
@@ -35,20 +39,23 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
         toml TEXT NOT NULL
     );
 
+    -- Of rounds at hand.
     CREATE TABLE results (
         job TEXT NOT NULL,
         round BIGINT NOT NULL,
         first BIGINT NOT NULL,
-        outcomes BYTEA NOT NULL,
+        results BYTEA NOT NULL,
         PRIMARY KEY (job, round, first)
     );
 
-    CREATE TABLE generations (
+    -- Sealed rounds. Results are empty where they are not kept.
+    CREATE TABLE rounds (
         job TEXT NOT NULL,
-        generation BIGINT NOT NULL,
-        statistics BYTEA NOT NULL,
-        scores BYTEA NOT NULL,
-        PRIMARY KEY (job, generation)
+        round BIGINT NOT NULL,
+        told BYTEA NOT NULL,
+        digests BYTEA NOT NULL,
+        results BYTEA NOT NULL,
+        PRIMARY KEY (job, round)
     );
 
     CREATE TABLE events (
@@ -58,14 +65,22 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
         PRIMARY KEY (job, sequence)
     );
 
-    -- Workers whose results are not trusted any more.
+    -- Workers whose results are ignored.
     CREATE TABLE quarantined (
         worker TEXT PRIMARY KEY,
         entry BYTEA NOT NULL
     );
 
-    CREATE TABLE reports (
-        job TEXT PRIMARY KEY,
-        report BYTEA NOT NULL
+    CREATE TABLE artefacts (
+        job TEXT NOT NULL,
+        place BIGINT NOT NULL,
+        name TEXT NOT NULL,
+        media_type TEXT NOT NULL,
+        content BYTEA NOT NULL,
+        PRIMARY KEY (job, place)
     );
 "];
+
+/// The version that the first step makes. Schemas of version 1 are refused: their jobs are generations of genomes, which can't
+/// be told as rounds of tasks whose digests are known.
+pub(super) const FIRST: usize = 2;

@@ -12,9 +12,9 @@ mod url;
 pub use url::{BadPostgresUrl, PostgresUrl};
 
 use self::failure::failure;
-use self::migrations::MIGRATIONS;
+use self::migrations::{FIRST, MIGRATIONS};
 use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
-use super::{Loaded, StoreError, Write, tables};
+use super::{Loaded, OLDER, StoreError, Write, tables};
 use crate::fail_point;
 use proto::credentials::PemError;
 use sqlx::pool::PoolConnection;
@@ -143,10 +143,12 @@ impl PostgresStore {
             }
             let version = sqlx::query_scalar::<_, i64>("SELECT version FROM evogait.schema_version");
             let version = version.fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
-            done = usize::try_from(version)
-                .ok()
-                .filter(|v| *v <= MIGRATIONS.len())
-                .ok_or_else(|| foreign("it was written by a newer version; use that one"))?;
+            done = match usize::try_from(version) {
+                Ok(0) => 0,
+                Ok(version) if version < FIRST => return Err(foreign(OLDER)),
+                Ok(version) if version < FIRST + MIGRATIONS.len() => version - FIRST + 1,
+                _ => return Err(foreign("it was written by a newer version; use that one")),
+            };
         } else {
             let make = "CREATE SCHEMA evogait;
                         CREATE TABLE evogait.schema_version (version BIGINT NOT NULL);
@@ -154,8 +156,10 @@ impl PostgresStore {
             sqlx::raw_sql(make).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
         }
         for (step, sql) in MIGRATIONS.iter().enumerate().skip(done) {
-            let sql =
-                format!("SET LOCAL search_path TO evogait; {sql}; UPDATE schema_version SET version = {}", step + 1);
+            let sql = format!(
+                "SET LOCAL search_path TO evogait; {sql}; UPDATE schema_version SET version = {}",
+                FIRST + step
+            );
             sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
         }
         tx.commit().await.map_err(|e| self.failure(e))
@@ -240,11 +244,10 @@ impl PostgresStore {
         let mut tx = connection.begin().await.map_err(|e| self.failure(e))?;
         self.nobody_at_work(&mut tx, at_work!(" FOR UPDATE")).await?;
         let next = "UPDATE coordinator SET epoch = epoch + 1, commits = 0, takeover_ms = $1, released = FALSE
-                    RETURNING epoch";
+                    RETURNING epoch, key";
         let takeover = Value::Number(self.takeover.as_millis() as i64);
         let row = tx.rows(next, vec![takeover]).await.map_err(|e| self.failure(e))?.pop();
-        let epoch = row.ok_or(sqlx::Error::RowNotFound).and_then(|row| row.number(0)).map_err(|e| self.failure(e))?;
-        let loaded = tables::load(&mut *tx, epoch as u64).await.map_err(|e| self.trouble(e))?;
+        let loaded = tables::start(&mut *tx, row).await.map_err(|e| self.trouble(e))?;
         // Last, since loading takes a while.
         let stamp = "UPDATE coordinator SET renewed_at = clock_timestamp()";
         tx.run(stamp, vec![]).await.map_err(|e| self.failure(e))?;
@@ -297,13 +300,13 @@ impl Sql for PgConnection {
 
     async fn insert_results(&mut self, rows: Vec<ResultRow>) -> Result<(), sqlx::Error> {
         let mut columns = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for ResultRow { job, round, first, outcomes } in rows {
+        for ResultRow { job, round, first, results } in rows {
             columns.0.push(job.to_string());
             columns.1.push(i64::from(round));
             columns.2.push(i64::from(first));
-            columns.3.push(outcomes);
+            columns.3.push(results);
         }
-        let insert = "INSERT INTO results (job, round, first, outcomes)
+        let insert = "INSERT INTO results (job, round, first, results)
                       SELECT * FROM unnest($1::TEXT[], $2::BIGINT[], $3::BIGINT[], $4::BYTEA[])";
         let insert = sqlx::query(insert).bind(columns.0).bind(columns.1).bind(columns.2).bind(columns.3);
         insert.execute(self).await.map(drop)

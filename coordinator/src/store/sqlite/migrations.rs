@@ -1,13 +1,14 @@
 //! The SQLite store's schema, step by step. Steps are never changed, only added.
 
-/// Step n brings a file with `user_version = n` to `n + 1`.
-pub(super) const MIGRATIONS: [&str; 3] = [
-    "
+/// Step n brings a file with `user_version = FIRST + n - 1` to `FIRST + n`.
+pub(super) const MIGRATIONS: [&str; 1] = ["
     CREATE TABLE meta (
         id INTEGER PRIMARY KEY CHECK (id = 1),
-        epoch INTEGER NOT NULL
+        epoch INTEGER NOT NULL,
+        -- The secret of permits.
+        key BLOB NOT NULL
     ) STRICT;
-    INSERT INTO meta (id, epoch) VALUES (1, 0);
+    INSERT INTO meta (id, epoch, key) VALUES (1, 0, randomblob(32));
 
     CREATE TABLE jobs (
         number INTEGER PRIMARY KEY,
@@ -15,7 +16,8 @@ pub(super) const MIGRATIONS: [&str; 3] = [
         request_id TEXT NOT NULL UNIQUE,
         state INTEGER NOT NULL,
         record BLOB NOT NULL,
-        optimiser BLOB
+        -- The state of its procedure before the round at hand; NULL once it has ended.
+        run BLOB
     ) STRICT;
     CREATE INDEX jobs_by_state ON jobs (state, number);
 
@@ -24,20 +26,23 @@ pub(super) const MIGRATIONS: [&str; 3] = [
         toml TEXT NOT NULL
     ) STRICT, WITHOUT ROWID;
 
+    -- Of rounds at hand.
     CREATE TABLE results (
         job TEXT NOT NULL,
-        generation INTEGER NOT NULL,
+        round INTEGER NOT NULL,
         first INTEGER NOT NULL,
-        outcomes BLOB NOT NULL,
-        PRIMARY KEY (job, generation, first)
+        results BLOB NOT NULL,
+        PRIMARY KEY (job, round, first)
     ) STRICT, WITHOUT ROWID;
 
-    CREATE TABLE generations (
+    -- Sealed rounds. Results are empty where they are not kept.
+    CREATE TABLE rounds (
         job TEXT NOT NULL,
-        generation INTEGER NOT NULL,
-        statistics BLOB NOT NULL,
-        scores BLOB NOT NULL,
-        PRIMARY KEY (job, generation)
+        round INTEGER NOT NULL,
+        told BLOB NOT NULL,
+        digests BLOB NOT NULL,
+        results BLOB NOT NULL,
+        PRIMARY KEY (job, round)
     ) STRICT, WITHOUT ROWID;
 
     CREATE TABLE events (
@@ -47,27 +52,25 @@ pub(super) const MIGRATIONS: [&str; 3] = [
         PRIMARY KEY (job, sequence)
     ) STRICT, WITHOUT ROWID;
 
-    CREATE TABLE reports (
-        job TEXT PRIMARY KEY,
-        report BLOB NOT NULL
-    ) STRICT;
-",
-    // Rounds of examinations follow the search, and its state has an archive.
-    "
-    ALTER TABLE results RENAME COLUMN generation TO round;
-    ALTER TABLE jobs RENAME COLUMN optimiser TO search;
-",
-    // Workers whose results are not trusted any more.
-    "
+    -- Workers whose results are ignored.
     CREATE TABLE quarantined (
         worker TEXT PRIMARY KEY,
         entry BLOB NOT NULL
     ) STRICT, WITHOUT ROWID;
-",
-];
 
-/// Files of earlier steps are refused: their jobs and reports have no finish, and there is nothing to make one from.
-pub(super) const FIRST_READABLE: usize = 2;
+    CREATE TABLE artefacts (
+        job TEXT NOT NULL,
+        place INTEGER NOT NULL,
+        name TEXT NOT NULL,
+        media_type TEXT NOT NULL,
+        content BLOB NOT NULL,
+        PRIMARY KEY (job, place)
+    ) STRICT;
+"];
+
+/// The version that the first step makes. Files of versions 1 to 3 are refused: their jobs are generations of genomes, which
+/// can't be told as rounds of tasks whose digests are known.
+pub(super) const FIRST: usize = 4;
 
 /// Marks a file as an evogait store: "evog" as SQLite's application id.
 pub(super) const APPLICATION_ID: i32 = 0x6576_6f67;

@@ -6,9 +6,9 @@
 mod migrations;
 mod place;
 
-use self::migrations::{APPLICATION_ID, FIRST_READABLE, MIGRATIONS};
+use self::migrations::{APPLICATION_ID, FIRST, MIGRATIONS};
 use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
-use super::{Loaded, StoreError, Write, tables};
+use super::{Loaded, OLDER, StoreError, Write, tables};
 use crate::fail_point;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteLockingMode, SqliteRow, SqliteSynchronous};
 use sqlx::{ConnectOptions as _, Connection as _, SqliteConnection};
@@ -70,16 +70,15 @@ impl SqliteStore {
         if tables > 0 && application != i64::from(APPLICATION_ID) {
             return Err(foreign("it is a database of another program"));
         }
-        let done = usize::try_from(version).ok().filter(|v| *v <= MIGRATIONS.len());
-        let done = done.ok_or_else(|| foreign("it was written by a newer version; use that one"))?;
-        if (1..FIRST_READABLE).contains(&done) {
-            return Err(foreign(
-                "it was written by an older version of evogait, whose jobs have no finish: use that version, or another \
-                 --store (or folder, for `evogait run`)",
-            ));
-        }
+        let done = match usize::try_from(version) {
+            Ok(0) => 0,
+            Ok(version) if version < FIRST => return Err(foreign(OLDER)),
+            Ok(version) if version < FIRST + MIGRATIONS.len() => version - FIRST + 1,
+            _ => return Err(foreign("it was written by a newer version; use that one")),
+        };
         for (step, sql) in MIGRATIONS.iter().enumerate().skip(done) {
-            let sql = format!("{sql}; PRAGMA user_version = {}; PRAGMA application_id = {APPLICATION_ID};", step + 1);
+            let version = FIRST + step;
+            let sql = format!("{sql}; PRAGMA user_version = {version}; PRAGMA application_id = {APPLICATION_ID};");
             sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut *tx).await.map_err(|e| self.failure(e))?;
         }
         tx.commit().await.map_err(|e| self.failure(e))
@@ -114,9 +113,9 @@ impl Sql for SqliteConnection {
     }
 
     async fn insert_results(&mut self, rows: Vec<ResultRow>) -> Result<(), sqlx::Error> {
-        for ResultRow { job, round, first, outcomes } in rows {
-            let values = vec![(&job).into(), round.into(), first.into(), outcomes.into()];
-            self.run("INSERT INTO results (job, round, first, outcomes) VALUES ($1, $2, $3, $4)", values).await?;
+        for ResultRow { job, round, first, results } in rows {
+            let values = vec![(&job).into(), round.into(), first.into(), results.into()];
+            self.run("INSERT INTO results (job, round, first, results) VALUES ($1, $2, $3, $4)", values).await?;
         }
         Ok(())
     }
@@ -137,9 +136,9 @@ impl Dialect for SqliteStore {
     async fn start(&self) -> Result<Loaded, StoreError> {
         let mut connection = self.connection().await?;
         let mut tx = connection.begin_with("BEGIN IMMEDIATE").await.map_err(|e| self.failure(e))?;
-        let epoch = sqlx::query_scalar::<_, i64>("UPDATE meta SET epoch = epoch + 1 RETURNING epoch");
-        let epoch = epoch.fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
-        let loaded = tables::load(&mut *tx, epoch as u64).await.map_err(|e| self.trouble(e))?;
+        let next = "UPDATE meta SET epoch = epoch + 1 RETURNING epoch, key";
+        let row = tx.rows(next, vec![]).await.map_err(|e| self.failure(e))?.pop();
+        let loaded = tables::start(&mut *tx, row).await.map_err(|e| self.trouble(e))?;
         tx.commit().await.map_err(|e| self.failure(e))?;
         Ok(loaded)
     }

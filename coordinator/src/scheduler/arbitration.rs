@@ -1,0 +1,263 @@
+//! Arbitration: two results of one task have different digests, so a third worker computes it. The result that two of them
+//! agree on holds, and a worker that stands alone is quarantined.
+//!
+//! A round is not sealed before its disputes are decided. Of a sealed one nothing changes: if its result loses, the job ends as
+//! tainted.
+
+use super::fleet::WorkerId;
+use super::job::ActiveJob;
+use super::lease::{AssignmentId, Kind, Range, revoke_leases};
+use super::notes::LeaseEnd;
+use super::trust::{is_distrusted, quarantine};
+use super::{Now, Scheduler, events};
+use crate::record::{Claim, Dispute, Event, Finder, JobId, JobState, Ruling, Source};
+use sim_core::identity::Digest;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Committed results of tasks of a round sealed long ago that a late result contradicts, by index.
+pub type Contradicted = BTreeMap<u32, Committed>;
+
+/// A committed result of a task of a round sealed long ago.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Committed {
+    /// Digest of the result.
+    pub digest: Digest,
+    /// The task, to be computed again.
+    pub task: Vec<u8>,
+}
+
+/// The result that holds for a task.
+pub(super) struct Held {
+    pub digest: Digest,
+    pub finder: Finder,
+    pub task: Vec<u8>,
+    /// The task, for people.
+    pub what: String,
+    /// The result, while its round is at hand.
+    pub result: Option<Vec<u8>>,
+}
+
+/// A result as it is compared.
+pub(super) struct Delivered {
+    pub index: u32,
+    pub digest: Digest,
+    /// The result; `None` where only its digest counts.
+    pub result: Option<Arc<[u8]>>,
+}
+
+/// What a claim leads to.
+enum Heard {
+    /// It is the committed result, and that is not disputed.
+    Agrees,
+    /// It opens a dispute or adds to one.
+    Added(usize),
+    /// It contradicts a decision.
+    Refuted,
+}
+
+impl ActiveJob {
+    /// The result that holds for a task of the round at hand, of the one sealed last, or of a dispute.
+    pub fn holds(&self, round: u32, index: u32) -> Option<Held> {
+        if let Some(dispute) = self.dispute(round, index) {
+            let Claim { digest, source, result, .. } = dispute.holding()?.clone();
+            let (task, what) = (dispute.task.clone(), dispute.what.clone());
+            return Some(Held { digest, finder: source.finder, task, what, result });
+        }
+        if let Some(last) = self.last.as_ref().filter(|last| last.number == round) {
+            let task = last.tasks.get(index as usize)?.clone();
+            return Some(Held {
+                digest: task.digest,
+                finder: task.finder,
+                task: task.task,
+                what: task.what,
+                result: None,
+            });
+        }
+        if round != self.round.number() {
+            return None;
+        }
+        let (digest, finder) = self.round.found(index)?;
+        Some(Held {
+            digest,
+            finder: finder.clone(),
+            task: self.procedure.task(index),
+            what: self.procedure.describe(index),
+            result: self.round.result(index).map(|result| result.to_vec()),
+        })
+    }
+
+    /// A result for people; empty where only its digest is known.
+    pub fn show(&self, held: &Held) -> String {
+        held.result.as_ref().map_or_else(String::new, |result| self.procedure.show(result))
+    }
+
+    /// Adds a worker's claim about a task that is done, beside the result that holds.
+    fn hear(&mut self, now: Now, round: u32, claim: Claim, index: u32, held: (Held, Claim)) -> Heard {
+        let (held, held_claim) = held;
+        let disagrees = claim.digest != held_claim.digest;
+        let at = self.disputed.get(&(round, index)).copied();
+        if let Some((at, dispute)) = at.and_then(|at| Some((at, self.record.disputes.get_mut(at)?))) {
+            if !dispute.is_open() {
+                return if disagrees { Heard::Refuted } else { Heard::Agrees };
+            }
+            let known = |c: &Claim| c.source.finder.worker == claim.source.finder.worker && c.digest == claim.digest;
+            if dispute.claims.iter().any(known) {
+                return Heard::Agrees;
+            }
+            dispute.at_ms = now.unix_ms;
+            dispute.claims.push(claim);
+            return Heard::Added(at);
+        }
+        if !disagrees {
+            return Heard::Agrees;
+        }
+        Heard::Added(self.open_dispute(Dispute {
+            round,
+            index,
+            what: held.what,
+            task: held.task,
+            claims: vec![held_claim, claim],
+            ruling: None,
+            at_ms: now.unix_ms,
+        }))
+    }
+
+    /// Decides a dispute if two agree. Returns the sources that were wrong.
+    fn decide(&mut self, at: usize) -> Vec<Source> {
+        let dispute = &self.record.disputes[at];
+        let Some(agreed) = dispute.agreed() else { return Vec::new() };
+        let wrong = dispute.claims.iter().filter(|c| c.digest != agreed).map(|c| c.source.clone()).collect();
+        let upheld = dispute.claims.first().is_some_and(|c| c.digest == agreed);
+        let right = dispute.claims.iter().find(|c| c.digest == agreed && c.result.is_some());
+        let right = right.and_then(|c| Some((c.result.clone()?, c.source.finder.clone())));
+        let (index, at_hand) = (dispute.index, dispute.round == self.round.number());
+        let ruling = match (upheld, right.filter(|_| at_hand)) {
+            (true, _) => Ruling::Upheld,
+            (false, Some((result, finder))) => {
+                self.round.correct(index, result.into(), finder);
+                Ruling::Corrected
+            }
+            (false, None) => Ruling::Tainted,
+        };
+        self.record.disputes[at].ruling = Some(ruling);
+        wrong
+    }
+}
+
+/// Compares results of tasks that are done with those that hold: they agree, or open or decide a dispute. Returns whether any
+/// of them differs from what holds now. The job may be over afterwards, or its round ready to be sealed. `older`: committed
+/// results of a round of which nothing is known here.
+pub(super) fn weigh(
+    core: &mut Scheduler,
+    now: Now,
+    id: &JobId,
+    round: u32,
+    delivered: impl IntoIterator<Item = Delivered>,
+    worker: &WorkerId,
+    older: &Contradicted,
+) -> bool {
+    let source = core.fleet.source(core.fleet.finder(worker));
+    let mut touched = BTreeSet::new();
+    let mut wrong: Vec<Source> = Vec::new();
+    let mut twice = None;
+    let (mut differs, mut refuted) = (false, false);
+    for Delivered { index, digest, result } in delivered {
+        let Some(job) = core.jobs.active.get(id) else { return differs };
+        let long_sealed = |committed: &Committed| Held {
+            digest: committed.digest,
+            finder: Finder::default(),
+            task: committed.task.clone(),
+            what: format!("task {index} of round {round}"),
+            result: None,
+        };
+        let Some(held) = job.holds(round, index).or_else(|| older.get(&index).map(long_sealed)) else { continue };
+        let own = held.finder.worker == source.finder.worker && !source.finder.worker.is_empty();
+        if own && held.digest != digest {
+            twice.get_or_insert_with(|| held.what.clone());
+        }
+        let result = result.filter(|_| round == job.round.number());
+        let what = result.as_ref().map_or_else(String::new, |result| job.procedure.show(result));
+        let held_claim =
+            claim(core, core.fleet.source(held.finder.clone()), held.digest, job.show(&held), held.result.clone());
+        let claim = claim(core, source.clone(), digest, what, result.map(|result| result.to_vec()));
+        let Some(job) = core.jobs.active.get_mut(id) else { return differs };
+        match job.hear(now, round, claim, index, (held, held_claim)) {
+            Heard::Added(at) => {
+                touched.insert(at);
+                wrong.extend(job.decide(at));
+            }
+            Heard::Refuted => refuted = true,
+            Heard::Agrees => {}
+        }
+        differs |= job.holds(round, index).is_some_and(|held| held.digest != digest);
+    }
+    if refuted {
+        wrong.push(source.clone());
+    }
+    conclude(core, now, id, &touched, wrong);
+    if let Some(what) = twice {
+        quarantine(core, now, &source, &format!("it delivered two different results of {what} of job {id}"));
+    }
+    differs
+}
+
+fn claim(core: &Scheduler, source: Source, digest: Digest, what: String, result: Option<Vec<u8>>) -> Claim {
+    let distrusted = is_distrusted(core, &source);
+    Claim { source, digest, what, result, distrusted }
+}
+
+/// Publishes how disputes stand, and acts on those that were decided.
+fn conclude(core: &mut Scheduler, now: Now, id: &JobId, touched: &BTreeSet<usize>, mut wrong: Vec<Source>) {
+    let Some(job) = core.jobs.active.get_mut(id) else { return };
+    let told: Vec<&Dispute> = touched.iter().filter_map(|&at| job.record.disputes.get(at)).collect();
+    let tainted = told.iter().find(|d| d.ruling == Some(Ruling::Tainted)).map(|d| (*d).clone());
+    let first = tainted.as_ref().or(told.first().copied()).cloned();
+    let why = match &first {
+        Some(first) => format!("its result of {} of job {id} differs from that of two other workers", first.what),
+        None => format!("a result of job {id} contradicts one that was decided"),
+    };
+    if let Some(first) = first {
+        let write = job.change(now, Event::Dispute(Box::new(first)));
+        core.out.write(write);
+    }
+    wrong.sort();
+    wrong.dedup();
+    for source in wrong {
+        quarantine(core, now, &source, &why);
+    }
+    if let Some(dispute) = tainted {
+        events::end_job(core, now, id, JobState::Tainted, taint(&dispute));
+        return;
+    }
+    revoke_decided(core, id);
+}
+
+/// Revokes the leases on tasks whose disputes were decided meanwhile.
+fn revoke_decided(core: &mut Scheduler, id: &JobId) {
+    let Some(job) = core.jobs.active.get(id) else { return };
+    let needless = |range: &Range| range.indexes().all(|index| !job.is_disputed(range.round, index));
+    let arbitrations = core.leases.of(id).filter(|(_, l)| l.kind == Kind::Arbitration && needless(&l.range));
+    let ids: Vec<AssignmentId> = arbitrations.map(|(id, _)| *id).collect();
+    revoke_leases(core, &ids, LeaseEnd::Needless);
+}
+
+/// Why a job is tainted, in a sentence.
+fn taint(dispute: &Dispute) -> String {
+    let told = |claim: &Claim| {
+        let worker = match (&*claim.source.name, &*claim.source.finder.worker) {
+            ("", "") => "a worker that is not known any more",
+            ("", id) => id,
+            (name, _) => name,
+        };
+        let (digest, what) = (claim.digest.short(), &claim.what);
+        if what.is_empty() { format!("{worker} has {digest}") } else { format!("{worker} has {what} ({digest})") }
+    };
+    let claims: Vec<String> = dispute.claims.iter().map(told).collect();
+    format!(
+        "the result of {} that was sealed in round {} is wrong: {}; `evogait restart` does the job again from there",
+        dispute.what,
+        dispute.round,
+        claims.join(", ")
+    )
+}
