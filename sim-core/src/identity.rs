@@ -117,21 +117,6 @@ impl ResultDigest {
     pub fn seal(self) -> Digest {
         Digest::of("evogait sealed result 1", &self.0.0)
     }
-
-    /// Folds in the scores of a generation, in the order of the candidates. `None` stands for a failed evaluation.
-    pub fn generation(&mut self, generation: u32, scores: &[Option<f64>]) {
-        self.0 = Digest::of("evogait generation 1", &(self.0.0, generation, scores));
-    }
-
-    /// Folds in the scores of a round of the finish, in the order of its examinations, each with one score a tree.
-    pub fn examinations(&mut self, round: u32, scores: &[Vec<Option<f64>>]) {
-        self.0 = Digest::of("evogait examinations 1", &(self.0.0, round, scores));
-    }
-
-    /// Folds in the published winner with its score in the search, and ends.
-    pub fn seal_winner(self, genome: &[f64], score: f64) -> Digest {
-        Digest::of("evogait winner 1", &(self.0.0, genome, score))
-    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use sim_core::encoding;
 use sim_core::finish::Question;
 use sim_core::job::{Checked, Job, Preparation, Unprepared};
+use sim_core::limits;
 use sim_core::procedure::evolve::{Task, TaskResult};
 use sim_core::procedure::preparing::Outcome;
 use sim_core::procedure::{self, Bench, Hooks, NotRun, Procedure, Row, Step, Told};
@@ -158,6 +159,8 @@ fn golden_job_with_a_finish_keeps_its_scores() {
 #[test]
 fn golden_jobs_on_rapier_keep_their_scores() {
     assert_recorded("lizard-coverage-3d");
+    assert_recorded("lizard-pso-rapier");
+    assert_recorded("quadropod-constriction-goal");
     assert_recorded("lizard-stairs-rapier");
 }
 
@@ -417,6 +420,27 @@ fn robot_that_can_not_stand_fails_in_round_0() {
     let results = results_of(&*procedure, &bench, Batches::Full);
     assert_eq!(procedure.show(&results[0]), format!("refused: {refusal}"));
     assert_eq!(procedure.tell(&results), Told { row: None, step: Step::Failed(refusal) });
+}
+
+#[test]
+fn job_beyond_the_budget_of_a_preparation_is_refused() {
+    let with = |physics: &str| {
+        let text = SMALL
+            .replace("engine = \"lockstep\"", &format!("engine = \"rapier\", {physics}"))
+            .replace("steps_per_second = 30, substeps = 8", "steps_per_second = 500, substeps = 100");
+        Checked::from_toml(&text).map(|job| job.preparation_budget())
+    };
+    let usual = with("").unwrap();
+    assert!(with("steps_per_second = 60").unwrap() > usual);
+    assert!(with("joints = \"multibody\"").unwrap() > usual);
+    let refused = with("joints = \"multibody\", steps_per_second = 1000, substeps = 100").unwrap_err().to_string();
+    let (found, rest) = refused
+        .strip_prefix("physics: settling the robot of 9 bodies could take ")
+        .and_then(|rest| rest.split_once(" body-substeps: at most "))
+        .expect(&refused);
+    assert!(found.parse::<u64>().unwrap() > limits::MAX_PREPARATION);
+    assert!(rest.starts_with(&format!("{} are allowed; lower physics.steps_per_second", limits::MAX_PREPARATION)));
+    assert!(rest.contains("finish.substeps"), "{rest}");
 }
 
 #[test]

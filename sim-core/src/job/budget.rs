@@ -3,10 +3,11 @@
 //! A tree of K iterations with k gaits asks for K·k rollouts at most, and over terrain for twice as many: first in the
 //! canonical frame, then in place. Reuse makes that far fewer, which a job can count on by `planner.max_rollouts`.
 
-use super::{Checked, JobSpec};
+use super::{Checked, JobSpec, JointKind};
 use crate::environment::Environment;
 use crate::error::{Invalid, whole_in_range};
 use crate::limits::{MAX_EVALUATION_STEPS, MAX_PREPARATION, MAX_SUBSTEPS_PER_SECOND};
+use crate::robot::Robot;
 use crate::rollout::{LONGEST_SETTLING, Physics};
 
 impl Checked {
@@ -29,13 +30,11 @@ impl Checked {
         asked.map_or_else(|| self.rollouts_of(trees), share).min(MAX_EVALUATION_STEPS / self.steps_per_rollout().max(1))
     }
 
-    /// Most work that a preparation can take, in body-substeps: bodies, times simulated seconds, times steps a second, times
-    /// substeps. A robot that does not come to rest on the job's own setting settles on a quiet one, too; and all of that
-    /// again on the reference setting.
+    /// Most work that a preparation can take, in body-substeps: that of the longest settling on the job's own setting, on the
+    /// quiet one that may follow, and of both again on the reference setting.
     pub fn preparation_budget(&self) -> u64 {
-        let substeps = |physics: &Physics| u64::from(physics.steps_per_second) * u64::from(physics.substeps);
-        let a_second = substeps(&self.0.physics) + substeps(&self.quiet_setting(0.0).physics);
-        let own = self.0.robot.bodies.len() as u64 * LONGEST_SETTLING as u64 * a_second;
+        let own = [*self.physics(), self.quiet_setting(0.0).physics];
+        let own: u64 = own.iter().map(|physics| settling(self.robot(), physics)).sum();
         own + self.on_reference().map_or(0, Self::preparation_budget)
     }
 
@@ -53,6 +52,17 @@ fn steps_per_rollout(spec: &JobSpec, physics: &Physics) -> u64 {
     u64::from(physics.steps(spec.gaits.duration)) * u64::from(physics.substeps)
 }
 
+/// Most body-substeps that a robot takes to settle on one setting, so weighted that each takes much the same time on every
+/// engine. A box or capsule counts as a body does. A step counts as two substeps more: contacts are sought in it. In reduced
+/// coordinates (multibody joints) each body's motion involves all others, so n bodies count 1 + n/4 times.
+fn settling(robot: &Robot, physics: &Physics) -> u64 {
+    let bodies = robot.bodies.len() as u64;
+    let shapes: usize = robot.bodies.iter().map(|body| body.boxes.len() + body.capsules.len()).sum();
+    let quarters = if physics.joints == JointKind::Multibody { 4 + bodies } else { 4 };
+    let steps = u64::from(physics.steps(LONGEST_SETTLING));
+    steps * (u64::from(physics.substeps) + 2) * (bodies + shapes as u64) * quarters / 4
+}
+
 /// Refuses jobs whose preparation could take too long.
 pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
     let needed = job.preparation_budget();
@@ -60,12 +70,15 @@ pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
         return Ok(());
     }
     let finish = if job.finish().is_some() { ", finish.steps_per_second, finish.substeps" } else { "" };
+    let multibody = match job.physics().joints {
+        JointKind::Multibody => ", use physics.joints = \"impulse\"",
+        JointKind::Impulse => "",
+    };
     Err(Invalid::Conflict {
         field: "physics".into(),
         reason: format!(
-            "settling the robot could take {needed} body-substeps (bodies × seconds × steps_per_second × substeps, on every \
-             setting that it has to come to rest on): at most {MAX_PREPARATION} are allowed; lower \
-             physics.steps_per_second, physics.substeps{finish} or the number of bodies ({})",
+            "settling the robot of {} bodies could take {needed} body-substeps: at most {MAX_PREPARATION} are allowed; lower \
+             physics.steps_per_second, physics.substeps{finish}{multibody}, or take fewer bodies and boxes",
             job.robot().bodies.len()
         ),
     })
