@@ -40,6 +40,12 @@ impl PermitKey {
         Self(bytes)
     }
 
+    /// Whether two stores would make the same permits.
+    #[cfg(test)]
+    pub(crate) fn is_the_same_as(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+
     /// The permit of an assignment with these tasks.
     pub fn issue(&self, issued: Issued<'_>, tasks: &[Vec<u8>]) -> Vec<u8> {
         let tasks = digest(tasks);

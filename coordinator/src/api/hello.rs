@@ -124,9 +124,11 @@ mod tests {
 
         let message = refused(v1::Hello { protocol: PROTOCOL + 1, ..hello() });
         assert!(message.contains("evogait 9.9.9") && message.contains(VERSION), "{message}");
-        assert!(message.contains("protocol 3") && message.contains("protocol 2"), "{message}");
+        let (theirs, ours) = (format!("protocol {}", PROTOCOL + 1), format!("protocol {PROTOCOL}"));
+        assert!(message.contains(&theirs) && message.contains(&ours), "{message}");
 
-        let other = check(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() }, String::new()).unwrap();
+        let other =
+            check(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() }, String::new(), Arc::default()).unwrap();
         assert!(!is_of_build(&other, &engines));
         let message = other_build(&other, &engines).message().to_owned();
         assert!(message.contains("080808080808; evogait 9.9.9"), "{message}");

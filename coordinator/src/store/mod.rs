@@ -412,4 +412,4 @@ pub fn open(url: &StoreUrl, takeover: Duration) -> Answer<'_, Arc<dyn Store>> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -292,7 +292,7 @@ mod tests {
     use super::super::sql::Value;
     use super::super::tests::{event, record, submit};
     use super::*;
-    use crate::scheduler::Finder;
+    use crate::record::Finder;
     use sqlx::sqlite::SqliteRow;
 
     /// Counts what it is told to change.
