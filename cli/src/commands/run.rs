@@ -15,7 +15,7 @@ use crate::signals::Interrupt;
 use crate::values::{self, Generation};
 use crate::watch::{self, Watched};
 use crate::{load, summary};
-use proto::v1;
+use proto::v1::{self, JobState};
 use sim_core::job::Checked;
 
 /// Evolves, or says that it is done already.
@@ -30,8 +30,17 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
         }
         Stored::read(&path)?.result
     } else {
+        let fresh = !folder.has_job();
         let job_toml = folder.keep_job(job.to_toml())?.to_owned();
-        super::with_runtime(evolve(&job, job_toml, &folder, &args.place, quiet))?
+        match super::with_runtime(evolve(&job, job_toml, &folder, &args.place, quiet)) {
+            Ok(result) => result,
+            Err(error) => {
+                if fresh && matches!(error, Error::Unprepared { .. }) {
+                    folder.discard();
+                }
+                return Err(error);
+            }
+        }
     };
     if args.json {
         console::say_json(&result)
@@ -128,6 +137,12 @@ async fn finish(
         Watched::Interrupted => Err(Error::Interrupted {
             hint: format!(" after {generations_done} of {} generations", optimiser.generations()),
         }),
+        Watched::Ended(ended)
+            if ended.state() == JobState::Failed && ended.poisoned.is_none() && unprepared(&ended) =>
+        {
+            let v1::Job { name, id, reason, .. } = *ended;
+            Err(Error::Unprepared { name, id, reason })
+        }
         Watched::Ended(ended) => {
             let see = ended.poisoned.as_ref().map(|poisoned| {
                 let file = folder.path().join(JOB);
@@ -138,4 +153,9 @@ async fn finish(
             output::write(folder, job, &answer, url)
         }
     }
+}
+
+/// Whether a job ended before its robot had settled.
+fn unprepared(job: &v1::Job) -> bool {
+    values::progress(job).phase == "preparing"
 }
