@@ -312,6 +312,18 @@ impl Sandbox {
     }
 }
 
+/// What a job's procedure does, in a word: "searching".
+pub fn phase(job: &Job) -> &str {
+    job.progress.as_ref().map_or("", |progress| progress.phase.as_str())
+}
+
+/// A number that a job's procedure reports, such as "evaluations".
+pub fn value(job: &Job, name: &str) -> f64 {
+    let values = job.progress.iter().flat_map(|progress| &progress.values);
+    let value = values.filter(|value| value.name == name).find_map(|value| value.value);
+    value.unwrap_or_else(|| panic!("{name} is not told: {job:?}"))
+}
+
 /// An address of this machine that was free a moment ago.
 pub fn free_port() -> String {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");

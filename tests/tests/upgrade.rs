@@ -1,6 +1,6 @@
 //! An upgrade in mid-job: a job that an older build took in is kept, waits for a worker of that build, and says so.
 
-use cluster_tests::sandbox::{Sandbox, tiny_job};
+use cluster_tests::sandbox::{Sandbox, tiny_job, value};
 use cluster_tests::scripted::Scripted;
 use coordinator::store::{SqliteStore, Store as _, Write};
 use proto::v1::job_event::Event;
@@ -23,25 +23,26 @@ async fn age(sandbox: &Sandbox, job: &Job) {
     record.engine_digest = OLD;
     record.job_digest = job.digest_on(OLD);
     record.version = "0.0.9".to_owned();
-    record.scores_digest = ResultDigest::start(&record.job_digest);
-    for generation in 0..record.generations_done {
-        let scores = store.scores(&record.id, generation).await.expect("it can be read").expect("it is sealed");
-        record.scores_digest.generation(generation, &scores);
+    let mut folded = ResultDigest::start(&record.job_digest);
+    for round in 0..record.rounds_sealed {
+        let digests = store.digests(&record.id, round).await.expect("it can be read").expect("it is sealed");
+        folded.round(round, &digests);
     }
+    record.results_digest = folded.value();
     store.commit(loaded.epoch, vec![Write::Note { record }]).await.expect("it is written");
     store.close().await.expect("it closes");
 }
 
 // The worker that the test plays computes here.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_others() {
+async fn job_of_older_build_waits_for_its_workers() {
     let toml = tiny_job(41, GENERATIONS);
     let job = Job::from_toml(&toml).expect("a valid job");
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let worker = sandbox.worker(1);
     let id = sandbox.submit("r", &toml).await.id;
-    sandbox.until(&id, |job| job.generations_done >= 2).await;
+    sandbox.until(&id, |job| job.rounds_sealed > 2).await;
     assert_eq!(coordinator.terminate(), Some(0));
     drop(worker);
     age(&sandbox, &job).await;
@@ -49,9 +50,9 @@ async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_oth
     let coordinator = sandbox.coordinator();
     let before = sandbox.job(&id).await;
     assert!(
-        before.generations_done >= 2 && before.generations_done < GENERATIONS,
+        before.rounds_sealed > 2 && before.rounds_sealed < GENERATIONS,
         "in mid-job: {}",
-        before.generations_done
+        before.rounds_sealed
     );
     let _new = sandbox.worker(2);
     let beside = sandbox.submit("beside", &tiny_job(42, 1)).await;
@@ -77,14 +78,16 @@ async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_oth
     assert!(refused.message().contains("080808080808") && refused.message().contains("no job"), "{refused}");
 
     let old = Scripted::of_another_build(&sandbox, "old", OLD).await.expect("a job needs it");
-    let works = tokio::spawn(old.works(job.clone()));
+    let works = tokio::spawn(old.works());
     let result = sandbox.result(&id).await;
     works.abort();
     let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("an answer").into_inner().workers;
     let new = workers.iter().find(|w| w.slots == 2).expect("it is still there");
     let of_beside = sandbox.job(&beside.id).await;
-    assert!(new.evaluations >= of_beside.evaluations, "{workers:?}");
-    assert!(new.evaluations < of_beside.evaluations + 30, "the new one had no part in it: {workers:?}");
+    // The preparation, one generation, and what follows the search.
+    let tasks_of_beside = 1.0 + value(&of_beside, "evaluations");
+    assert!(new.tasks as f64 >= tasks_of_beside, "{workers:?}");
+    assert!((new.tasks as f64) < tasks_of_beside + 30.0, "the new one had no part in it: {workers:?}");
     assert_eq!(result.job.as_ref().map(|job| job.engine_digest.clone()), Some(OLD.0.to_vec()));
     sandbox.told(&["fetch", &id, "--out", "fetched"]);
     let file = std::fs::read_to_string(sandbox.file("fetched").join("result.json")).expect("it was written");
@@ -96,5 +99,5 @@ async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_oth
     let _worker = undisturbed.worker(2);
     let same = undisturbed.submit("r", &toml).await;
     let same = undisturbed.result(&same.id).await;
-    assert_eq!((result.winner, result.first, result.history), (same.winner, same.first, same.history));
+    assert_eq!((result.artefacts, result.history), (same.artefacts, same.history));
 }
