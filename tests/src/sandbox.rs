@@ -1,7 +1,7 @@
 //! Real coordinator and worker processes in a folder of their own, on ports of their own.
 
 use proto::v1::job_service_client::JobServiceClient;
-use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobState, SubmitJobRequest};
+use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobState, Standing, SubmitJobRequest};
 use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
@@ -84,6 +84,16 @@ impl Process {
     pub fn signal(&self, name: &str) {
         let status = Command::new("kill").arg(format!("-{name}")).arg(self.0.id().to_string()).status();
         assert!(status.expect("kill runs").success());
+    }
+
+    /// CPU time that it has used so far, in steps of 10 ms.
+    pub fn cpu_time(&self) -> Duration {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.0.id())).expect("a process has its numbers");
+        // Its name may have spaces in it.
+        let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+        let ticks: u64 = fields[11..13].iter().map(|field| field.parse::<u64>().expect("a count")).sum();
+        // Linux counts hundredths of a second for programs.
+        Duration::from_millis(ticks * 10)
     }
 
     /// Whether it has ended.
@@ -289,6 +299,12 @@ impl Sandbox {
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
+    }
+
+    /// Where a job that has not ended stands: who works on what, and what went wrong.
+    pub async fn standing(&self, id: &str) -> Standing {
+        let answer = self.client().get_job(GetJobRequest { id: id.to_owned() }).await.expect("an answer").into_inner();
+        answer.standing.expect("it has not ended")
     }
 
     /// Waits until a job is as wanted.

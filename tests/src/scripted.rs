@@ -156,7 +156,8 @@ impl Scripted {
     /// Announces that it stops, and returns what it was given. It may deliver results all the same.
     pub fn gives_back(&self) {
         self.given.lock().expect("nobody panics with it").clear();
-        let drain = worker_message::Message::Drain(Drain { reason: "the test says so".to_owned(), finishing: Vec::new() });
+        let drain =
+            worker_message::Message::Drain(Drain { reason: "the test says so".to_owned(), finishing: Vec::new() });
         self.said.send(WorkerMessage { message: Some(drain) }).expect("the session stands");
     }
 

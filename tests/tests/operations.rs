@@ -250,10 +250,7 @@ async fn json_log_names_job_worker_and_call() {
     };
     assert_eq!(said("job submitted")["job"], job.id.as_str());
     let sealed = said("round sealed");
-    assert_eq!(
-        (&sealed["job"], &sealed["round"], &sealed["epoch"]),
-        (&job.id.as_str().into(), &0.into(), &1.into())
-    );
+    assert_eq!((&sealed["job"], &sealed["round"], &sealed["epoch"]), (&job.id.as_str().into(), &0.into(), &1.into()));
     let result = said("result");
     assert!(
         result["worker"].is_string() && result["assignment"].is_u64() && result["verdict"] == "accepted",
