@@ -75,7 +75,11 @@ fn noise() -> Vec<u8> {
 const VARIATIONS: &[(&str, &str, Change)] = &[
     ("no outcome", "missing", |r| r.outcome = None),
     ("no results", "it has 0 results", |r| all(r, Vec::clear)),
-    ("one result too few", "results: its assignment has", |r| all(r, |all| drop(all.pop()))),
+    ("one result too few", "results: its assignment has", |r| {
+        all(r, |all| {
+            all.pop();
+        })
+    }),
     ("one result too many", "results: its assignment has", |r| all(r, |all| all.push(all[0].clone()))),
     ("another worker", "never issued", |r| r.worker_id = "another".to_owned()),
     ("no worker", "worker_id", |r| r.worker_id.clear()),
@@ -97,7 +101,9 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
     ("another engine", "it ran on engine 070707070707", |r| r.engine_digest = vec![7; 32]),
     ("half an engine digest", "16 bytes", |r| r.engine_digest.truncate(16)),
     ("no permit", "never issued", |r| r.permit.clear()),
-    ("a cut permit", "never issued", |r| drop(r.permit.pop())),
+    ("a cut permit", "never issued", |r| {
+        r.permit.pop();
+    }),
     ("a permit with one bit turned", "never issued", |r| r.permit[40] ^= 1),
     ("a permit of other tasks", "never issued", |r| r.permit[0] ^= 1),
     ("a failure without a permit", "never issued", |r| {
