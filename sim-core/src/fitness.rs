@@ -35,38 +35,47 @@ pub struct Grid {
 }
 
 impl Fitness {
+    /// Refuses settings that no start makes usable. Cheap.
+    pub fn validate(spec: &FitnessSpec, environment: &Environment) -> Result<(), Invalid> {
+        match *spec {
+            FitnessSpec::Coverage { cell, dimensions, height } => {
+                Grid::counts(environment, cell, dimensions, height).map(|_| ())
+            }
+            FitnessSpec::Distance => goal_of(environment).map(|_| ()),
+        }
+    }
+
     /// The fitness of a job in its environment. `start`: height of the pivot at the start, mu.
     pub fn new(spec: &FitnessSpec, environment: &Environment, start: f64) -> Result<Self, Invalid> {
         match *spec {
             FitnessSpec::Coverage { cell, dimensions, height } => {
                 Grid::new(environment, cell, dimensions, height, start).map(Self::Coverage)
             }
-            FitnessSpec::Distance => match &environment.goal {
-                Some(goal) => Ok(Self::Distance { x: goal.x, y: goal.y }),
-                None => Err(Invalid::Conflict {
-                    field: "fitness.kind".into(),
-                    reason: format!(
-                        "distance needs a goal, and environment \"{}\" has none: add `goal = {{ x = …, y = … }}` to it",
-                        environment.name
-                    ),
-                }),
-            },
+            FitnessSpec::Distance => goal_of(environment).map(|(x, y)| Self::Distance { x, y }),
         }
     }
 
     /// Whether larger or smaller is better.
-    pub fn direction(&self) -> Direction {
-        match self {
-            Self::Coverage(_) => Direction::Maximise,
-            Self::Distance { .. } => Direction::Minimise,
+    pub fn direction(spec: &FitnessSpec) -> Direction {
+        match spec {
+            FitnessSpec::Coverage { .. } => Direction::Maximise,
+            FitnessSpec::Distance => Direction::Minimise,
         }
     }
 
     /// Name and unit.
-    pub fn label(&self) -> (&'static str, &'static str) {
-        match self {
-            Self::Coverage(_) => ("coverage", "%"),
-            Self::Distance { .. } => ("distance to goal", "mu"),
+    pub fn label(spec: &FitnessSpec) -> (&'static str, &'static str) {
+        match spec {
+            FitnessSpec::Coverage { .. } => ("coverage", "%"),
+            FitnessSpec::Distance => ("distance to goal", "mu"),
+        }
+    }
+
+    /// Least and greatest score that a tree can have.
+    pub fn range(spec: &FitnessSpec) -> (f64, f64) {
+        match spec {
+            FitnessSpec::Coverage { .. } => (0.0, 100.0),
+            FitnessSpec::Distance => (0.0, f64::MAX),
         }
     }
 
@@ -83,6 +92,20 @@ impl Fitness {
     }
 }
 
+/// The goal that a distance is measured to.
+fn goal_of(environment: &Environment) -> Result<(f64, f64), Invalid> {
+    match &environment.goal {
+        Some(goal) => Ok((goal.x, goal.y)),
+        None => Err(Invalid::Conflict {
+            field: "fitness.kind".into(),
+            reason: format!(
+                "distance needs a goal, and environment \"{}\" has none: add `goal = {{ x = …, y = … }}` to it",
+                environment.name
+            ),
+        }),
+    }
+}
+
 impl Grid {
     /// The grid of an environment. In three dimensions it reaches up to `height` (mu); unless given, one cell above the
     /// highest terrain. `start`: height of the pivot at the start, mu.
@@ -93,6 +116,41 @@ impl Grid {
         height: Option<f64>,
         start: f64,
     ) -> Result<Self, Invalid> {
+        let counts = Self::counts(environment, cell, dimensions, height)?;
+        let cells = counts.iter().product();
+        let [width, depth] = environment.size;
+        let corner = [-width / 2.0, -depth / 2.0];
+        let mut grid = Self { cell, corner, counts, counted: vec![true; cells], total: 0 };
+        let solids: Vec<&Block> = match dimensions {
+            3 => environment.obstacles.iter().chain(&environment.terrain).collect(),
+            _ => environment.obstacles.iter().collect(),
+        };
+        for block in solids {
+            let (columns, rows) = (grid.around(block, 0), grid.around(block, 1));
+            for (layer, row) in (0..counts[2]).flat_map(|layer| rows.clone().map(move |row| (layer, row))) {
+                for i in columns.clone().map(|column| (layer * counts[1] + row) * counts[0] + column) {
+                    grid.counted[i] = grid.counted[i] && !grid.inside(i, block, dimensions == 3, environment);
+                }
+            }
+        }
+        if let Some(start) = grid.index(environment.start.x, environment.start.y, start) {
+            grid.counted[start] = false;
+        }
+        grid.total = grid.counted.iter().filter(|c| **c).count();
+        if grid.total == 0 {
+            let reason = "no cell is left to cover: choose smaller cells".to_owned();
+            return Err(Invalid::Conflict { field: "fitness.cell".into(), reason });
+        }
+        Ok(grid)
+    }
+
+    /// Cells along x, y and z.
+    fn counts(
+        environment: &Environment,
+        cell: f64,
+        dimensions: u32,
+        height: Option<f64>,
+    ) -> Result<[usize; 3], Invalid> {
         in_range("fitness.cell", cell, (0.01, limits::MAX_MAP_SIZE), "mu")?;
         whole_in_range("fitness.dimensions", dimensions, (2, 3), "")?;
         let [width, depth] = environment.size;
@@ -112,24 +170,16 @@ impl Grid {
         let counts = [along(width), along(depth), layers];
         let cells = counts.iter().try_fold(1usize, |n, &c| n.checked_mul(c)).unwrap_or(usize::MAX);
         whole_in_range("number of cells (fitness.cell)", cells as u64, (1, limits::MAX_CELLS as u64), "")?;
-        let corner = [-width / 2.0, -depth / 2.0];
-        let mut grid = Self { cell, corner, counts, counted: vec![true; cells], total: 0 };
-        let solids: Vec<&Block> = match dimensions {
-            3 => environment.obstacles.iter().chain(&environment.terrain).collect(),
-            _ => environment.obstacles.iter().collect(),
-        };
-        for i in 0..cells {
-            grid.counted[i] = !solids.iter().any(|block| grid.inside(i, block, dimensions == 3, environment));
-        }
-        if let Some(start) = grid.index(environment.start.x, environment.start.y, start) {
-            grid.counted[start] = false;
-        }
-        grid.total = grid.counted.iter().filter(|c| **c).count();
-        if grid.total == 0 {
-            let reason = "no cell is left to cover: choose smaller cells".to_owned();
-            return Err(Invalid::Conflict { field: "fitness.cell".into(), reason });
-        }
-        Ok(grid)
+        Ok(counts)
+    }
+
+    /// Cells along an axis (0: x, 1: y) that a block can cover.
+    fn around(&self, block: &Block, axis: usize) -> std::ops::Range<usize> {
+        let [a, b] = block.size;
+        let reach = (a * a + b * b).sqrt() / 2.0 + self.cell;
+        let at =
+            |offset: f64| libm::floor((block.center[axis] + offset - self.corner[axis]) / self.cell).max(0.0) as usize;
+        at(-reach).min(self.counts[axis])..(at(reach) + 1).min(self.counts[axis])
     }
 
     /// Number of cells that count.

@@ -42,9 +42,6 @@ struct Resolved {
     robot: Robot,
     engine: Chosen,
     physics: Physics,
-    direction: Direction,
-    /// Name and unit of the score.
-    label: (&'static str, &'static str),
     bounds: Bounds,
     finish: Option<Finish>,
     /// The same job on the reference setting, without a finish of its own.
@@ -107,11 +104,7 @@ impl Checked {
         faults.take(budget::validate(&spec, &environment, &physics));
         faults.end()?;
         let Some(bounds) = bounds else { unreachable!("bounds that are not there left a fault") };
-        let (direction, label) = {
-            // No height of the start is known yet: all cells of a grid in three dimensions count.
-            let fitness = Fitness::new(&spec.fitness, &environment, f64::INFINITY)?;
-            (fitness.direction(), fitness.label())
-        };
+        Fitness::validate(&spec.fitness, &environment)?;
 
         spec.variant = None;
         spec.physics = physics.written_out(chosen.engine, &spec.physics);
@@ -126,8 +119,6 @@ impl Checked {
             robot,
             engine: chosen,
             physics,
-            direction,
-            label,
             bounds,
             finish,
             reference,
@@ -287,12 +278,17 @@ impl Checked {
 
     /// Whether larger or smaller scores are better.
     pub fn direction(&self) -> Direction {
-        self.0.direction
+        Fitness::direction(&self.0.spec.fitness)
     }
 
     /// Name and unit of the score, such as ("coverage", "%").
     pub fn score_label(&self) -> (&'static str, &'static str) {
-        self.0.label
+        Fitness::label(&self.0.spec.fitness)
+    }
+
+    /// Least and greatest score that an evaluation can have.
+    pub fn score_range(&self) -> (f64, f64) {
+        Fitness::range(&self.0.spec.fitness)
     }
 
     /// A fresh optimiser at generation 0.

@@ -23,6 +23,11 @@ impl Bench {
     /// That of a job that is checked.
     pub fn of(problem: Checked) -> Self {
         let kind = kinds::of(&problem);
+        Self::of_kind(kind, problem)
+    }
+
+    /// That of a job that is checked, with a procedure of another kind than its own.
+    pub fn of_kind(kind: &'static dyn ProcedureKind, problem: Checked) -> Self {
         Self { problem, kind, prepared: Mutex::new(None) }
     }
 

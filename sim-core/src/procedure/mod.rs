@@ -221,10 +221,20 @@ pub trait ProcedureKind: Sync {
 
 /// A job's procedure before its first round. Nothing is simulated.
 pub fn start(problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
-    Ok(Box::new(Preparing::start(kinds::of(problem), problem)?))
+    start_as(kinds::of(problem), problem)
 }
 
 /// A job's procedure as it was saved.
 pub fn load(problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
-    Ok(Box::new(Preparing::load(kinds::of(problem), problem, saved)?))
+    load_as(kinds::of(problem), problem, saved)
+}
+
+/// Does what [`start`] does, with a procedure of another kind than the job's own.
+pub fn start_as(kind: &dyn ProcedureKind, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
+    Ok(Box::new(Preparing::start(kind, problem)?))
+}
+
+/// Does what [`load`] does, with a procedure of another kind than the job's own.
+pub fn load_as(kind: &dyn ProcedureKind, problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
+    Ok(Box::new(Preparing::load(kind, problem, saved)?))
 }

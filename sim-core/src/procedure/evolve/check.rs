@@ -3,7 +3,7 @@
 use super::task::{Task, TaskResult};
 use crate::encoding::Unreadable;
 use crate::finish::Question;
-use crate::job::{Checked, FitnessSpec};
+use crate::job::Checked;
 use crate::report::{GaitTrace, PathMode, PathTrace, Traces, TreeRecord};
 use crate::score::Counts;
 
@@ -123,10 +123,7 @@ pub(super) fn scores_of(job: &Checked, question: Question) -> usize {
 
 /// Refuses scores that the job's fitness can't give, NaN and infinities among them.
 pub(super) fn in_range(job: &Checked, score: Option<f64>) -> Result<(), Fault> {
-    let (min, max) = match job.spec().fitness {
-        FitnessSpec::Coverage { .. } => (0.0, 100.0),
-        FitnessSpec::Distance => (0.0, f64::MAX),
-    };
+    let (min, max) = job.score_range();
     match score {
         Some(score) if !(min..=max).contains(&score) => Err(Fault::Score { score, min, max }),
         _ => Ok(()),
