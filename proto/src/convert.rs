@@ -1,10 +1,12 @@
 //! Wire types to sim-core types and back. Floating-point numbers keep their bits, NaN payloads and -0 too.
 
 use crate::v1;
-use sim_core::finish::{Examination, Question};
-use sim_core::identity::Digest;
-use sim_core::limits::{MAX_GENOME, MAX_POPULATION};
-use sim_core::score::{Counts, Evaluation, Scored};
+use sim_core::base::digest::Digest;
+use sim_core::base::limits::{MAX_GENOME, MAX_POPULATION};
+use sim_core::base::score::Counts;
+use sim_core::evaluate::Evaluation;
+use sim_core::procedure::evolve::finish::{Examination, Question};
+use sim_core::search::Scored;
 
 /// A message that can't mean anything. Not retryable: the sender must change.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -1,0 +1,4 @@
+//! The procedure `evolve`: search, then finishing, then a report.
+
+pub mod finish;
+pub mod report;

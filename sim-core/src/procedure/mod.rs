@@ -1,0 +1,3 @@
+//! Procedures: what a job does, round by round.
+
+pub mod evolve;
