@@ -12,7 +12,7 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
 use proto::v1::dispute;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::sync::{Arc, OnceLock};
 use telemetry::Vitals;
 use telemetry::endpoint::Answer;

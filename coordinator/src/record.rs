@@ -12,8 +12,9 @@ pub use proto::v1::JobState;
 use charge::{StoredCharge, charges_of};
 use dispute::StoredDispute;
 use proto::{ConvertError, v1};
-use sim_core::identity::{Digest, ResultDigest};
-use sim_core::score::{Counts, Scored};
+use sim_core::base::digest::{Digest, ResultDigest};
+use sim_core::base::score::Counts;
+use sim_core::search::Scored;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
@@ -84,7 +85,7 @@ pub struct JobRecord {
     pub engine_digest: Digest,
     /// The version of evogait that took it in; empty if that did not say.
     pub version: String,
-    /// [`sim_core::optimise::REVISION`] of that version.
+    /// [`sim_core::search::REVISION`] of that version.
     pub search_revision: u32,
     /// Candidates a generation.
     pub population: u32,

@@ -5,7 +5,7 @@ pub const MAX_MESSAGE: usize = 64 * 1024 * 1024;
 /// Largest answer to a client, in bytes: a result has the report of a whole job.
 pub const MAX_ANSWER: usize = 1 << 30;
 /// Longest job as TOML, in bytes.
-pub const MAX_JOB_TOML: usize = sim_core::limits::MAX_TOML_LENGTH;
+pub const MAX_JOB_TOML: usize = sim_core::base::limits::MAX_TOML_LENGTH;
 /// Longest request id, in bytes.
 pub const MAX_REQUEST_ID: usize = 64;
 /// Longest id of a job or worker, in bytes.

@@ -1,7 +1,7 @@
 //! A procedure of another kind than those that ship: registered, run, saved and loaded.
 
-use sim_core::error::Invalid;
-use sim_core::job::{Checked, Job};
+use sim_core::base::error::Invalid;
+use sim_core::problem::{Checked, Job};
 use sim_core::procedure::{
     Artefact, BadState, Bench, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told, kinds,
     load_as, start_as,

@@ -15,9 +15,9 @@ use proto::v1::{
     ListWorkersResponse, PauseJobRequest, PauseJobResponse, RestartJobRequest, RestartJobResponse, ResumeJobRequest,
     ResumeJobResponse, SubmitJobRequest, SubmitJobResponse, WatchJobRequest,
 };
-use sim_core::finish::Plan;
-use sim_core::identity::Digest;
-use sim_core::measure::statistics::median;
+use sim_core::base::digest::Digest;
+use sim_core::base::statistics::median;
+use sim_core::procedure::evolve::finish::Plan;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
@@ -137,7 +137,7 @@ pub(super) fn request_id(request_id: &str) -> Result<(), Status> {
 
 /// Reads the job and all the scheduler needs of it. Takes a while for large robots.
 pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Result<NewJob, Status> {
-    let job = sim_core::job::Job::from_toml(&request.job_toml)
+    let job = sim_core::problem::Job::from_toml(&request.job_toml)
         .map_err(|e| Status::invalid_argument(format!("the job can't be used: {e}")))?;
     Ok(NewJob {
         name: job.spec().name.clone(),

@@ -6,9 +6,9 @@ use crate::actor::Command;
 use crate::record::JobId;
 use crate::scheduler::{Committed, Completed, Contradicted, Delivery, Outcome, Verdict};
 use crate::store::StoreError;
-use sim_core::job::Job;
-use sim_core::optimise::Optimiser;
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
+use sim_core::problem::Job;
+use sim_core::search::Optimiser;
 use tonic::Status;
 
 /// Generations whose scores are read before the search takes them in.

@@ -6,7 +6,7 @@ use crate::record::{Dispute, JobRecord, Origin, Ruling, ended};
 use crate::scheduler::{Carried, NewJob};
 use crate::store::{SealedGeneration, StoreError};
 use proto::v1::{RestartJobRequest, SubmitJobRequest};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use tonic::Status;
 
 impl Api {

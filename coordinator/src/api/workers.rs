@@ -12,7 +12,7 @@ use proto::v1::{
     CompleteRequest, CompleteResponse, CoordinatorMessage, Heartbeat, WorkerMessage, complete_request,
     complete_response, worker_message,
 };
-use sim_core::score::Counts;
+use sim_core::base::score::Counts;
 use std::pin::Pin;
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};

@@ -3,9 +3,9 @@
 use super::StoredOutcome;
 use crate::scheduler::{Finder, Outcome};
 use proto::{ConvertError, v1};
-use sim_core::finish::Examination;
-use sim_core::identity::Digest;
-use sim_core::score::Genome;
+use sim_core::base::digest::Digest;
+use sim_core::genotype::Genome;
+use sim_core::procedure::evolve::finish::Examination;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 

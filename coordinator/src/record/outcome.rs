@@ -2,7 +2,7 @@
 
 use crate::scheduler::Outcome;
 use proto::v1;
-use sim_core::score::Counts;
+use sim_core::base::score::Counts;
 
 /// An [`Outcome`] in the store.
 #[derive(Clone, PartialEq, prost::Message)]

@@ -3,7 +3,7 @@
 use super::Scheduler;
 use super::job::ActiveJob;
 use super::round::Work;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 
 /// Slots at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

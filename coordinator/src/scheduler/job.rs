@@ -10,12 +10,14 @@ use super::{Now, PROGRESS_EVERY};
 use crate::record::{JobId, JobRecord, JobState};
 use crate::store::{SealedGeneration, StoredRange, Write};
 use proto::v1::{self, job_event::Event};
-use sim_core::finish::{Done, Found, Plan, Question, total};
-use sim_core::identity::{Digest, ResultDigest};
-use sim_core::optimise::archive::Archive;
-use sim_core::optimise::{BadState, Optimiser};
-use sim_core::report::{Traces, report};
-use sim_core::score::{Counts, Genome, Scored};
+use sim_core::base::digest::{Digest, ResultDigest};
+use sim_core::base::score::Counts;
+use sim_core::genotype::Genome;
+use sim_core::procedure::evolve::finish::{Done, Found, Plan, Question, total};
+use sim_core::procedure::evolve::report::report;
+use sim_core::report::Traces;
+use sim_core::search::archive::Archive;
+use sim_core::search::{BadState, Optimiser, Scored};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -113,7 +115,7 @@ impl ActiveJob {
             job_digest: new.job_digest,
             engine_digest: new.engine_digest,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            search_revision: sim_core::optimise::REVISION,
+            search_revision: sim_core::search::REVISION,
             population: genomes.len() as u32,
             generations_done: 0,
             generations_total: new.generations,

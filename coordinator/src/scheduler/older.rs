@@ -4,7 +4,7 @@
 use super::results::{Completed, Delivery, Verdict};
 use super::round::Range;
 use super::{Now, Scheduler};
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
 use std::collections::BTreeMap;
 
 /// What was sealed of candidates of which a late result says something else, by index.

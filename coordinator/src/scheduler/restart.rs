@@ -6,7 +6,7 @@ use super::job::ActiveJob;
 use super::sealed::Sealed;
 use crate::record::Origin;
 use crate::store::{SealedGeneration, Write};
-use sim_core::score::Counts;
+use sim_core::base::score::Counts;
 
 /// What a job takes over from the one that it does again.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use super::worker::WorkerId;
 use super::{Action, Now, Scheduler, stuck};
 use crate::record::{JobId, JobState};
 use crate::store::Write;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::BTreeSet;
 use std::time::Duration;
 

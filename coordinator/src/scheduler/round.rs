@@ -4,8 +4,9 @@ use super::lease::{AssignmentId, Task};
 use crate::record::Charge;
 use proto::limits::MAX_ASSIGNMENT_GENOMES;
 use proto::v1;
-use sim_core::finish::{Done, Examination};
-use sim_core::score::{Counts, Genome};
+use sim_core::base::score::Counts;
+use sim_core::genotype::Genome;
+use sim_core::procedure::evolve::finish::{Done, Examination};
 use std::sync::Arc;
 
 /// Tasks `first .. first + count` of a round.

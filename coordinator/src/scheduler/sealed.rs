@@ -1,7 +1,8 @@
 //! The generation sealed last: enough to tell a repeated result from a wrong one, and to have it decided who is right.
 
 use super::round::{Finder, Outcome, Range, Round, Work, same_bits};
-use sim_core::score::{Counts, Genome};
+use sim_core::base::score::Counts;
+use sim_core::genotype::Genome;
 use std::sync::Arc;
 
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! What a generation's scores look like, in seven numbers.
 
 use proto::v1::GenerationSealed;
-use sim_core::score::Counts;
+use sim_core::base::score::Counts;
 
 /// Statistics over the evaluations that did not fail; NaN if all did. Quartiles are interpolated linearly between the
 /// sorted scores (Hyndman and Fan's type 7, the default of NumPy and R).

@@ -8,7 +8,7 @@ use super::sizing::longest;
 use super::worker::{Worker, WorkerId};
 use super::{Now, Scheduler};
 use crate::record::{Dispute, JobId, Source, Subject};
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
 use std::collections::BTreeSet;
 
 impl Scheduler {

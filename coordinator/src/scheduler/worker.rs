@@ -6,7 +6,7 @@ use super::round::Range;
 use super::{Now, Scheduler, stuck};
 use crate::record::{JobId, JobRecord};
 use proto::v1;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;

@@ -9,10 +9,10 @@ use crate::record::JobRecord;
 use crate::scheduler::{Resumed, Scheduler, Settings};
 use crate::standby;
 use crate::store::{Loaded, Store, StoreError, StoredJob};
-use sim_core::finish::Plan;
-use sim_core::identity::Digest;
-use sim_core::job::Job;
-use sim_core::optimise;
+use sim_core::base::digest::Digest;
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::finish::Plan;
+use sim_core::search;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -110,7 +110,7 @@ async fn take_up(
 fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
     let StoredJob { record, toml, search, results, last_scores } = stored;
     match Job::from_toml(&toml) {
-        Ok(_) if record.search_revision != optimise::REVISION => {
+        Ok(_) if record.search_revision != search::REVISION => {
             let reason = format!(
                 "it was submitted to evogait {}, whose search differs from that of this version: submit it again",
                 record.version
@@ -139,8 +139,8 @@ fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
 mod tests {
     use super::*;
     use crate::record::{JobId, JobState};
-    use sim_core::identity::ResultDigest;
-    use sim_core::score::Counts;
+    use sim_core::base::digest::ResultDigest;
+    use sim_core::base::score::Counts;
 
     const OLD: Digest = Digest([7; 32]);
 
@@ -157,7 +157,7 @@ mod tests {
             job_digest: digest,
             engine_digest: engine,
             version: "0.0.9".to_owned(),
-            search_revision: optimise::REVISION,
+            search_revision: search::REVISION,
             population: 5,
             generations_done: 0,
             generations_total: 2,

@@ -7,9 +7,10 @@ use crate::record::{Charge, Claim, Dispute, Origin, Ruling, Source, Subject};
 use crate::scheduler::Finder;
 use places::{Database, File, Reopen, open_file};
 use proto::v1::job_event::Event;
-use sim_core::finish::{Examination, Question};
-use sim_core::identity::{Digest, ResultDigest};
-use sim_core::score::{Counts, Scored};
+use sim_core::base::digest::{Digest, ResultDigest};
+use sim_core::base::score::Counts;
+use sim_core::procedure::evolve::finish::{Examination, Question};
+use sim_core::search::Scored;
 use std::path::Path;
 
 /// Bits that do not survive careless storage: -0, NaN with a payload, infinity, the smallest number.

@@ -1,9 +1,9 @@
 //! A job on a worker.
 
 use super::{Hooks, NotRun, ProcedureKind, kinds, preparing};
-use crate::error::Invalid;
-use crate::identity::Digest;
-use crate::job::{Checked, Job, Preparation};
+use crate::base::digest::Digest;
+use crate::base::error::Invalid;
+use crate::problem::{Checked, Job, Preparation};
 use std::sync::{Mutex, PoisonError};
 
 /// A job on a worker: its text read and checked once, which is cheap; prepared once from the bytes that its rounds share.

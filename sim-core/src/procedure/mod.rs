@@ -12,12 +12,12 @@ pub mod evolve;
 pub mod kinds;
 pub mod preparing;
 
-pub use crate::optimise::REVISION;
+pub use crate::search::REVISION;
 pub use bench::Bench;
 
-use crate::error::Invalid;
-use crate::identity::Digest;
-use crate::job::{Checked, Job};
+use crate::base::digest::Digest;
+use crate::base::error::Invalid;
+use crate::problem::{Checked, Job};
 use preparing::Preparing;
 use std::borrow::Cow;
 use std::sync::Arc;

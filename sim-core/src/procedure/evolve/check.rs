@@ -1,11 +1,11 @@
 //! What a task's result must be before anything is stored of it.
 
 use super::task::{Task, TaskResult};
-use crate::encoding::Unreadable;
-use crate::finish::Question;
-use crate::job::Checked;
+use crate::base::encoding::Unreadable;
+use crate::base::score::Counts;
+use crate::problem::Checked;
+use crate::procedure::evolve::finish::Question;
 use crate::report::{GaitTrace, PathMode, PathTrace, Traces, TreeRecord};
-use crate::score::Counts;
 
 /// Longest text that says why a gait was unstable, in bytes.
 const MAX_UNSTABLE: usize = 1024;

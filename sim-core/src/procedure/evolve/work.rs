@@ -2,10 +2,10 @@
 
 use super::task::{Task, TaskResult};
 use crate::evaluate::{Stopped, evaluate};
-use crate::finish::{Answer, Examination, examine};
-use crate::job::Job;
+use crate::genotype::Genome;
+use crate::problem::Job;
+use crate::procedure::evolve::finish::{Answer, Examination, examine};
 use crate::procedure::{Hooks, NotRun};
-use crate::score::Genome;
 use std::collections::BTreeMap;
 
 impl From<Stopped> for NotRun {
