@@ -3,8 +3,9 @@
 use crate::console;
 use crate::progress::Label;
 use proto::v1::GenerationSealed;
-use sim_core::job::{FitnessSpec, Job};
-use sim_core::score::Counts;
+use sim_core::base::score::Counts;
+use sim_core::objective::FitnessSpec;
+use sim_core::problem::Job;
 
 /// Scores of a first generation, or of those of its candidates that were evaluated.
 #[derive(Clone, Copy, Debug)]

@@ -23,14 +23,14 @@ pub struct Label {
 impl Label {
     /// That of a job; "score" for a job of another version, which this one can't read.
     pub fn of_toml(job_toml: &str) -> Self {
-        match sim_core::job::Job::from_toml(job_toml) {
+        match sim_core::problem::Job::from_toml(job_toml) {
             Ok(job) => Self::of_job(&job),
             Err(_) => Self { name: "score".to_owned(), unit: String::new() },
         }
     }
 
     /// That of a job.
-    pub fn of_job(job: &sim_core::job::Job) -> Self {
+    pub fn of_job(job: &sim_core::problem::Job) -> Self {
         let (name, unit) = job.score_label();
         Self { name: name.to_owned(), unit: unit.to_owned() }
     }

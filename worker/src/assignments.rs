@@ -1,9 +1,9 @@
 //! What this worker is working on, from the moment it is assigned until its result is answered.
 
 use proto::v1::{Heartbeat, RunningAssignment};
-use sim_core::finish::Examination;
-use sim_core::job::Job;
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::finish::Examination;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -5,8 +5,7 @@
 //! which never gets on; `wrong`, the lowest bit of the score turned over; `slow@ms=N`, so many ms more a candidate.
 
 use crate::assignments::Task;
-use sim_core::evaluate::Stopped;
-use sim_core::score::Evaluation;
+use sim_core::evaluate::{Evaluation, Stopped};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 

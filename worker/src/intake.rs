@@ -7,7 +7,7 @@ use crate::jobs::Jobs;
 use crate::slots::Slots;
 use proto::ConvertError;
 use proto::v1::{Assign, CompleteRequest, Heartbeat, Reject, assign, complete_request};
-use sim_core::job::Job;
+use sim_core::problem::Job;
 use std::sync::Arc;
 
 /// A job was told before and is not known any more. Connecting again brings it.

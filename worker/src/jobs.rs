@@ -1,7 +1,7 @@
 //! Jobs that were read, by id. Reading one compiles its robot and lets it settle, so it is done beside the connection, which
 //! needs its heartbeats meanwhile.
 
-use sim_core::job::Job;
+use sim_core::problem::Job;
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 use tokio::task::JoinSet;

@@ -6,7 +6,7 @@ use crate::fault;
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::{CompleteRequest, EvaluateResult, ExamineResult};
 use sim_core::evaluate::{Stopped, evaluate};
-use sim_core::finish::{Answer, examine};
+use sim_core::procedure::evolve::finish::{Answer, examine};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
@@ -81,9 +81,9 @@ fn message(panic: &(dyn Any + Send)) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_core::finish::{Examination, Question};
-    use sim_core::job::Job;
-    use sim_core::score::Scored;
+    use sim_core::problem::Job;
+    use sim_core::procedure::evolve::finish::{Examination, Question};
+    use sim_core::search::Scored;
     use std::sync::Arc;
 
     fn assignment(candidates: Vec<(u32, Vec<f64>)>) -> Assignment {

@@ -15,7 +15,7 @@ use crate::signals::Interrupt;
 use crate::watch::{self, Watched};
 use crate::{load, summary};
 use proto::v1;
-use sim_core::job::Job;
+use sim_core::problem::Job;
 
 /// Evolves, or says that it is done already.
 pub fn run(args: Run, quiet: bool) -> Result<(), Error> {

@@ -13,7 +13,7 @@ use crate::watch::{self, Watched, word};
 use proto::v1::JobEvent;
 use proto::v1::job_event::Event;
 use serde::Serialize;
-use sim_core::job::Job;
+use sim_core::problem::Job;
 
 /// An event as a line of JSON.
 #[derive(Serialize)]

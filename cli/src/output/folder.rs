@@ -3,8 +3,8 @@
 use super::{JOB, RESULT, ResultFile, atomic};
 use crate::error::Error;
 use crate::{inputs, load};
-use sim_core::identity::Digest;
-use sim_core::job::Job;
+use sim_core::base::digest::Digest;
+use sim_core::problem::Job;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};

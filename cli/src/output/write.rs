@@ -6,9 +6,9 @@ use crate::client::Url;
 use crate::console;
 use crate::error::Error;
 use proto::{ConvertError, v1};
-use sim_core::job::Job;
-use sim_core::report::Report;
-use sim_core::score::Scored;
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::report::Report;
+use sim_core::search::Scored;
 
 /// Writes a result to its folder: all files or none, `result.json` last.
 pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &Url) -> Result<ResultFile, Error> {

@@ -7,11 +7,11 @@ use crate::output::{STORE, Stored};
 use crate::progress::Pieces;
 use coordinator::{StoreError, StoreUrl, store};
 use sim_core::evaluate::evaluate;
-use sim_core::job::Job;
-use sim_core::measure::genomes::{evolution, scores, searched};
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
+use sim_core::problem::Job;
 use std::io;
 use std::path::Path;
+use study::genomes::{evolution, scores, searched};
 
 /// Smallest population that evolves.
 pub const LEAST_POPULATION: u32 = 4;

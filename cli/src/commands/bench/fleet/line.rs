@@ -13,8 +13,10 @@ use crate::error::Error;
 use proto::v1;
 use proto::v1::job_event::Event;
 use serde::Serialize;
-use sim_core::job::{EngineChoice, Job, JobSpec};
-use sim_core::measure::statistics::{median, quantile};
+use sim_core::base::statistics::{median, quantile};
+use sim_core::job::JobSpec;
+use sim_core::physics::EngineChoice;
+use sim_core::problem::Job;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -135,7 +137,7 @@ pub async fn measure(args: &BenchFleet, job: &Job, workers: u32, jobs: u32) -> R
         fails: args.fail,
         lifetime: args.lifetime(),
         seed: job.spec().seed,
-        engines: sim_core::engine_digests().iter().map(|(_, digest)| digest.0.to_vec()).collect(),
+        engines: sim_core::engines::engine_digests().iter().map(|(_, digest)| digest.0.to_vec()).collect(),
         engine: engine.0.to_vec(),
     });
     let tally = Arc::new(Tally::new());
@@ -252,7 +254,7 @@ fn variant(job: &Job, population: u32, number: u32) -> Result<Job, Error> {
     let mut spec: JobSpec = job.spec().clone();
     spec.seed = spec.seed.wrapping_add(number.into()) & i64::MAX as u64;
     spec.physics.engine = EngineChoice::Rapier;
-    let generations = sim_core::limits::MAX_GENERATIONS;
+    let generations = sim_core::base::limits::MAX_GENERATIONS;
     let swarm = format!("kind = \"pso\"\nparticles = {population}\ngenerations = {generations}");
     spec.optimiser = toml::from_str(&swarm).map_err(|e: toml::de::Error| refused(e.into()))?;
     Job::new(spec).map_err(refused)
@@ -271,7 +273,7 @@ mod tests {
         assert_eq!((a.spec().seed, b.spec().seed), (5, 6));
         assert_ne!(a.digest(), b.digest());
         assert_eq!((a.spec().optimiser.population(), a.candidates_at_once()), (7, 1));
-        assert_eq!(a.spec().optimiser.generations(), sim_core::limits::MAX_GENERATIONS);
+        assert_eq!(a.spec().optimiser.generations(), sim_core::base::limits::MAX_GENERATIONS);
         let same = JobSpec { seed: 5, ..b.spec().clone() };
         assert_eq!(Job::new(same).unwrap().digest(), a.digest());
     }
