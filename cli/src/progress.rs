@@ -5,7 +5,7 @@ use crate::{console, watch};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::v1::job_event::Event;
 use proto::v1::{self, JobEvent};
-use sim_core::job::Checked;
+use sim_core::problem::Checked;
 use std::io::IsTerminal as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};

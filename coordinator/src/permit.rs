@@ -5,7 +5,7 @@ use crate::record::JobId;
 use crate::scheduler::{AssignmentId, Range, WorkerId};
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 
 /// Length of a permit: the digest of the assignment's tasks, then the code over everything.
 const LENGTH: usize = 64;
@@ -38,6 +38,12 @@ impl PermitKey {
     /// The key that a store keeps.
     pub fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
+    }
+
+    /// Whether two stores would make the same permits.
+    #[cfg(test)]
+    pub(crate) fn is_the_same_as(&self, other: &Self) -> bool {
+        self.0 == other.0
     }
 
     /// The permit of an assignment with these tasks.

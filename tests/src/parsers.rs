@@ -3,14 +3,15 @@
 
 use prost::Message;
 use proto::{credentials::Token, dial::Addresses, v1};
-use sim_core::catalogue::{self, Entry};
-use sim_core::environment::Environment;
-use sim_core::job::{Job, JobSpec, Scale};
-use sim_core::limits::MAX_TOML_LENGTH;
-use sim_core::measure::known::Known;
-use sim_core::robot::exchange::{self, Format};
-use sim_core::robot::{Robot, RobotSpec};
-use sim_core::rollout::Physics;
+use sim_core::base::limits::MAX_TOML_LENGTH;
+use sim_core::engines::known::Known;
+use sim_core::exchange::{self, Format};
+use sim_core::job::JobSpec;
+use sim_core::model::catalogue::{self, Entry};
+use sim_core::model::environment::Environment;
+use sim_core::model::{Robot, RobotSpec};
+use sim_core::physics::{Physics, Scale};
+use sim_core::problem::Job;
 
 /// A parser.
 pub type Parser = fn(&[u8]);
@@ -202,7 +203,7 @@ fn messages(bytes: &[u8]) {
         5 => drop(v1::GetResultResponse::decode(bytes)),
         6 => drop(v1::ListWorkersResponse::decode(bytes)),
         7 => drop(v1::ListJobsResponse::decode(bytes)),
-        8 => drop(v1::ScoredCandidate::decode(bytes).map(sim_core::score::Scored::try_from)),
+        8 => drop(v1::ScoredCandidate::decode(bytes).map(sim_core::search::Scored::try_from)),
         _ => drop(v1::EvaluateResult::decode(bytes).map(|result| proto::evaluations(&result))),
     }
 }

@@ -10,10 +10,10 @@ use proto::v1::{
     Assign, CompleteRequest, CoordinatorMessage, EvaluateResult, EvaluateTask, ExamineResult, Heartbeat, Hello,
     WorkerMessage, assign, coordinator_message, worker_message,
 };
+use sim_core::base::digest::Digest;
 use sim_core::evaluate::evaluate;
-use sim_core::finish::{Answer, examine};
-use sim_core::identity::Digest;
-use sim_core::job::Job;
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::finish::{Answer, examine};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
@@ -63,7 +63,7 @@ impl Scripted {
         let mut client = WorkerServiceClient::new(way);
         let engines: Vec<Digest> = match other_build {
             Some(engine) => vec![engine],
-            None => sim_core::engine_digests().into_iter().map(|(_, digest)| digest).collect(),
+            None => sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest).collect(),
         };
         let hello = Hello {
             protocol: proto::PROTOCOL,

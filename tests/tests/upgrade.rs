@@ -5,8 +5,8 @@ use cluster_tests::scripted::Scripted;
 use coordinator::store::{SqliteStore, Store as _, Write};
 use proto::v1::job_event::Event;
 use proto::v1::{JobState, ListWorkersRequest, WatchJobRequest};
-use sim_core::identity::{Digest, ResultDigest};
-use sim_core::job::Job;
+use sim_core::base::digest::{Digest, ResultDigest};
+use sim_core::problem::Job;
 use std::time::Duration;
 use tonic::Code;
 
@@ -68,7 +68,7 @@ async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_oth
     {
         assert!(shown.contains(part), "{part} is not in\n{shown}");
     }
-    let here = sim_core::engine_digests().into_iter().map(|(_, digest)| digest.short());
+    let here = sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest.short());
     assert!(here.into_iter().all(|digest| shown.contains(&digest)), "what is offered is not in\n{shown}");
 
     // Who computes yet other bits is of no use.

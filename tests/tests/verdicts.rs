@@ -5,7 +5,7 @@ use cluster_tests::scripted::{Scripted, honest, one_bit_off};
 use proto::v1::complete_request::Result as Outcome;
 use proto::v1::complete_response::Verdict;
 use proto::v1::{self, JobState, coordinator_message, dispute};
-use sim_core::job::Job;
+use sim_core::problem::Job;
 use std::time::{Duration, Instant};
 
 fn read(job_toml: &str) -> Job {

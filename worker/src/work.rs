@@ -65,7 +65,7 @@ fn message(panic: &(dyn Any + Send)) -> &str {
 mod tests {
     use super::*;
     use crate::assignments::Work;
-    use sim_core::job::Checked;
+    use sim_core::problem::Checked;
     use sim_core::procedure::{self, Bench, Procedure};
 
     const JOB: &str = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\

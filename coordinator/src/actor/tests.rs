@@ -1,8 +1,8 @@
 //! Durability does not cost a transaction per result, and nobody keeps the actor from it.
 
 use super::*;
-use crate::scheduler::tests::{ENGINE, greeting, new_job, score};
-use crate::scheduler::{Delivery, Settings};
+use crate::scheduler::tests::{ENGINE, greeting, new_job, result_of};
+use crate::scheduler::{Caller, Delivery, Range, Settings};
 use crate::store::{MemoryStore, SqliteStore};
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +26,7 @@ impl Burst {
                 replies.push(answer);
             }
             for answer in replies {
-                assert_eq!(answer.await.unwrap(), Verdict::Accepted);
+                assert_eq!(answer.await.unwrap(), Ok(Verdict::Accepted));
                 self.delivered += 1;
             }
         }
@@ -35,26 +35,30 @@ impl Burst {
 
 fn completed(message: v1::CoordinatorMessage) -> Option<Completed> {
     let Some(coordinator_message::Message::Assign(assign)) = message.message else { return None };
-    let Some(assign::Task::Evaluate(task)) = assign.task else { return None };
-    let outcomes = task.genomes.iter().map(|genome| score(&genome.values)).collect();
+    let results = assign.tasks.iter().map(|task| result_of(task)).collect();
     Some(Completed {
         worker: WorkerId("w".into()),
         assignment: AssignmentId(assign.assignment_id),
         job: assign.job_id.as_str().into(),
         engine: ENGINE,
-        // So long that every candidate is a range of its own.
+        range: Range { round: assign.round, first: assign.first, count: assign.tasks.len() as u32 },
+        permit: assign.permit,
+        // So long that every task is a range of its own.
         compute: Duration::from_secs(60),
-        delivery: Delivery::Evaluations { generation: task.generation, first: task.first, outcomes },
+        delivery: Delivery::Results(results),
+        tasks: Vec::new(),
+        caller: Caller::default(),
     })
 }
 
 async fn actor(store: Arc<dyn Store>) -> Actor {
-    let epoch = store.start().await.unwrap().epoch;
+    let loaded = store.start().await.unwrap();
+    let epoch = loaded.epoch;
     let lease = Duration::from_secs(60);
     let settings = Settings::new(epoch, lease);
     let metrics = Arc::new(Metrics::new());
     Actor {
-        scheduler: Scheduler::new(settings, 1, BTreeSet::new()),
+        scheduler: Scheduler::new(settings, loaded.key, 1, BTreeSet::new()),
         store,
         epoch,
         lease,
@@ -132,5 +136,5 @@ async fn results_that_come_together_are_committed_together() {
     running.await.unwrap().unwrap();
     // And all of it is there.
     let stored = store.start().await.unwrap().active.remove(0);
-    assert_eq!(stored.record.generations_done, 2);
+    assert_eq!(stored.record.rounds_sealed, 2);
 }

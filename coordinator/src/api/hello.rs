@@ -6,7 +6,7 @@ use crate::limits::MAX_RUNNING;
 use crate::scheduler::{Greeting, WorkerId};
 use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
 use proto::{PROTOCOL, v1};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::sync::Arc;
 use std::time::Duration;
 use tonic::Status;
@@ -124,9 +124,11 @@ mod tests {
 
         let message = refused(v1::Hello { protocol: PROTOCOL + 1, ..hello() });
         assert!(message.contains("evogait 9.9.9") && message.contains(VERSION), "{message}");
-        assert!(message.contains("protocol 3") && message.contains("protocol 2"), "{message}");
+        let (theirs, ours) = (format!("protocol {}", PROTOCOL + 1), format!("protocol {PROTOCOL}"));
+        assert!(message.contains(&theirs) && message.contains(&ours), "{message}");
 
-        let other = check(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() }, String::new()).unwrap();
+        let other =
+            check(v1::Hello { engine_digests: vec![vec![8; 32]], ..hello() }, String::new(), Arc::default()).unwrap();
         assert!(!is_of_build(&other, &engines));
         let message = other_build(&other, &engines).message().to_owned();
         assert!(message.contains("080808080808; evogait 9.9.9"), "{message}");

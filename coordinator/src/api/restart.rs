@@ -6,7 +6,7 @@ use crate::limits::ROUNDS_AT_ONCE;
 use crate::record::{Dispute, JobRecord, Origin, Ruling};
 use crate::scheduler::{Carried, NewJob};
 use proto::v1::{RestartJobRequest, SubmitJobRequest};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use tonic::Status;
 
 impl Api {
@@ -110,37 +110,17 @@ fn prepare(request_id: String, request_digest: Digest, record: &JobRecord, job_t
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scheduler::tests::Rig;
-    use crate::scheduler::{Completed, WorkerId};
+    use crate::record::JobState;
+    use crate::store::tests::record;
 
-    /// A job that was cancelled in its third generation, in which two workers differ, and so they do about one of the second.
-    fn cancelled() -> JobRecord {
-        let mut rig = Rig::new();
-        let job = rig.submit("a", 2, 3);
-        rig.connect("a", 1);
-        while rig.stored(&job).disputes.len() < 2 {
-            let given = rig.take().expect("there is work");
-            let mut by = |worker: &str, delivery| {
-                rig.complete(Completed { worker: WorkerId(worker.into()), ..given.completed(delivery) })
-            };
-            match (given.range().round, given.range().count) {
-                (0, _) => by("a", given.delivery()),
-                (1, _) => {
-                    by("a", given.delivery());
-                    by("b", given.first().wrong(0))
-                }
-                // Its round must not be complete.
-                _ => {
-                    by("a", given.first().delivery());
-                    by("b", given.first().wrong(0))
-                }
-            };
-        }
-        rig.scheduler.cancel(rig.now, &job);
-        rig.settle();
-        let record = rig.stored(&job);
-        assert_eq!((record.generations_done, record.disputes.len()), (2, 2));
-        record
+    fn dispute(round: u32, ruling: Option<Ruling>) -> Dispute {
+        let (what, task) = (format!("a task of round {round}"), Vec::new());
+        Dispute { round, index: 0, what, task, claims: Vec::new(), ruling, at_ms: 0 }
+    }
+
+    /// A cancelled job of three sealed rounds, the results of all kept.
+    fn cancelled(disputes: Vec<Dispute>) -> JobRecord {
+        JobRecord { state: JobState::Cancelled, rounds_sealed: 3, rounds_kept: 3, disputes, ..record(1) }
     }
 
     fn refusal(record: &JobRecord, asked: Option<u32>) -> String {
@@ -148,38 +128,40 @@ mod tests {
     }
 
     #[test]
-    fn what_is_in_doubt_is_not_taken_over() {
-        let record = cancelled();
+    fn result_in_doubt_is_not_taken_over() {
+        let record = cancelled(vec![dispute(1, None), dispute(3, None)]);
         assert_eq!(first_again(&record, None).ok(), Some(1), "from where it is in doubt");
         assert_eq!(first_again(&record, Some(1)).ok(), Some(1));
         let why = refusal(&record, Some(2));
-        assert!(why.contains("a value of generation 1 of job") && why.contains("is in doubt"), "{why}");
-        assert!(why.contains("restart from generation 1 or an earlier one"), "{why}");
+        assert!(why.contains("a result of round 1 of job") && why.contains("is in doubt"), "{why}");
+        assert!(why.contains("restart from round 1 or an earlier one"), "{why}");
 
-        let mut tainted = record.clone();
-        tainted.disputes[0].round = 0;
-        tainted.disputes[0].ruling = Some(Ruling::Tainted);
-        assert_eq!(first_again(&tainted, None).ok(), Some(0), "whichever comes first");
+        let tainted = cancelled(vec![dispute(1, None), dispute(0, Some(Ruling::Tainted))]);
+        assert_eq!(first_again(&tainted, None).ok(), Some(0), "the earlier of both");
         assert!(refusal(&tainted, Some(1)).contains("is wrong"));
     }
 
     #[test]
-    fn what_is_decided_or_was_never_sealed_is_no_hindrance() {
-        let mut record = cancelled();
-        record.disputes[0].ruling = Some(Ruling::Upheld);
-        assert_eq!(first_again(&record, Some(2)).ok(), Some(2), "the third generation is done again anyway");
+    fn decided_or_unsealed_dispute_is_no_hindrance() {
+        let record = cancelled(vec![dispute(1, Some(Ruling::Upheld)), dispute(3, None)]);
+        assert_eq!(first_again(&record, Some(3)).ok(), Some(3), "the round at hand is done again anyway");
         let why = refusal(&record, None);
-        assert!(why.contains("nothing of job") && why.contains("0 to 2"), "{why}");
+        assert!(why.contains("nothing of job") && why.contains("0 to 3"), "{why}");
+        assert!(refusal(&record, Some(4)).contains("round 4 is out of range"));
     }
 
     #[test]
-    fn examinations_in_doubt_are_asked_again() {
-        let mut record = cancelled();
-        record.generations_done = 3;
-        record.disputes.truncate(1);
-        record.disputes[0].round = 3;
-        assert!(refusal(&record, None).contains("nothing of job"), "they were at hand");
-        record.winner = record.best.clone();
-        assert_eq!(first_again(&record, None).ok(), Some(3));
+    fn doubt_beyond_the_kept_rounds_restarts_from_their_end() {
+        let record = JobRecord { rounds_kept: 2, ..cancelled(vec![dispute(2, Some(Ruling::Tainted))]) };
+        assert_eq!(first_again(&record, None).ok(), Some(2));
+        let later = JobRecord { rounds_sealed: 5, ..record.clone() };
+        let later = JobRecord { disputes: vec![dispute(4, Some(Ruling::Tainted))], ..later };
+        assert_eq!(first_again(&later, None).ok(), Some(2), "results of rounds 2 and 3 are not kept");
+    }
+
+    #[test]
+    fn job_that_runs_is_not_restarted() {
+        let running = JobRecord { state: JobState::Running, ..cancelled(Vec::new()) };
+        assert!(refusal(&running, Some(0)).contains("has not ended"));
     }
 }

@@ -9,8 +9,8 @@ use crate::record::JobRecord;
 use crate::scheduler::{Resumed, Scheduler, Settings, on_resume, on_unusable};
 use crate::standby;
 use crate::store::{Loaded, Store, StoreError, StoredJob};
-use sim_core::identity::Digest;
-use sim_core::job::Checked;
+use sim_core::base::digest::Digest;
+use sim_core::problem::Checked;
 use sim_core::procedure;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -140,51 +140,24 @@ fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{JobId, JobState};
-    use sim_core::identity::ResultDigest;
-    use sim_core::score::Counts;
+    use crate::store::RunState;
+    use crate::store::tests::record;
 
     const OLD: Digest = Digest([7; 32]);
 
     /// A job as a build with this engine took it in.
-    fn stored(job: &Job, engine: Digest) -> StoredJob {
+    fn stored(job: &Checked, engine: Digest) -> StoredJob {
         let digest = job.digest_on(engine);
         let record = JobRecord {
-            id: JobId::new(1, &digest),
-            number: 1,
-            name: "t".to_owned(),
-            request_id: "r".to_owned(),
-            request_digest: Digest([1; 32]),
-            state: JobState::Queued,
+            version: "0.0.9".to_owned(),
+            revision: procedure::REVISION,
             job_digest: digest,
             engine_digest: engine,
-            version: "0.0.9".to_owned(),
-            search_revision: optimise::REVISION,
-            population: 5,
-            generations_done: 0,
-            generations_total: 2,
-            priority: 10,
-            best: None,
-            first: None,
-            winner: None,
-            counts: Counts::default(),
-            evaluations: 0,
-            failed_evaluations: 0,
-            reason: String::new(),
-            paused: false,
-            restarted_from: None,
-            disputes: Vec::new(),
-            charges: Vec::new(),
-            poisoned: None,
-            submitted_at_ms: 1,
-            started_at_ms: 0,
-            ended_at_ms: 0,
-            last_event: 1,
-            scores_digest: ResultDigest::start(&digest),
-            result_digest: None,
+            ..record(1)
         };
-        let (toml, search) = (job.to_toml().into(), Vec::new());
-        StoredJob { record, toml, search, results: Vec::new(), last_scores: None }
+        let procedure = procedure::start(job).expect("it starts").save();
+        let state = RunState { procedure, last: None };
+        StoredJob { record, toml: job.to_toml().into(), state, results: Vec::new() }
     }
 
     #[test]
@@ -192,7 +165,7 @@ mod tests {
         let text = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
                     [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n\
                     [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = 2\n[finish]\nkind = \"none\"\n";
-        let job = Job::from_toml(text).expect("a valid job");
+        let job = Checked::from_toml(text).expect("a valid job");
         let own = job.engine_digest();
         let engine = |stored| match read_again(stored) {
             Ok(resumed) => resumed.record.engine_digest,
@@ -208,7 +181,7 @@ mod tests {
         let said = reason(as_if(format!("later = 1\n{}", job.to_toml())));
         assert!(said.contains("can't read it") && said.contains("later"), "{said}");
         let mut other_search = stored(&job, own);
-        other_search.record.search_revision += 1;
+        other_search.record.revision += 1;
         let said = reason(other_search);
         assert!(said.contains("evogait 0.0.9") && said.contains("submit it again"), "{said}");
     }

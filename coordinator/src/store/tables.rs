@@ -6,7 +6,7 @@ use super::{Loaded, SealedRound, StoreError, StoredEvent, StoredJob, StoredRange
 use crate::convert;
 use crate::permit::PermitKey;
 use crate::record::{JobEvent, JobId, JobRecord, JobState};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::Artefact;
 use std::collections::BTreeSet;
 
@@ -292,7 +292,7 @@ mod tests {
     use super::super::sql::Value;
     use super::super::tests::{event, record, submit};
     use super::*;
-    use crate::scheduler::Finder;
+    use crate::record::Finder;
     use sqlx::sqlite::SqliteRow;
 
     /// Counts what it is told to change.

@@ -3,17 +3,21 @@
 pub(crate) mod places;
 
 use super::*;
-use crate::record::{Charge, Claim, Dispute, Origin, Ruling, Source, Subject};
-use crate::scheduler::Finder;
+use crate::convert;
+use crate::record::{Charge, Claim, Dispute, Event, Origin, Poisoned, Ruling, Source};
 use places::{Database, File, Reopen, open_file};
-use proto::v1::job_event::Event;
-use sim_core::finish::{Examination, Question};
-use sim_core::identity::{Digest, ResultDigest};
-use sim_core::score::{Counts, Scored};
+use sim_core::base::digest::{Digest, ResultDigest};
+use sim_core::procedure::{Progress, Value};
 use std::path::Path;
 
 /// Bits that do not survive careless storage: -0, NaN with a payload, infinity, the smallest number.
 const ODD: [u64; 5] = [0x8000_0000_0000_0000, 0x7ff8_0000_dead_beef, 0xfff0_0000_0000_0000, 1, 0];
+
+fn values() -> Vec<Value> {
+    let value = |bits| Value { name: "best".into(), unit: "%".into(), value: Some(f64::from_bits(bits)) };
+    let none = Value { name: "worst".into(), unit: "".into(), value: None };
+    ODD.into_iter().map(value).chain([none]).collect()
+}
 
 pub(crate) fn record(number: u64) -> JobRecord {
     let digest = Digest::of("test", &number);
@@ -27,17 +31,18 @@ pub(crate) fn record(number: u64) -> JobRecord {
         job_digest: digest,
         engine_digest: Digest([2; 32]),
         version: "0.9.9".to_owned(),
-        search_revision: 4,
-        population: 4,
-        generations_done: 0,
-        generations_total: 2,
+        procedure: "evolve".to_owned(),
+        revision: 4,
+        rounds_sealed: 0,
+        rounds_kept: 0,
         priority: 10,
-        best: None,
-        first: None,
-        winner: None,
-        counts: Counts::default(),
-        evaluations: 0,
-        failed_evaluations: 0,
+        progress: Progress {
+            phase: "searching".into(),
+            unit: "generations".into(),
+            done: 1,
+            total: 2,
+            values: values(),
+        },
         reason: String::new(),
         paused: false,
         restarted_from: None,
@@ -48,59 +53,77 @@ pub(crate) fn record(number: u64) -> JobRecord {
         started_at_ms: 0,
         ended_at_ms: 0,
         last_event: 1,
-        scores_digest: ResultDigest::start(&digest),
+        results_digest: ResultDigest::start(&digest).value(),
         result_digest: None,
     }
 }
 
-pub(crate) fn event(sequence: u64, state: JobState) -> v1::JobEvent {
-    v1::JobEvent { sequence, at_ms: 5, event: Some(Event::StateChanged(state.into())), job: None }
+pub(crate) fn event(sequence: u64, state: JobState) -> JobEvent {
+    JobEvent { sequence, at_ms: 5, event: Event::State(state) }
+}
+
+fn state(procedure: &[u8]) -> RunState {
+    let task = TaskRecord { task: vec![0, 255], what: "a task".to_owned(), digest: Digest([9; 32]), finder: finder() };
+    let last = LastRound { number: 0, tasks: [task.clone(), task].into() };
+    RunState { procedure: procedure.to_vec(), last: Some(last) }
 }
 
 pub(crate) fn submit(record: &JobRecord) -> Write {
     Write::Submit {
         record: record.clone(),
         toml: "name = \"x\"".into(),
-        search: vec![1, 2, 3],
+        state: RunState { procedure: vec![1, 2, 3], last: None },
         event: event(1, JobState::Queued),
     }
 }
 
-fn outcome(bits: u64) -> Outcome {
-    Outcome::evaluation(Some(f64::from_bits(bits)), Counts { rollouts: bits, ..Counts::default() })
-}
-
-fn failed() -> Outcome {
-    Outcome::evaluation(None, Counts { unstable: 1, ..Counts::default() })
-}
-
-fn answer() -> Outcome {
-    let scores = ODD.iter().map(|b| Some(f64::from_bits(*b))).chain([None]).collect();
-    Outcome { scores, counts: Counts { nodes: 3, ..Counts::default() }, traces: b"{}".to_vec() }
+fn result(of: u64) -> Arc<[u8]> {
+    of.to_le_bytes().into()
 }
 
 fn finder() -> Finder {
     Finder { worker: "w".into(), host: "h".into() }
 }
 
-fn stored_range(round: u32, first: u32, outcomes: Vec<Outcome>) -> StoredRange {
-    StoredRange { round, first, outcomes, finder: finder() }
+fn stored_range(round: u32, first: u32, results: Vec<Arc<[u8]>>) -> StoredRange {
+    StoredRange { round, first, results, finder: finder() }
 }
 
+fn results(record: &JobRecord, round: u32, ranges: Vec<(u32, Vec<Arc<[u8]>>)>) -> Write {
+    Write::Results { job: record.id.clone(), round, ranges, finder: finder() }
+}
+
+fn sealed(number: u32) -> SealedRound {
+    SealedRound {
+        number,
+        row: Some(Row { series: "generations".into(), index: number, values: values() }),
+        digests: ODD.map(|bits| Digest::of("test", &bits)).to_vec(),
+        results: number.is_multiple_of(2).then(|| ODD.map(result).to_vec()),
+    }
+}
+
+/// Seals the round before the record's; an even one keeps its results.
 fn seal(record: &JobRecord, sequence: u64) -> Write {
-    let scores = ODD.iter().map(|b| Some(f64::from_bits(*b))).chain([None]).collect();
-    let statistics = v1::GenerationSealed { generation: record.generations_done - 1, ..Default::default() };
     Write::Seal {
         record: record.clone(),
-        sealed: SealedGeneration { scores, statistics },
-        search: vec![4, 5],
-        events: vec![event(sequence, JobState::Running), event(sequence + 1, JobState::Reporting)],
+        sealed: sealed(record.rounds_sealed - 1),
+        state: state(&[4, 5]),
+        events: vec![event(sequence, JobState::Running), event(sequence + 1, JobState::Waiting)],
     }
 }
 
 fn end(record: &JobRecord, state: JobState) -> Write {
     let record = JobRecord { state, last_event: record.last_event + 1, ..record.clone() };
     Write::Change { event: event(record.last_event, state), record }
+}
+
+fn finish(record: &JobRecord, artefacts: Vec<Artefact>) -> Write {
+    let (record, events) = (record.clone(), vec![event(record.last_event, record.state)]);
+    Write::Finish { sealed: sealed(record.rounds_sealed - 1), record, artefacts, events }
+}
+
+fn artefact(name: &str, content: &[u8]) -> Artefact {
+    Artefact { name: name.to_owned(), media_type: "application/json".to_owned(), content: content.to_vec() }
 }
 
 /// Writes the same tests for each store.
@@ -124,88 +147,108 @@ macro_rules! on_every_store {
 
 on_every_store! {
     async fn what_was_committed_is_there_after_a_restart_bit_by_bit(store) {
-        let epoch = store.start().await.unwrap().epoch;
+        let loaded = store.start().await.unwrap();
+        let (epoch, key) = (loaded.epoch, loaded.key);
         let job = record(1);
-        let ranges = [(0, ODD.map(outcome).to_vec()), (9, vec![failed()])];
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.to_vec(), finder: finder() };
-        store.commit(epoch, vec![submit(&job), results]).await.unwrap();
+        let ranges = vec![(0, ODD.map(result).to_vec()), (9, vec![Arc::from([]), result(7)])];
+        store.commit(epoch, vec![submit(&job), results(&job, 0, ranges.clone())]).await.unwrap();
 
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
         assert_eq!((loaded.epoch, loaded.next_job, loaded.ended.len()), (epoch + 1, 2, 0));
+        assert!(loaded.key.is_the_same_as(&key), "permits stay good");
         let [stored] = loaded.active.as_slice() else { panic!("one job") };
         assert_eq!(stored.record, job);
-        assert_eq!((stored.toml.as_ref(), stored.search.as_slice()), ("name = \"x\"", [1, 2, 3].as_slice()));
-        assert_eq!(stored.results, ranges.map(|(first, outcomes)| stored_range(0, first, outcomes)));
-        assert!(stored.last_scores.is_none());
+        assert_eq!((&*stored.toml, &stored.state), ("name = \"x\"", &RunState { procedure: vec![1, 2, 3], last: None }));
+        let expected: Vec<_> = ranges.into_iter().map(|(first, results)| stored_range(0, first, results)).collect();
+        assert_eq!(stored.results, expected);
     }
 
-    async fn sealing_replaces_results_by_scores_and_moves_everything_on_at_once(store) {
+    async fn sealing_replaces_results_and_moves_everything_on_at_once(store) {
         let epoch = store.start().await.unwrap().epoch;
-        let best = |bits| Scored { generation: 0, candidate: 1, score: f64::from_bits(bits), genome: vec![-0.0, 1.5] };
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], finder: finder() };
         let after = JobRecord {
-            generations_done: 1,
+            rounds_sealed: 1,
+            rounds_kept: 1,
             last_event: 3,
             state: JobState::Running,
-            best: Some(best(ODD[0])),
-            first: Some(best(1)),
-            winner: Some(best(ODD[2])),
             result_digest: Some(Digest([7; 32])),
             ..job.clone()
         };
-        store.commit(epoch, vec![submit(&job), results]).await.unwrap();
+        store.commit(epoch, vec![submit(&job), results(&job, 0, vec![(0, vec![result(1)])])]).await.unwrap();
         store.commit(epoch, vec![seal(&after, 2)]).await.unwrap();
+        let more = JobRecord { rounds_sealed: 2, last_event: 5, ..after.clone() };
+        store.commit(epoch, vec![seal(&more, 4)]).await.unwrap();
 
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
         let stored = &loaded.active[0];
-        assert_eq!(stored.record, after);
-        assert!(stored.record.best.as_ref().is_some_and(|b| b.score.is_sign_negative() && b.genome[0].is_sign_negative()));
-        assert_eq!((stored.search.as_slice(), stored.results.len()), ([4, 5].as_slice(), 0));
-        let bits = |s: &[Option<f64>]| s.iter().map(|v| v.map(f64::to_bits)).collect::<Vec<_>>();
-        let expected: Vec<_> = ODD.iter().map(|b| Some(*b)).chain([None]).collect();
-        assert_eq!(bits(stored.last_scores.as_ref().unwrap()), expected);
-        assert_eq!(bits(&store.scores(&job.id, 0).await.unwrap().unwrap()), expected);
-        assert!(store.scores(&job.id, 1).await.unwrap().is_none());
-        let sequence = |events: Vec<v1::JobEvent>| events.iter().map(|e| e.sequence).collect::<Vec<_>>();
-        assert_eq!(sequence(store.events(&job.id, 0, 10).await.unwrap()), [1, 2, 3]);
+        assert_eq!((&stored.record, &stored.state, stored.results.len()), (&more, &state(&[4, 5]), 0));
+        assert_eq!(store.digests(&job.id, 1).await.unwrap(), Some(sealed(1).digests));
+        assert_eq!(store.digests(&job.id, 2).await.unwrap(), None);
+        assert_eq!(store.rounds(&job.id, 0, 9).await.unwrap(), [sealed(0), sealed(1)]);
+        assert_eq!(store.rounds(&job.id, 0, 1).await.unwrap(), [sealed(0)]);
+        assert_eq!(store.rounds(&job.id, 1, 9).await.unwrap(), [sealed(1)]);
+        let sequence = |events: Vec<StoredEvent>| events.iter().map(|e| e.sequence).collect::<Vec<_>>();
+        assert_eq!(sequence(store.events(&job.id, 0, 10).await.unwrap()), [1, 2, 3, 4, 5]);
         assert_eq!(sequence(store.events(&job.id, 1, 1).await.unwrap()), [2]);
-        assert_eq!(store.result(&job.id).await.unwrap().history.len(), 1);
+        let history = store.result(&job.id).await.unwrap().history;
+        assert_eq!(history, [0, 1].map(|n| sealed(n).row.expect("it has one")));
     }
 
-    async fn what_is_noted_of_a_job_survives_with_all_its_bits_and_tells_nobody(store) {
+    async fn offered_batch_replaces_the_state(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let job = JobRecord { last_event: 2, ..record(1) };
+        let offer = Write::Offer { record: job.clone(), state: state(&[8]), event: event(2, JobState::Running) };
+        store.commit(epoch, vec![submit(&record(1)), offer]).await.unwrap();
+        let store = store.reopen().await;
+        let stored = store.start().await.unwrap().active.remove(0);
+        assert_eq!((stored.record, stored.state), (job, state(&[8])));
+    }
+
+    async fn event_is_stored_with_the_job_as_it_stood(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        let source = |worker: &str| Source { worker: worker.into(), name: "n".into(), host: "h".into() };
-        let claim = |worker: &str, outcome: Outcome| Claim { source: source(worker), outcome, distrusted: worker == "b" };
-        let candidate = Scored { generation: 1, candidate: 2, score: f64::from_bits(ODD[0]), genome: vec![0.5] };
+        let later = JobRecord { paused: true, last_event: 2, ..job.clone() };
+        let paused = JobEvent { sequence: 2, at_ms: 6, event: Event::Paused(true) };
+        store.commit(epoch, vec![submit(&job), Write::Change { record: later.clone(), event: paused.clone() }]).await.unwrap();
+        let store = store.reopen().await;
+        let events = store.events(&job.id, 1, 10).await.unwrap();
+        let [stored] = events.as_slice() else { panic!("one event: {events:?}") };
+        // As bytes: NaN is not equal to itself.
+        assert_eq!(stored.bytes, convert::event_bytes(&later, &paused));
+        assert!(convert::stored_event(&stored.bytes).unwrap().job.unwrap().paused);
+    }
+
+    async fn what_is_noted_of_a_job_survives_with_all_its_bits_and_is_no_event(store) {
+        let epoch = store.start().await.unwrap().epoch;
+        let job = record(1);
+        let claim = |worker: &str, bits: u64| Claim {
+            source: Source { finder: Finder { worker: worker.into(), host: "h".into() }, name: "n".into() },
+            digest: Digest::of("test", &bits),
+            what: format!("score {bits}"),
+            result: (worker != "a").then(|| bits.to_le_bytes().to_vec()),
+            distrusted: worker == "b",
+        };
         let dispute = Dispute {
             round: 0,
             index: 3,
-            what: "candidate 3 of generation 0".to_owned(),
-            subject: Subject::Candidate(vec![f64::from_bits(ODD[0]), f64::from_bits(ODD[3])]),
-            claims: vec![claim("a", outcome(ODD[0])), claim("b", outcome(ODD[4])), claim("c", failed())],
+            what: "the evaluation of candidate 3 of generation 0".to_owned(),
+            task: vec![0, 1, 255],
+            claims: vec![claim("a", ODD[0]), claim("b", ODD[4]), claim("c", ODD[1])],
             ruling: None,
             at_ms: 77,
         };
-        let asked = Dispute {
-            subject: Subject::Examination(Examination::new(Question::Traces, &candidate)),
-            claims: vec![claim("", answer())],
-            ruling: Some(Ruling::Tainted),
-            ..dispute.clone()
-        };
-        let poisoned = v1::Poisoned { generation: 1, candidate: 2, genome: vec![-0.0], attempts: 3, ..Default::default() };
+        let decided = Dispute { claims: vec![claim("", 3)], ruling: Some(Ruling::Tainted), ..dispute.clone() };
         let noted = JobRecord {
             paused: true,
-            restarted_from: Some(Origin { job: "j0-x".into(), generations: 4 }),
-            disputes: vec![dispute, asked],
+            restarted_from: Some(Origin { job: "j0-x".into(), rounds: 4 }),
+            disputes: vec![dispute, decided],
             charges: vec![
                 Charge { first: 0, count: 1, attempt: true, lost: Some("w".into()) },
                 Charge { first: 3, count: 5, attempt: false, lost: None },
             ],
-            poisoned: Some(poisoned),
+            poisoned: Some(Poisoned { round: 1, index: 2, what: "it".to_owned(), task: vec![128, 0], attempts: 3 }),
             ..job.clone()
         };
         store.commit(epoch, vec![submit(&job), Write::Note { record: noted.clone() }]).await.unwrap();
@@ -242,85 +285,65 @@ on_every_store! {
         assert_eq!(loaded.active.len(), 1);
     }
 
-    async fn a_restart_takes_over_the_generations_before_it_and_no_others(store) {
+    async fn restart_takes_over_the_rounds_before_it_and_no_others(store) {
         let epoch = store.start().await.unwrap().epoch;
         let (old, new) = (record(1), record(2));
-        let sealed = |n| JobRecord { generations_done: n, last_event: 2 * u64::from(n) + 1, ..old.clone() };
-        let writes = vec![submit(&old), seal(&sealed(1), 2), seal(&sealed(2), 4), end(&sealed(2), JobState::Tainted)];
+        let at = |n| JobRecord { rounds_sealed: n, last_event: 2 * u64::from(n) + 1, ..old.clone() };
+        let writes = vec![submit(&old), seal(&at(1), 2), seal(&at(2), 4), end(&at(2), JobState::Tainted)];
         store.commit(epoch, writes).await.unwrap();
-        let carry = Write::Carry { from: old.id.clone(), to: new.id.clone(), generations: 1 };
-        let carried = JobRecord { generations_done: 1, ..new.clone() };
-        store.commit(epoch, vec![submit(&carried), carry]).await.unwrap();
+        let carry = Write::Carry { from: old.id.clone(), to: new.id.clone(), rounds: 1 };
+        store.commit(epoch, vec![submit(&JobRecord { rounds_sealed: 1, ..new.clone() }), carry]).await.unwrap();
 
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
         assert_eq!(loaded.ended, std::slice::from_ref(&old.id));
-        let [stored] = loaded.active.as_slice() else { panic!("one job goes on") };
-        let bits = |scores: Option<Vec<Option<f64>>>| -> Vec<_> {
-            scores.expect("it was sealed").iter().map(|s| s.map(f64::to_bits)).collect()
-        };
-        let expected: Vec<_> = ODD.iter().map(|b| Some(*b)).chain([None]).collect();
-        assert_eq!(bits(stored.last_scores.clone()), expected);
-        assert_eq!(bits(store.scores(&new.id, 0).await.unwrap()), expected);
-        assert!(store.scores(&new.id, 1).await.unwrap().is_none());
-        assert_eq!(store.result(&old.id).await.unwrap().history.len(), 2, "the old one keeps what it had");
+        assert_eq!(loaded.active.len(), 1);
+        assert_eq!(store.rounds(&new.id, 0, 9).await.unwrap(), [sealed(0)]);
+        assert_eq!(store.digests(&new.id, 0).await.unwrap(), Some(sealed(0).digests));
+        assert_eq!(store.rounds(&old.id, 0, 9).await.unwrap().len(), 2, "the old one keeps what it had");
     }
 
-    async fn a_quarantine_survives_and_the_first_reason_stays(store) {
+    async fn quarantine_survives_and_the_first_reason_stays(store) {
         let epoch = store.start().await.unwrap().epoch;
-        let entry = |worker: &str, reason: &str| {
-            let reason = reason.to_owned();
-            Quarantined { worker: worker.into(), name: "n".into(), reason, at_ms: 5 }
+        let entry = |worker: &str, reason: &str| Quarantined {
+            worker: worker.into(),
+            name: "n".into(),
+            host: "h".into(),
+            credential: "c0ffee".into(),
+            reason: reason.to_owned(),
+            at_ms: 5,
         };
-        let writes = ["a", "b", "a"].map(|w| Write::Quarantine(entry(w, "why"))).to_vec();
-        store.commit(epoch, writes).await.unwrap();
-        store.commit(epoch, vec![Write::Quarantine(entry("a", "again"))]).await.unwrap();
-        let store = store.reopen().await;
-        assert_eq!(store.start().await.unwrap().quarantined, [entry("a", "why"), entry("b", "why")]);
-    }
-
-    async fn rounds_after_the_search_are_all_kept_until_the_job_ends(store) {
-        let epoch = store.start().await.unwrap().epoch;
-        let job = record(1);
-        let results = |round, first, outcome| {
-            Write::Results { job: job.id.clone(), round, ranges: vec![(first, vec![outcome])], finder: finder() }
-        };
-        let over = JobRecord { generations_done: 2, state: JobState::Finishing, last_event: 3, ..job.clone() };
-        store.commit(epoch, vec![submit(&job), seal(&over, 2)]).await.unwrap();
-        let reporting = JobRecord { state: JobState::Reporting, last_event: 4, ..over.clone() };
-        let change = Write::Change { record: reporting.clone(), event: event(4, JobState::Reporting) };
-        store.commit(epoch, vec![results(2, 1, failed()), results(2, 0, answer()), change]).await.unwrap();
-        store.commit(epoch, vec![results(3, 1, answer())]).await.unwrap();
-
+        let add = |worker: &str, reason: &str| Write::Quarantine { entry: entry(worker, reason), instead_of: None };
+        store.commit(epoch, ["a", "b", "a"].map(|w| add(w, "why")).to_vec()).await.unwrap();
+        store.commit(epoch, vec![add("a", "again")]).await.unwrap();
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
-        let kept = [(2, 0, vec![answer()]), (2, 1, vec![failed()]), (3, 1, vec![answer()])];
-        let kept = kept.map(|(round, first, outcomes)| stored_range(round, first, outcomes)).to_vec();
-        assert_eq!((&loaded.active[0].record, &loaded.active[0].results), (&reporting, &kept));
-        store.commit(loaded.epoch, vec![end(&reporting, JobState::Cancelled)]).await.unwrap();
-        assert!(store.start().await.unwrap().active.is_empty());
+        assert_eq!(loaded.quarantined, [entry("a", "why"), entry("b", "why")]);
+        let instead = Write::Quarantine { entry: entry("c", "why"), instead_of: Some("a".into()) };
+        store.commit(loaded.epoch, vec![instead]).await.unwrap();
+        assert_eq!(store.start().await.unwrap().quarantined, [entry("b", "why"), entry("c", "why")]);
     }
 
     async fn writes_of_an_earlier_epoch_change_nothing(store) {
         let old = store.start().await.unwrap().epoch;
         let job = record(1);
-        let results = |first| Write::Results { job: job.id.clone(), round: 0, ranges: vec![(first, vec![failed()])], finder: finder() };
-        store.commit(old, vec![submit(&job), results(0)]).await.unwrap();
+        let range = |first| results(&job, 0, vec![(first, vec![result(1)])]);
+        store.commit(old, vec![submit(&job), range(0)]).await.unwrap();
         let before = store.start().await.unwrap();
-        let done = JobRecord { state: JobState::Succeeded, generations_done: 1, last_event: 3, ..job.clone() };
-        let report = Write::Report { record: done.clone(), report: vec![1], event: event(3, JobState::Succeeded) };
-        let late = [submit(&record(2)), results(1), seal(&done, 2), end(&job, JobState::Cancelled), report];
-        for write in late.into_iter().map(|w| vec![w]).chain([vec![results(2), end(&job, JobState::Failed)], vec![]]) {
+        let done = JobRecord { state: JobState::Succeeded, rounds_sealed: 1, last_event: 3, ..job.clone() };
+        let finish = finish(&done, vec![artefact("report", b"1")]);
+        let late = [submit(&record(2)), range(1), seal(&done, 2), end(&job, JobState::Cancelled), finish];
+        for write in late.into_iter().map(|w| vec![w]).chain([vec![range(2), end(&job, JobState::Failed)], vec![]]) {
             let refused = store.commit(old, write).await;
             let superseded = matches!(refused, Err(StoreError::Superseded { own, by }) if (own, by) == (old, before.epoch));
             assert!(superseded, "{refused:?}");
         }
-        assert_eq!(store.events(&job.id, 0, 10).await.unwrap(), [event(1, JobState::Queued)]);
-        assert!(store.result(&job.id).await.unwrap().history.is_empty());
+        assert_eq!(store.events(&job.id, 0, 10).await.unwrap().len(), 1);
+        assert_eq!(store.result(&job.id).await.unwrap(), StoredResult::default());
         assert_eq!(store.jobs(u64::MAX, 10, &[]).await.unwrap(), std::slice::from_ref(&job));
-        store.commit(before.epoch, vec![results(1)]).await.unwrap();
+        store.commit(before.epoch, vec![range(1)]).await.unwrap();
         let after = store.start().await.unwrap();
-        assert_eq!(after.active[0].results, [stored_range(0, 0, vec![failed()]), stored_range(0, 1, vec![failed()])]);
+        assert_eq!(after.active[0].results, [0, 1].map(|first| stored_range(0, first, vec![result(1)])));
         assert_eq!(after.active[0].record, before.active[0].record);
     }
 
@@ -336,31 +359,30 @@ on_every_store! {
         store.commit(epoch, vec![submit(&record(2))]).await.unwrap();
     }
 
-    async fn a_large_generation_comes_back_bit_by_bit(store) {
+    async fn large_round_comes_back_bit_by_bit(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        // Any bits at all, among them signalling NaNs, in ranges with gaps between them.
+        // Any bytes at all, in ranges with gaps between them.
         let bits = |i: u32| u64::from(i).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let range = |first: u32| (first, (first..first + 9).map(|i| outcome(bits(i))).collect::<Vec<_>>());
+        let range = |first: u32| (first, (first..first + 9).map(|i| result(bits(i))).collect::<Vec<_>>());
         let ranges: Vec<_> = (0..10_000).step_by(10).map(range).collect();
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: ranges.clone(), finder: finder() };
-        store.commit(epoch, vec![submit(&job), results]).await.unwrap();
+        store.commit(epoch, vec![submit(&job), results(&job, 0, ranges.clone())]).await.unwrap();
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
-        let expected: Vec<_> = ranges.into_iter().map(|(first, outcomes)| stored_range(0, first, outcomes)).collect();
+        let expected: Vec<_> = ranges.into_iter().map(|(first, results)| stored_range(0, first, results)).collect();
         assert!(loaded.active[0].results == expected);
 
-        let scores: Vec<_> = (0..10_000).map(|i| (i % 7 > 0).then_some(f64::from_bits(bits(i)))).collect();
-        let sealed = SealedGeneration { scores: scores.clone(), statistics: v1::GenerationSealed::default() };
-        let after = JobRecord { generations_done: 1, last_event: 2, ..job.clone() };
-        let (search, events) = (vec![9; 3_000_000], vec![event(2, JobState::Running)]);
-        let seal = Write::Seal { record: after, sealed: sealed.clone(), search: search.clone(), events };
-        store.commit(loaded.epoch, vec![seal]).await.unwrap();
+        let all: Vec<_> = (0..10_000).map(|i| result(bits(i))).collect();
+        let digests = (0..10_000).map(|i| Digest::of("test", &bits(i))).collect();
+        let round = SealedRound { number: 0, row: None, digests, results: Some(all) };
+        let after = JobRecord { rounds_sealed: 1, last_event: 2, ..job.clone() };
+        let large = RunState { procedure: vec![9; 3_000_000], last: None };
+        let (state, events) = (large.clone(), vec![event(2, JobState::Running)]);
+        store.commit(loaded.epoch, vec![Write::Seal { record: after, sealed: round.clone(), state, events }]).await.unwrap();
         let store = store.reopen().await;
         let stored = store.start().await.unwrap().active.remove(0);
-        assert!(stored.search == search && stored.results.is_empty());
-        let statistics = sealed.statistics;
-        assert!(SealedGeneration { scores: stored.last_scores.unwrap(), statistics } == sealed);
+        assert!(stored.state == large && stored.results.is_empty());
+        assert!(store.rounds(&job.id, 0, 1).await.unwrap() == [round]);
     }
 
     async fn names_keep_every_letter(store) {
@@ -372,8 +394,8 @@ on_every_store! {
         };
         let jobs: Vec<_> = names.iter().enumerate().map(named).collect();
         let submit_named = |job: &JobRecord| match submit(job) {
-            Write::Submit { record, search, event, .. } => {
-                Write::Submit { toml: record.name.as_str().into(), record, search, event }
+            Write::Submit { record, state, event, .. } => {
+                Write::Submit { toml: record.name.as_str().into(), record, state, event }
             }
             other => other,
         };
@@ -419,19 +441,16 @@ on_every_store! {
         assert_eq!(loaded.ended, [jobs[1].id.clone(), jobs[3].id.clone()]);
     }
 
-    async fn an_ended_job_keeps_its_report_and_drops_what_nobody_needs(store) {
+    async fn ended_job_keeps_its_artefacts_and_drops_what_it_needed(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        let results = Write::Results { job: job.id.clone(), round: 0, ranges: vec![(0, vec![failed()])], finder: finder() };
-        let done = JobRecord { state: JobState::Succeeded, last_event: 2, ..job.clone() };
-        let report = Write::Report {
-            record: done.clone(),
-            report: b"{\"winner\":1}".to_vec(),
-            event: event(2, JobState::Succeeded),
-        };
-        store.commit(epoch, vec![submit(&job), results, report]).await.unwrap();
+        let done = JobRecord { state: JobState::Succeeded, rounds_sealed: 1, last_event: 2, ..job.clone() };
+        let artefacts = vec![artefact("report", b"{\"winner\":1}"), artefact("a", &[0, 255])];
+        let range = results(&job, 0, vec![(0, vec![result(1)])]);
+        store.commit(epoch, vec![submit(&job), range, finish(&done, artefacts.clone())]).await.unwrap();
         let store = store.reopen().await;
-        assert_eq!(store.result(&job.id).await.unwrap().report, b"{\"winner\":1}");
+        let history = vec![sealed(0).row.expect("it has one")];
+        assert_eq!(store.result(&job.id).await.unwrap(), StoredResult { history, artefacts });
         assert_eq!(store.job(&job.id).await.unwrap().unwrap().0, done);
         assert!(store.start().await.unwrap().active.is_empty());
     }
@@ -492,8 +511,8 @@ async fn a_database_of_another_program_or_version_is_left_alone() {
         ),
         (
             "older.db",
-            "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 1",
-            "an older version of evogait, whose jobs have no finish",
+            "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 3",
+            "an older version of evogait, whose jobs were no rounds of tasks",
         ),
     ] {
         let path = folder.path().join(name);
