@@ -6,8 +6,8 @@
 mod draw;
 
 use draw::{DrawnBox, HistoryRow, Picture};
-use sim_core::environment::{Block, Environment, Goal, Start};
-use sim_core::random::{Purpose, Stream};
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::model::environment::{Block, Environment, Goal, Start};
 use sim_core::report::{GaitTrace, NodeRecord, TraceSample, TreeRecord};
 use std::path::Path;
 

@@ -1,13 +1,14 @@
 //! What the evaluations of a job cost on this machine: measured here for `evogait validate` and `evogait bench evaluate`.
 
 use crate::clock::{Spent, timed};
-use sim_core::environment::Block;
+use sim_core::base::score::Counts;
 use sim_core::evaluate::{Stopped, Trial, grow_on, search_streams};
-use sim_core::finish::total as total_counts;
-use sim_core::job::Job;
-use sim_core::robot::Robot;
-use sim_core::rollout::{Engine, Physics, Request, Rollout};
-use sim_core::score::{Counts, Genome};
+use sim_core::genotype::Genome;
+use sim_core::model::Robot;
+use sim_core::model::environment::Block;
+use sim_core::physics::{Engine, Physics, Request, Rollout};
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::finish::total as total_counts;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 

@@ -1,8 +1,9 @@
 //! Facts of a valid job that are hardly meant: inertias of its robot, and a goal that the robot can't stand at.
 
 use crate::console;
-use sim_core::job::{Checked, Job};
-use sim_core::robot::Robot;
+use sim_core::model::Robot;
+use sim_core::problem::Checked;
+use sim_core::problem::Job;
 
 /// Warnings about a job that need no simulation.
 pub fn of(job: &Checked) -> Vec<String> {

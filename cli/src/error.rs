@@ -1,7 +1,7 @@
 //! What can go wrong, in one sentence each: which file, which field, which value, what to do.
 
-use sim_core::error::Invalid;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
+use sim_core::base::error::Invalid;
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};

@@ -4,8 +4,9 @@ use crate::console;
 use crate::progress::Label;
 use crate::values::{self, Generation};
 use proto::v1::JobEvent;
-use sim_core::job::{Checked, FitnessSpec};
-use sim_core::score::Counts;
+use sim_core::base::score::Counts;
+use sim_core::objective::FitnessSpec;
+use sim_core::problem::Checked;
 
 /// Scores of a first generation, or of those of its candidates that were evaluated.
 #[derive(Clone, Copy, Debug)]

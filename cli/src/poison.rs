@@ -3,9 +3,9 @@
 use crate::console::quoted;
 use crate::view::question;
 use proto::v1::Poisoned;
-use sim_core::finish::Question;
 use sim_core::procedure::evolve::Task;
-use sim_core::score::Scored;
+use sim_core::procedure::evolve::finish::Question;
+use sim_core::search::Scored;
 use std::path::Path;
 
 /// A candidate, and what is to be found out about it.
@@ -57,7 +57,7 @@ pub fn command_here(file: &Path, poisoned: &Poisoned) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_core::finish::Examination;
+    use sim_core::procedure::evolve::finish::Examination;
 
     fn poisoned(round: u32, task: &Task) -> Poisoned {
         Poisoned { round, task: task.encode(), ..Poisoned::default() }

@@ -5,7 +5,7 @@ use crate::{console, watch};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::v1::job_event::Event;
 use proto::v1::{self, JobEvent};
-use sim_core::job::Checked;
+use sim_core::problem::Checked;
 use std::io::IsTerminal as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -167,6 +167,9 @@ impl Progress {
                         self.draw(done == total);
                     }
                 }
+                if sealed.phase == "preparing" {
+                    self.started = Instant::now();
+                }
                 match phase.as_str() {
                     same if same == sealed.phase => {}
                     "finishing" => self.say(
@@ -183,7 +186,7 @@ impl Progress {
                     self.draw(false);
                 }
             }
-            Some(Event::TasksDone(tasks)) => {
+            Some(Event::TasksDone(tasks)) if phase != "preparing" => {
                 self.examined(&watch::phase(&phase, tasks.done, tasks.total), (tasks.done, tasks.total));
             }
             Some(Event::Waits(reason)) => self.say(reason),
@@ -205,7 +208,7 @@ impl Progress {
         self.display.finish();
     }
 
-    /// Tasks of a round that is no generation: (done, of how many).
+    /// Tasks of a round after the search: (done, of how many).
     fn examined(&mut self, text: &str, (done, total): (u32, u32)) {
         match &mut self.display {
             Display::Hidden => {}

@@ -2,8 +2,8 @@
 //! multibody joints, `200x2-lockstep` 200 steps a second of 2 linearisations each on the lockstep engine.
 
 use serde::{Serialize, Serializer};
-use sim_core::job::{Checked, EngineChoice, EngineKind, JointKind, PhysicsSpec, Scale};
-use sim_core::rollout::Physics;
+use sim_core::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Scale};
+use sim_core::problem::Checked;
 use std::fmt;
 use std::str::FromStr;
 

@@ -2,7 +2,7 @@
 
 use crate::console::{self, count, score, score_with};
 use crate::output::{Candidate, ResultFile};
-use sim_core::score::Direction;
+use sim_core::base::score::Direction;
 use std::path::Path;
 
 /// What came out, where it is and what to do with it.

@@ -2,7 +2,7 @@
 
 use proto::v1;
 use proto::v1::job_event::Event;
-use sim_core::score::Counts;
+use sim_core::base::score::Counts;
 
 /// The number with a name; `None` if there is none.
 pub fn number(values: &[v1::Value], name: &str) -> Option<f64> {

@@ -6,7 +6,7 @@ use crate::values::{self, count, number};
 use crate::watch::{has_ended, word};
 use proto::v1;
 use serde::Serialize;
-use sim_core::finish::Question;
+use sim_core::procedure::evolve::finish::Question;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A job.

@@ -4,7 +4,7 @@ mod common;
 
 use common::{SMALL_JOB, listing, run};
 use serde_json::Value;
-use sim_core::measure::known::Known;
+use sim_core::engines::known::Known;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;

@@ -8,7 +8,7 @@ mod common;
 
 use common::run;
 use serde_json::{Value, json};
-use sim_core::catalogue;
+use sim_core::model::catalogue;
 use std::fs;
 use std::path::{Path, PathBuf};
 

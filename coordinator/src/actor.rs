@@ -15,7 +15,7 @@ use crate::scheduler::{
 };
 use crate::store::{Store, StoreError};
 use proto::v1::{self, coordinator_message};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};

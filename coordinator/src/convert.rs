@@ -9,7 +9,7 @@ use crate::scheduler::{
 use prost::Message as _;
 use proto::ConvertError;
 use proto::v1::{self, complete_request, complete_response, coordinator_message, job_event};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::time::Duration;
 
 /// Most disputes that are told with a job: the newest ones.

@@ -11,7 +11,7 @@ use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::sync::{Arc, OnceLock};
 use telemetry::Vitals;
 use telemetry::endpoint::Answer;

@@ -5,7 +5,7 @@ use crate::record::JobId;
 use crate::scheduler::{AssignmentId, Range, WorkerId};
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 
 /// Length of a permit: the digest of the assignment's tasks, then the code over everything.
 const LENGTH: usize = 64;

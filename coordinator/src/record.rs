@@ -9,7 +9,7 @@ pub use dispute::{Claim, Dispute, Finder, Ruling, Source};
 pub use event::{Event, JobEvent};
 
 use serde::{Deserialize, Serialize};
-use sim_core::identity::{Digest, ResultDigest};
+use sim_core::base::digest::{Digest, ResultDigest};
 use sim_core::procedure::Progress;
 use std::fmt;
 use std::sync::Arc;

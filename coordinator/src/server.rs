@@ -108,7 +108,7 @@ async fn start(config: Config) -> Result<Running, Error> {
         None => None,
     };
     let store = store::open(&config.store, config.takeover).await?;
-    let engines = tokio::task::spawn_blocking(sim_core::engine_digests).await;
+    let engines = tokio::task::spawn_blocking(sim_core::engines::engine_digests).await;
     let engines: Arc<[_]> = engines.map_err(|e| Error::Server(e.to_string()))?.into();
     metrics.engines(&engines);
 

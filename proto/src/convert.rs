@@ -1,7 +1,7 @@
 //! Wire types to sim-core types and back. Floating-point numbers keep their bits, NaN payloads and -0 too.
 
 use crate::v1;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::{Artefact, Progress, Row, Value};
 
 /// A message that can't mean anything. Not retryable: the sender must change.

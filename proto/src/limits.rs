@@ -5,7 +5,7 @@ pub const MAX_MESSAGE: usize = 64 * 1024 * 1024;
 /// Largest answer to a client, in bytes: a result has the report of a whole job.
 pub const MAX_ANSWER: usize = 1 << 30;
 /// Longest job as TOML, in bytes.
-pub const MAX_JOB_TOML: usize = sim_core::limits::MAX_TOML_LENGTH;
+pub const MAX_JOB_TOML: usize = sim_core::base::limits::MAX_TOML_LENGTH;
 /// Longest request id, in bytes.
 pub const MAX_REQUEST_ID: usize = 64;
 /// Longest id of a job or worker, in bytes.
@@ -28,5 +28,3 @@ pub const DEFAULT_PAGE: u32 = 100;
 pub const MAX_PRIORITY: u32 = 100;
 /// Priority of a job when the client does not say.
 pub const DEFAULT_PRIORITY: u32 = 10;
-/// Bytes of genomes put into one assignment, so that it stays far below [`MAX_MESSAGE`].
-pub const MAX_ASSIGNMENT_GENOMES: usize = sim_core::limits::MAX_ASSIGNMENT_GENOMES;

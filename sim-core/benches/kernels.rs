@@ -2,13 +2,13 @@
 //! evaluations, on any robot and job.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use sim_core::catalogue;
+use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, grow, search_streams};
-use sim_core::job::{EngineKind, Job, JointKind, Scale};
-use sim_core::lockstep::{Level, run_at};
+use sim_core::model::catalogue;
+use sim_core::physics::lockstep::{Level, run_at};
+use sim_core::physics::{Engine, EngineKind, JointKind, Physics, RapierEngine, Request, Scale};
 use sim_core::plan::Growth;
-use sim_core::random::{Purpose, Stream};
-use sim_core::rollout::{Engine, Physics, RapierEngine, Request};
+use sim_core::problem::Job;
 use std::hint::black_box;
 
 fn job() -> Job {

@@ -4,8 +4,9 @@
 //! but its parent, and one place added. `at/N` is a step in a set of N places; `grown/450` all steps from the root on.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use sim_core::plan::{Metric, Nearest, Place};
-use sim_core::random::{Purpose, Stream};
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::model::Place;
+use sim_core::plan::{Metric, Nearest};
 use std::f64::consts::PI;
 use std::hint::black_box;
 

@@ -1,9 +1,9 @@
 //! Every evaluation ends, with the same bits everywhere: its budget.
 
+use sim_core::base::limits::MAX_EVALUATION_STEPS;
 use sim_core::evaluate::evaluate;
-use sim_core::job::Job;
-use sim_core::limits::MAX_EVALUATION_STEPS;
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
+use sim_core::problem::Job;
 
 fn text(planner: &str, more: &str) -> String {
     format!(

@@ -1,14 +1,14 @@
 //! Laws of MJCF and URDF: what is written is read as the same robot, what can't be had is refused by name.
 
 use proptest::prelude::*;
-use sim_core::catalogue;
-use sim_core::control::Targets;
-use sim_core::error::Invalid;
-use sim_core::job::{EngineKind, Job, JobSpec, Reference, Scale};
-use sim_core::math::{Vector, angle_between};
-use sim_core::robot::exchange::{self, Format};
-use sim_core::robot::{Robot, RobotSpec};
-use sim_core::rollout::{Outcome, Physics, Request, engine, settle};
+use sim_core::base::error::Invalid;
+use sim_core::base::math::{Vector, angle_between};
+use sim_core::engines::engine;
+use sim_core::exchange::{self, Format};
+use sim_core::job::{JobSpec, Reference};
+use sim_core::model::{Robot, RobotSpec, catalogue};
+use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, Targets, settle};
+use sim_core::problem::Job;
 
 /// Reads a robot without its notes.
 fn read(text: &str) -> Result<RobotSpec, Invalid> {

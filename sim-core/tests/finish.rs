@@ -1,9 +1,10 @@
 //! Laws of the finish's examinations.
 
+use sim_core::base::score::mean;
 use sim_core::evaluate::evaluate;
-use sim_core::finish::{Answer, Examination, Question, examine};
-use sim_core::job::Job;
-use sim_core::score::{Scored, mean};
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::finish::{Answer, Examination, Question, examine};
+use sim_core::search::Scored;
 
 fn job(more: &str) -> Job {
     Job::from_toml(&format!(

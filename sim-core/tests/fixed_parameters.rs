@@ -1,7 +1,7 @@
 //! Laws of bounds: equal ones keep a parameter at their value, whatever the optimiser.
 
-use sim_core::job::Job;
-use sim_core::random::{Purpose, Stream};
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::problem::Job;
 
 const OPTIMISERS: [&str; 4] = [
     "{ kind = \"pso\", particles = 5 }",

@@ -1,8 +1,8 @@
 //! Imports that must not be silently wrong: each kind of fault that files of this field showed, and more of its kind.
 
-use sim_core::math::Vector;
-use sim_core::robot::exchange::{Import, read, read_in};
-use sim_core::robot::{Robot, RobotSpec};
+use sim_core::base::math::Vector;
+use sim_core::exchange::{Import, read, read_in};
+use sim_core::model::{Robot, RobotSpec};
 
 /// A torso with two arms; `%a` stands in the first arm's geom, `%j` in its joint, `%top` before the worldbody, `%world` in it.
 fn mjcf(changes: &[(&str, &str)]) -> String {
@@ -499,7 +499,7 @@ fn robot_in_metres_is_offered_a_unit_and_scaled_by_it() {
         assert!(close(a.center_of_mass, b.center_of_mass) && close(a.boxes[0].half, b.boxes[0].half));
         assert!((a.inertia[0][0] - b.inertia[0][0]).abs() < 1e-6 && a.mass == b.mass);
     }
-    for shipped in sim_core::catalogue::robots() {
+    for shipped in sim_core::model::catalogue::robots() {
         let robot = Robot::compile(&toml::from_str(shipped.toml).unwrap()).unwrap();
         assert_eq!((robot.unit_in_doubt(), robot.doubts()), (None, Vec::new()), "{}", shipped.name);
     }

@@ -1,9 +1,10 @@
 //! Laws of job files: identity, round trips, and that everything that ships is sound.
 
-use sim_core::catalogue;
-use sim_core::job::{EngineChoice, EngineKind, Job, JobSpec, JointKind, Reference, Why};
-use sim_core::robot::{Robot, RobotSpec};
-use sim_core::rollout::{engine_digest, engine_digests, engines_digest};
+use sim_core::engines::{Why, engine_digest, engine_digests, engines_digest};
+use sim_core::job::{JobSpec, Reference};
+use sim_core::model::{Robot, RobotSpec, catalogue};
+use sim_core::physics::{EngineChoice, EngineKind, JointKind};
+use sim_core::problem::Job;
 
 fn text(more: &str) -> String {
     format!(
@@ -30,7 +31,7 @@ fn everything_that_ships_is_valid_and_survives_being_written() {
         assert_eq!(job.spec().name, entry.name);
     }
     for entry in catalogue::environments() {
-        let environment = sim_core::environment::Environment::from_toml(entry.toml).unwrap();
+        let environment = sim_core::model::environment::Environment::from_toml(entry.toml).unwrap();
         assert_eq!(environment.name, entry.name);
     }
 }

@@ -1,14 +1,13 @@
 //! A name that is misspelt is refused with its line: elements and attributes of MJCF and URDF, keys of TOML.
 
-use sim_core::catalogue;
-use sim_core::environment::Environment;
-use sim_core::error::Invalid;
-use sim_core::job::{JobSpec, Scale};
-use sim_core::random::{Purpose, Stream};
-use sim_core::robot::exchange::{Format, read};
-use sim_core::robot::{Robot, RobotSpec};
-use sim_core::rollout::Physics;
-use sim_core::toml_file;
+use sim_core::base::error::Invalid;
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::base::toml_file;
+use sim_core::exchange::{Format, read};
+use sim_core::job::JobSpec;
+use sim_core::model::environment::Environment;
+use sim_core::model::{Robot, RobotSpec, catalogue};
+use sim_core::physics::{Physics, Scale};
 use std::collections::BTreeSet;
 
 /// Misspelt names a format.

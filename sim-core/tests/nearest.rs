@@ -1,7 +1,8 @@
 //! The tree of places answers as a linear scan does: same index, same bits.
 
 use proptest::prelude::*;
-use sim_core::plan::{Metric, Nearest, Place};
+use sim_core::model::Place;
+use sim_core::plan::{Metric, Nearest};
 use std::f64::consts::PI;
 
 /// The oracle: the nearest place, ties to the lowest index.

@@ -1,10 +1,11 @@
 //! The optimisers against functions whose optima are known, and the laws that every one of them keeps.
 
 use proptest::prelude::*;
-use sim_core::error::Invalid;
-use sim_core::identity::Digest;
-use sim_core::optimise::{Bounds, Optimiser, OptimiserSpec, build};
-use sim_core::score::{Direction, Genome};
+use sim_core::base::digest::Digest;
+use sim_core::base::error::Invalid;
+use sim_core::base::score::Direction;
+use sim_core::genotype::{Bounds, Genome};
+use sim_core::search::{Optimiser, OptimiserSpec, build};
 use std::f64::consts::PI;
 
 /// Σ xᵢ². Minimum 0 at the origin; searched in ±5.12.

@@ -1,14 +1,14 @@
 //! Laws of procedures: golden jobs driven round by round, results that are refused, states that are saved and loaded.
 
-use sim_core::encoding;
-use sim_core::finish::Question;
-use sim_core::job::{Checked, Job, Preparation, Unprepared};
-use sim_core::limits;
+use sim_core::base::score::Counts;
+use sim_core::base::{encoding, limits};
+use sim_core::problem::{Checked, Job, Preparation, Unprepared};
+use sim_core::procedure::evolve::finish::Question;
+use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::evolve::{Task, TaskResult};
 use sim_core::procedure::preparing::Outcome;
 use sim_core::procedure::{self, Bench, Hooks, NotRun, Procedure, Row, Step, Told};
-use sim_core::report::{Report, Traces};
-use sim_core::score::Counts;
+use sim_core::report::Traces;
 use std::cell::Cell;
 use std::fs;
 use std::path::Path;
@@ -130,7 +130,7 @@ fn assert_recorded(name: &str) {
     assert_eq!(report["winner"]["candidate"], winner["candidate"], "{name}");
     assert_eq!(report["winner"]["score"], winner["fitness"], "{name}");
     assert_eq!(report["winner_scores"]["fresh"], winner["fresh"], "{name}");
-    let reference = sim_core::score::mean(&ran.report.winner_scores.reference);
+    let reference = sim_core::base::score::mean(&ran.report.winner_scores.reference);
     assert_eq!(reference, winner["reference"].as_f64(), "{name}");
     let genome: Vec<&serde_json::Value> = winner["genome"].as_array().unwrap().iter().map(|p| &p["value"]).collect();
     assert_eq!(report["winner"]["genome"].as_array().unwrap().iter().collect::<Vec<_>>(), genome, "{name}");
@@ -381,7 +381,7 @@ fn impossible_preparations_are_refused() {
 
 #[test]
 fn preparation_keeps_its_bits() {
-    for entry in sim_core::catalogue::robots() {
+    for entry in sim_core::model::catalogue::robots() {
         let job = Checked::from_toml(&SMALL.replace("quadropod", entry.name)).unwrap();
         let preparation = job.prepare(&|| false).unwrap();
         let read = Preparation::decode(&preparation.encode()).unwrap();
@@ -405,7 +405,7 @@ const TIPPING: &str = r#"<mujoco model="mast"><worldbody><body name="root" pos="
 
 #[test]
 fn robot_that_can_not_stand_fails_in_round_0() {
-    let robot = toml::to_string(&sim_core::robot::exchange::read(TIPPING).unwrap().robot).unwrap();
+    let robot = toml::to_string(&sim_core::exchange::read(TIPPING).unwrap().robot).unwrap();
     let head = SMALL.replace("robot = \"quadropod\"\n", "").replace("engine =", "gravity = 0.05, engine =");
     let table = robot.lines().map(|line| match line.strip_prefix("[[").or(line.strip_prefix('[')) {
         Some(_) => line.replacen('[', "[robot.", 1).replacen("[robot.[", "[[robot.", 1),

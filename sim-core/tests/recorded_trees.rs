@@ -1,8 +1,8 @@
 //! Trees as they were recorded: what makes the planner faster must not change a bit of them.
 
+use sim_core::base::digest::Digest;
 use sim_core::evaluate::{Trial, grow, search_streams};
-use sim_core::identity::Digest;
-use sim_core::job::Job;
+use sim_core::problem::Job;
 
 /// Digest of the trees and counts of two candidates.
 fn recorded(robot: &str, environment: &str, planner: &str, duration: f64) -> String {

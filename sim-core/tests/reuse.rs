@@ -1,11 +1,12 @@
 //! Laws of transition reuse: what is simulated, how often, and what a node starts from.
 
+use sim_core::base::math::{Pose, Vector, about_z};
+use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
-use sim_core::job::{Algorithm, Job};
-use sim_core::math::{Pose, Vector, about_z};
-use sim_core::plan::{Ask, Place, Planner, Reuse, RrtMp, StartId, TransitionKey, Transitions};
-use sim_core::random::{Purpose, Stream};
-use sim_core::rollout::{Outcome, Rollout, Span, Trace};
+use sim_core::model::Place;
+use sim_core::physics::{Outcome, Rollout, Span, Trace};
+use sim_core::plan::{Algorithm, Ask, Planner, Reuse, RrtMp, StartId, TransitionKey, Transitions};
+use sim_core::problem::Job;
 use std::collections::BTreeSet;
 
 fn job(planner: &str) -> Job {

@@ -1,13 +1,12 @@
 //! Laws of rollouts: the same bits for the same input, whatever else runs, and motion that does not ask where it is.
 
-use sim_core::catalogue;
-use sim_core::control::{Targets, controller};
-use sim_core::identity::Digest;
-use sim_core::job::{ControllerKind, EngineKind, JointKind, Scale};
-use sim_core::math::{Pose, Vector, about_z};
-use sim_core::random::{Purpose, Stream};
-use sim_core::robot::{Robot, State};
-use sim_core::rollout::{Outcome, Physics, Request, Rollout, engine, settle};
+use sim_core::base::digest::Digest;
+use sim_core::base::math::{Pose, Vector, about_z};
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::control::{ControllerKind, controller};
+use sim_core::engines::engine;
+use sim_core::model::{Robot, State, catalogue};
+use sim_core::physics::{EngineKind, JointKind, Outcome, Physics, Request, Rollout, Scale, Targets, settle};
 
 fn robots() -> Vec<Robot> {
     let compile = |e: &catalogue::Entry| Robot::compile(&toml::from_str(e.toml).unwrap()).unwrap();

@@ -1,11 +1,12 @@
 //! Laws of starts and goals: on flat ground and on terrain, and what a robot scores that stays where it starts.
 
-use sim_core::catalogue;
-use sim_core::environment::Environment;
+use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::evaluate;
-use sim_core::job::{Job, JobSpec, Reference};
+use sim_core::job::{JobSpec, Reference};
+use sim_core::model::catalogue;
+use sim_core::model::environment::Environment;
 use sim_core::plan::Growth;
-use sim_core::random::{Purpose, Stream};
+use sim_core::problem::Job;
 
 const COVERAGE: &str = "{ kind = \"coverage\" }";
 

@@ -1,10 +1,11 @@
 //! Laws of RRT-MP's trees and of evaluations.
 
+use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
-use sim_core::job::Job;
-use sim_core::plan::{Ask, Place, Planner, RrtMp};
-use sim_core::random::{Purpose, Stream};
-use sim_core::rollout::Request;
+use sim_core::model::Place;
+use sim_core::physics::Request;
+use sim_core::plan::{Ask, Planner, RrtMp};
+use sim_core::problem::Job;
 
 /// A small job on short gaits; `more` replaces or adds settings of the planner.
 fn job(environment: &str, planner: &str) -> Job {
@@ -167,13 +168,13 @@ fn nothing_of_the_tree_leaves_the_map_or_enters_the_column() {
 }
 
 /// No corner of any of the robot's boxes lies inside the obstacle: an oracle that knows nothing of swept boxes.
-fn assert_clear(job: &Job, frame: &Place, state: &sim_core::robot::State) {
+fn assert_clear(job: &Job, frame: &Place, state: &sim_core::model::State) {
     let block = &job.environment().obstacles[0];
     for (pose, body) in job.robot().body_poses(state).iter().zip(&job.robot().bodies) {
         for part in &body.boxes {
             for corner in 0..8 {
                 let sign = |bit: i32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
-                let local = part.half * sim_core::math::Vector::new(sign(0), sign(1), sign(2));
+                let local = part.half * sim_core::base::math::Vector::new(sign(0), sign(1), sign(2));
                 let p = pose.transform_point(part.pose.transform_point(local));
                 let (x, y) = frame.point(p.x.into(), p.y.into());
                 assert!(!block.covers(x, y, 0.0) || f64::from(p.z) > block.top, "({x}, {y}, {}) is inside", p.z);

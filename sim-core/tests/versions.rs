@@ -9,7 +9,7 @@ fn locked() -> Vec<toml::Table> {
 
 #[test]
 fn the_engine_digest_names_the_versions_that_are_locked() {
-    for (name, version) in sim_core::rollout::NUMERIC_CRATES {
+    for (name, version) in sim_core::engines::NUMERIC_CRATES {
         let found = locked().iter().any(|p| p["name"].as_str() == Some(name) && p["version"].as_str() == Some(version));
         assert!(found, "{name} {version} is not what Cargo.lock holds: update the list, and with it every result");
     }

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-STILL = 0.01  # mu/s, as sim-core/src/rollout/settle.rs has it
+STILL = 0.01  # mu/s, as sim-core/src/physics/settle.rs has it
 SECONDS = 20.0
 FINER = 5  # MuJoCo's steps: as exported, and so many times as many
 CHUNK = 5  # robots of one call of our side

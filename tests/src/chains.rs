@@ -1,7 +1,8 @@
 //! Jobs whose robots are chains of bodies: the dearest there are to check and to settle.
 
-use sim_core::job::{Checked, JobSpec, Reference};
-use sim_core::robot::exchange;
+use sim_core::exchange;
+use sim_core::job::{JobSpec, Reference};
+use sim_core::problem::Checked;
 use std::fmt::Write as _;
 
 /// Bodies of the longest chain, each with four boxes: as many as a robot may have.

@@ -4,17 +4,18 @@
 use crate::sandbox::tiny_job;
 use prost::Message;
 use proto::{credentials::Token, dial::Addresses, v1};
-use sim_core::catalogue::{self, Entry};
-use sim_core::environment::Environment;
-use sim_core::job::{Checked, Job, JobSpec, Preparation, Scale};
-use sim_core::limits::MAX_TOML_LENGTH;
-use sim_core::measure::known::Known;
+use sim_core::base::limits::MAX_TOML_LENGTH;
+use sim_core::engines::known::Known;
+use sim_core::exchange::{self, Format};
+use sim_core::job::JobSpec;
+use sim_core::model::catalogue::{self, Entry};
+use sim_core::model::environment::Environment;
+use sim_core::model::{Robot, RobotSpec};
+use sim_core::physics::{Physics, Scale};
+use sim_core::problem::{Checked, Job, Preparation};
 use sim_core::procedure::evolve::{Task, TaskResult};
 use sim_core::procedure::preparing::Outcome;
 use sim_core::procedure::{self, Bench, Hooks, Procedure};
-use sim_core::robot::exchange::{self, Format};
-use sim_core::robot::{Robot, RobotSpec};
-use sim_core::rollout::Physics;
 use std::sync::{Arc, LazyLock};
 
 /// A parser.

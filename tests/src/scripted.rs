@@ -10,7 +10,7 @@ use proto::v1::{
     Assign, CompleteRequest, CoordinatorMessage, Drain, Heartbeat, Hello, Results, WorkerMessage, coordinator_message,
     worker_message,
 };
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::evolve::{Task, TaskResult};
 use sim_core::procedure::{Bench, Hooks};
 use std::collections::BTreeMap;
@@ -68,7 +68,7 @@ impl Scripted {
         let mut client = WorkerServiceClient::new(way);
         let engines: Vec<Digest> = match other_build {
             Some(engine) => vec![engine],
-            None => sim_core::engine_digests().into_iter().map(|(_, digest)| digest).collect(),
+            None => sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest).collect(),
         };
         let hello = Hello {
             protocol: proto::PROTOCOL,

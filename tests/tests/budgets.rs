@@ -44,7 +44,7 @@ async fn submission_of_dearest_jobs_costs_little_cpu() {
             Some(status) => {
                 assert!(!accepted && status.code() == Code::InvalidArgument, "{what}: {status}");
                 let told = status.message();
-                let limit = sim_core::limits::MAX_PREPARATION.to_string();
+                let limit = sim_core::base::limits::MAX_PREPARATION.to_string();
                 assert!(told.contains("body-substeps") && told.contains(&limit), "both numbers are told: {told}");
             }
         }

@@ -6,7 +6,7 @@ use cluster_tests::scripted::{Outcome, Scripted, one_bit_off, with_first};
 use proto::v1::complete_response::Verdict;
 use proto::v1::{Assign, CancelJobRequest, CompleteRequest, JobState, ListWorkersRequest, Results};
 use sim_core::procedure::evolve::TaskResult;
-use sim_core::score::Counts;
+use sim_core::search::Counts;
 use tonic::{Code, Status};
 
 /// A job whose generations have room for all variations.

@@ -5,8 +5,8 @@ use cluster_tests::scripted::Scripted;
 use coordinator::store::{SqliteStore, Store as _, Write};
 use proto::v1::job_event::Event;
 use proto::v1::{Job, JobState, ListWorkersRequest, WatchJobRequest};
-use sim_core::identity::{Digest, ResultDigest};
-use sim_core::job::Checked;
+use sim_core::base::digest::{Digest, ResultDigest};
+use sim_core::problem::Checked;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -67,7 +67,7 @@ async fn job_of_older_build_waits_for_its_workers() {
     {
         assert!(shown.contains(part), "{part} is not in\n{shown}");
     }
-    let here = sim_core::engine_digests().into_iter().map(|(_, digest)| digest.short());
+    let here = sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest.short());
     assert!(here.into_iter().all(|digest| shown.contains(&digest)), "what is offered is not in\n{shown}");
 
     // Who computes yet other bits is of no use.

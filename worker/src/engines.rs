@@ -1,6 +1,6 @@
 //! The engines of this build.
 
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 
 /// What this worker can compute on.
 #[derive(Debug)]
@@ -9,7 +9,7 @@ pub(crate) struct Engines(Vec<Digest>);
 impl Engines {
     /// Runs each engine's short golden rollout. Takes a moment.
     pub fn measure() -> Self {
-        Self(sim_core::engine_digests().into_iter().map(|(_, digest)| digest).collect())
+        Self(sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest).collect())
     }
 
     /// As Hello tells them.

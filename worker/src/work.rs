@@ -65,22 +65,22 @@ fn message(panic: &(dyn Any + Send)) -> &str {
 mod tests {
     use super::*;
     use crate::assignments::Work;
-    use sim_core::job::Checked;
+    use sim_core::problem::Checked;
     use sim_core::procedure::{self, Bench, Procedure};
 
     const JOB: &str = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
                        [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\n\
-                       particles = 3\n[finish]\nseeds = 2\n";
+                       particles = 3\n[finish]\nkind = \"none\"\n";
 
     /// The assignment of some tasks of the round at hand.
     fn assignment(procedure: &dyn Procedure, tasks: std::ops::Range<u32>) -> Arc<Assignment> {
         let round = procedure.round();
         let tasks = tasks.map(|index| (index, procedure.task(index))).collect();
-        assigned(round.number, tasks, round.shared)
+        assigned(JOB, round.number, tasks, round.shared)
     }
 
-    fn assigned(round: u32, tasks: Vec<(u32, Vec<u8>)>, shared: Arc<[u8]>) -> Arc<Assignment> {
-        let bench = Arc::new(Bench::open(JOB).expect("a valid job"));
+    fn assigned(job: &str, round: u32, tasks: Vec<(u32, Vec<u8>)>, shared: Arc<[u8]>) -> Arc<Assignment> {
+        let bench = Arc::new(Bench::open(job).expect("a valid job"));
         let work = Work { bench, round, tasks, shared, permit: Vec::new() };
         Arc::new(Assignment::new(7, "j".to_owned(), work))
     }
@@ -114,14 +114,25 @@ mod tests {
     }
 
     #[test]
-    fn stopped_preparation_has_no_result() {
-        let assignment = assignment(&*start(), 0..1);
+    fn preparation_ends_when_it_is_stopped() {
+        // Settling takes minutes with so fine steps.
+        let job = format!("{JOB}[physics]\nengine = \"rapier\"\nsteps_per_second = 10000\n");
+        let assignment = assigned(&job, 0, vec![(0, start().task(0))], Arc::default());
         let assignments = crate::assignments::Assignments::default();
         assignments.insert(assignment.clone());
+        assert!(assignment.start());
+        let slot = std::thread::spawn({
+            let assignment = assignment.clone();
+            move || carry_out(&assignment).is_none()
+        });
+        while assignment.progress() < 10 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(!slot.is_finished());
         assignments.stop_all();
-        let start = Instant::now();
-        assert!(carry_out(&assignment).is_none());
-        assert!(start.elapsed() < Duration::from_secs(5), "it took {:?}", start.elapsed());
+        let stopped = Instant::now();
+        assert!(slot.join().expect("it does not panic"));
+        assert!(stopped.elapsed() < Duration::from_secs(1), "it took {:?}", stopped.elapsed());
     }
 
     #[test]
@@ -130,7 +141,7 @@ mod tests {
         let prepared = results(&assignment(&*procedure, 0..1));
         procedure.tell(&prepared);
         let shared = procedure.round().shared;
-        let finished = carry_out(&assigned(1, vec![(0, vec![255; 9])], shared)).expect("it was not stopped");
+        let finished = carry_out(&assigned(JOB, 1, vec![(0, vec![255; 9])], shared)).expect("it was not stopped");
         let Outcome::Failure(reason) = finished.outcome else { panic!("it has a result") };
         assert!(reason.len() > 20, "{reason}");
     }

@@ -16,7 +16,7 @@ pub use robot::{PictureFormat, Robot, RobotOutput};
 
 use crate::certs::Host;
 use crate::client::Url;
-use sim_core::finish::Question;
+use sim_core::procedure::evolve::finish::Question;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 

@@ -9,8 +9,8 @@ use crate::error::Error;
 use crate::inputs;
 use clap::Parser as _;
 use proto::credentials::{self as shown, Credentials, Sources};
-use sim_core::finish::Question;
-use sim_core::limits::MAX_GENOME;
+use sim_core::base::limits::MAX_GENOME;
+use sim_core::procedure::evolve::finish::Question;
 use std::path::{Path, PathBuf};
 
 /// Reads the command line; on `--help` or wrong usage clap has the last word (exit codes 0 and 2).

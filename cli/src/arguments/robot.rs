@@ -2,8 +2,8 @@
 
 use super::raw;
 use crate::error::Error;
-use sim_core::job::Scale;
-use sim_core::robot::exchange::Format;
+use sim_core::exchange::Format;
+use sim_core::physics::Scale;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug)]

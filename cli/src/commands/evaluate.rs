@@ -10,10 +10,11 @@ use crate::progress::Label;
 use crate::view::{bits, hex, question};
 use proto::v1;
 use serde::Serialize;
+use sim_core::base::score::Counts;
 use sim_core::evaluate::evaluate;
-use sim_core::finish::{Examination, examine};
-use sim_core::job::Job;
-use sim_core::score::{Counts, Scored};
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::finish::{Examination, examine};
+use sim_core::search::Scored;
 use std::time::Instant;
 
 #[derive(Serialize)]

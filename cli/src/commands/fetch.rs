@@ -5,7 +5,7 @@ use crate::client::Client;
 use crate::error::Error;
 use crate::output::{self, Folder};
 use crate::{console, summary, watch};
-use sim_core::job::Checked;
+use sim_core::problem::Checked;
 
 /// Fetches and writes, or says why there is no result.
 pub async fn run(args: Fetch, quiet: bool) -> Result<(), Error> {

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::inputs;
 use crate::output::{self, REPORT, Stored, atomic, mode_word};
 use sim_core::report::{self, GaitTrace, PathTrace};
-use sim_core::score::Scored;
+use sim_core::search::Scored;
 
 /// Simulates, tells facts, writes samples.
 pub fn run(args: Replay) -> Result<(), Error> {

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::view::{JobView, generations};
 use crate::watch::word;
 use proto::v1;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Restarts under a name made of job and generation, so that doing it twice is doing it once.

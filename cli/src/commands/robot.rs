@@ -8,8 +8,8 @@ use crate::error::Error;
 use crate::load;
 use crate::output::{atomic, png};
 use serde::Serialize;
-use sim_core::robot::{Robot, RobotSpec};
-use sim_core::rollout::Physics;
+use sim_core::model::{Robot, RobotSpec};
+use sim_core::physics::Physics;
 use std::collections::BTreeMap;
 
 #[derive(Serialize)]
@@ -171,8 +171,8 @@ fn text(view: &View) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_core::job::Scale;
-    use sim_core::robot::exchange::{Format, read};
+    use sim_core::exchange::{Format, read};
+    use sim_core::physics::Scale;
 
     #[test]
     fn a_robot_counts_modules_and_an_imported_one_bodies() {

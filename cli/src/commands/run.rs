@@ -16,7 +16,7 @@ use crate::values::{self, Generation};
 use crate::watch::{self, Watched};
 use crate::{load, summary};
 use proto::v1::{self, JobState};
-use sim_core::job::Checked;
+use sim_core::problem::Checked;
 
 /// Evolves, or says that it is done already.
 pub fn run(args: Run, quiet: bool) -> Result<(), Error> {

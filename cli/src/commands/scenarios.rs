@@ -3,8 +3,8 @@
 use crate::console::{self, table};
 use crate::error::Error;
 use serde::Serialize;
-use sim_core::catalogue::{self, Entry};
-use sim_core::robot::{Robot, RobotSpec};
+use sim_core::model::catalogue::{self, Entry};
+use sim_core::model::{Robot, RobotSpec};
 
 #[derive(Serialize)]
 struct View {

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::view::JobView;
 use crate::{console, load};
 use proto::v1;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Submits under the job's digest, so that doing it twice is doing it once.

@@ -9,8 +9,8 @@ use crate::first_generation::{self, Scores};
 use crate::load;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::identity::Digest;
-use sim_core::job::Job;
+use sim_core::base::digest::Digest;
+use sim_core::problem::Job;
 use std::time::Duration;
 
 /// Candidates of the first generation are timed for so long …

@@ -14,7 +14,7 @@ use crate::watch::{self, Watched, word};
 use proto::v1::JobEvent;
 use proto::v1::job_event::Event;
 use serde::Serialize;
-use sim_core::job::Checked;
+use sim_core::problem::Checked;
 
 /// An event as a line of JSON.
 #[derive(Serialize)]

@@ -5,7 +5,7 @@ use super::axes::{Frame, Range, number};
 use super::canvas::{Canvas, fill, stroke};
 use super::legend::{Key, MARGIN, heading, legend};
 use super::palette::{ACCENT, BASE, FRAME, INK, OBSTACLE, TERRAIN, dashes, series};
-use sim_core::environment::{Block, Environment};
+use sim_core::model::environment::{Block, Environment};
 use sim_core::report::{NodeRecord, TreeRecord};
 use std::collections::BTreeSet;
 

@@ -6,7 +6,7 @@ use super::canvas::Type;
 use super::picture::{fitted, width};
 use super::*;
 use resvg::{tiny_skia, usvg};
-use sim_core::environment::{Block, Environment, Goal, Start};
+use sim_core::model::environment::{Block, Environment, Goal, Start};
 use sim_core::report::{GaitTrace, NodeRecord, TraceSample, TreeRecord};
 
 fn row(generation: u32, v: f64) -> HistoryRow {

@@ -3,8 +3,8 @@
 use super::{JOB, RESULT, ResultFile, STORE, atomic};
 use crate::error::Error;
 use crate::{inputs, load};
-use sim_core::identity::Digest;
-use sim_core::job::Checked;
+use sim_core::base::digest::Digest;
+use sim_core::problem::Checked;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};

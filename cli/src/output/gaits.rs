@@ -1,8 +1,10 @@
 //! gaits.json: the winner's gaits, each with its parameters by name and where it leads.
 
 use serde::Serialize;
-use sim_core::job::{Checked, ControllerKind};
-use sim_core::report::{GaitTrace, Report};
+use sim_core::control::ControllerKind;
+use sim_core::problem::Checked;
+use sim_core::procedure::evolve::report::Report;
+use sim_core::report::GaitTrace;
 use std::collections::BTreeMap;
 
 #[derive(Serialize)]

@@ -4,9 +4,9 @@ use crate::draw::{self, HistoryRow, Picture};
 use crate::error::Error;
 use crate::progress::Label;
 use crate::values::Generation;
-use sim_core::job::Checked;
-use sim_core::report::{Audit, Report};
-use sim_core::score::mean;
+use sim_core::base::score::mean;
+use sim_core::problem::Checked;
+use sim_core::procedure::evolve::report::{Audit, Report};
 
 /// (file name, content) of every picture that a job has: without a report only that of its history.
 pub fn all(job: &Checked, history: &[Generation], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {

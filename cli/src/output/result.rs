@@ -5,11 +5,12 @@ use crate::setting::Setting;
 use crate::values;
 use proto::v1;
 use serde::{Deserialize, Serialize};
-use sim_core::identity::Digest;
-use sim_core::job::Checked;
-use sim_core::report::{Archived, Audit, Report, Rescored};
-use sim_core::rollout::NUMERIC_CRATES;
-use sim_core::score::{Direction, Scored, mean};
+use sim_core::base::digest::Digest;
+use sim_core::base::score::{Direction, mean};
+use sim_core::engines::NUMERIC_CRATES;
+use sim_core::problem::Checked;
+use sim_core::procedure::evolve::report::{Archived, Audit, Report, Rescored};
+use sim_core::search::Scored;
 use std::collections::BTreeMap;
 
 /// Version of the file's layout.
@@ -319,7 +320,7 @@ fn audits(report: &Report, direction: Direction) -> Option<Audits> {
     (!bests.is_empty()).then(|| Audits { worst_gap: worst_gap.copied(), median_gap: median(&gaps), bests })
 }
 
-fn finish(counts: sim_core::score::Counts) -> FinishCounts {
+fn finish(counts: sim_core::base::score::Counts) -> FinishCounts {
     FinishCounts { rollouts: counts.rollouts, simulated_seconds: counts.simulated_ms as f64 / 1000.0 }
 }
 

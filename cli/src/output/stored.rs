@@ -4,8 +4,8 @@ use super::{JOB, REPORT, RESULT, ResultFile};
 use crate::error::Error;
 use crate::{inputs, load};
 use serde::de::DeserializeOwned;
-use sim_core::job::Job;
-use sim_core::report::Report;
+use sim_core::problem::Job;
+use sim_core::procedure::evolve::report::Report;
 use std::fs;
 use std::path::{Path, PathBuf};
 

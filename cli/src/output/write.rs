@@ -7,8 +7,8 @@ use crate::console;
 use crate::error::Error;
 use crate::values::Generation;
 use proto::{ConvertError, v1};
-use sim_core::job::Checked;
-use sim_core::report::Report;
+use sim_core::problem::Checked;
+use sim_core::procedure::evolve::report::Report;
 
 /// Writes a result to its folder: all files or none, `result.json` last.
 pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, from: &Url) -> Result<ResultFile, Error> {

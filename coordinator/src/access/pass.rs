@@ -3,7 +3,7 @@
 use super::judge;
 use super::rules::Rule;
 use super::tokens::{TokenDigest, Tokens};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::future::pending;
 use std::pin::Pin;
 use std::sync::Arc;

@@ -6,7 +6,7 @@ use crate::limits::MAX_RUNNING;
 use crate::scheduler::{Greeting, WorkerId};
 use proto::limits::{MAX_ENGINES, MAX_ID, MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
 use proto::{PROTOCOL, v1};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::sync::Arc;
 use std::time::Duration;
 use tonic::Status;

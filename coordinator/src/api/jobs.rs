@@ -16,9 +16,9 @@ use proto::v1::{
     ListWorkersResponse, PauseJobRequest, PauseJobResponse, RestartJobRequest, RestartJobResponse, ResumeJobRequest,
     ResumeJobResponse, SubmitJobRequest, SubmitJobResponse, WatchJobRequest,
 };
-use sim_core::identity::Digest;
-use sim_core::job::Checked;
-use sim_core::measure::statistics::median;
+use sim_core::base::digest::Digest;
+use sim_core::base::statistics::median;
+use sim_core::problem::Checked;
 use sim_core::procedure;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};

@@ -16,7 +16,7 @@ use crate::actor::Command;
 use crate::live::Live;
 use crate::store::{Store, StoreError};
 use proto::limits::MAX_ID;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot, watch as watching};
 use tonic::Status;

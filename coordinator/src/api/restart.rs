@@ -6,7 +6,7 @@ use crate::limits::ROUNDS_AT_ONCE;
 use crate::record::{Dispute, JobRecord, Origin, Ruling};
 use crate::scheduler::{Carried, NewJob};
 use proto::v1::{RestartJobRequest, SubmitJobRequest};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use tonic::Status;
 
 impl Api {

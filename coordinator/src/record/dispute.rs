@@ -1,7 +1,7 @@
 //! Disputes: results of one task that differ, and how the disagreement ended.
 
 use serde::{Deserialize, Serialize};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 

@@ -11,7 +11,7 @@ use super::notes::LeaseEnd;
 use super::trust::{is_distrusted, quarantine};
 use super::{Now, Scheduler, events};
 use crate::record::{Claim, Dispute, Event, Finder, JobId, JobState, Ruling, Source};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 

@@ -14,7 +14,7 @@ use super::suspects::isolate_suspects;
 use super::{Now, Scheduler};
 use crate::record::JobId;
 use proto::limits::DEFAULT_PRIORITY;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 

@@ -14,7 +14,7 @@ use super::{Now, Scheduler, stuck};
 use crate::permit::Issued;
 use crate::record::{Event, JobId, JobRecord, JobState};
 use crate::store::Write;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::{BadState, Refused};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;

@@ -3,7 +3,7 @@
 use super::lease::{AssignmentId, Range};
 use super::stuck;
 use crate::record::{Finder, JobId, JobRecord, Source};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;

@@ -5,7 +5,7 @@ use super::round::Round;
 use super::{Now, lease::Range};
 use crate::record::{Dispute, Event, Finder, JobEvent, JobId, JobRecord, JobState};
 use crate::store::{LastRound, RunState, SealedRound, StoredRange, TaskRecord, Write};
-use sim_core::identity::{Digest, ResultDigest};
+use sim_core::base::digest::{Digest, ResultDigest};
 use sim_core::procedure::{self, BadState, Procedure, Step, Told, result_digest};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

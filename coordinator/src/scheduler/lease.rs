@@ -17,7 +17,7 @@ use super::{Message, Now, Scheduler};
 use crate::permit::Issued;
 use crate::record::{Charge, Finder, JobId, JobState, Poisoned};
 use crate::scheduler::Action;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;

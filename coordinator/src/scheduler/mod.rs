@@ -51,7 +51,7 @@ use dispatch::Queue;
 use fleet::Fleet;
 use job::Jobs;
 use lease::Leases;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;

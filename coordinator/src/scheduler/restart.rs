@@ -5,7 +5,7 @@
 
 use crate::record::{Finder, Origin};
 use crate::store::{LastRound, SealedRound, TaskRecord};
-use sim_core::identity::{Digest, ResultDigest};
+use sim_core::base::digest::{Digest, ResultDigest};
 use sim_core::procedure::{BadState, Procedure, Step};
 
 /// What a job takes over from the one that it does again.

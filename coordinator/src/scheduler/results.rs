@@ -12,7 +12,7 @@ use super::{Action, Now, Scheduler, stuck};
 use crate::permit;
 use crate::record::{Finder, JobId};
 use crate::store::Write;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::result_digest;
 use std::collections::BTreeSet;
 use std::sync::Arc;

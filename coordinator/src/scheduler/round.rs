@@ -2,7 +2,7 @@
 
 use super::lease::{AssignmentId, Range, TaskState};
 use crate::record::{Charge, Finder};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::{self, Procedure, result_digest};
 use std::sync::Arc;
 

@@ -17,11 +17,13 @@ mod time;
 use super::*;
 use crate::record::Origin;
 use crate::store::{MemoryStore, SealedGeneration, Store};
-use sim_core::finish::{Done, Examination, Found, Plan, Question};
-use sim_core::identity::Digest;
-use sim_core::optimise::Optimiser;
-use sim_core::report::{Report, Traces};
-use sim_core::score::{Counts, Direction, Genome, Scored};
+use sim_core::base::digest::Digest;
+use sim_core::base::score::{Counts, Direction};
+use sim_core::genotype::Genome;
+use sim_core::procedure::evolve::finish::{Done, Examination, Found, Plan, Question};
+use sim_core::procedure::evolve::report::Report;
+use sim_core::report::Traces;
+use sim_core::search::{Optimiser, Scored};
 
 /// Each generation's candidates follow from the scores of the one before: any change of one bit changes all that follows.
 #[derive(Clone, Debug)]
@@ -125,7 +127,7 @@ pub fn expected_digest(name: &str, population: u32, generations: u32) -> Digest 
     let mut archive = plan.new_archive();
     let mut first = None;
     let mut fake = Fake::new(population);
-    let mut digest = sim_core::identity::ResultDigest::start(&Digest::of("test job", &name));
+    let mut digest = sim_core::base::digest::ResultDigest::start(&Digest::of("test job", &name));
     for generation in 0..generations {
         let genomes = fake.ask();
         let scores: Vec<Option<f64>> = genomes.iter().map(|g| score(g).score()).collect();

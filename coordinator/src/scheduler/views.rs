@@ -7,7 +7,7 @@ use super::lease::Range;
 use super::{MAX_ATTEMPTS, Now, Scheduler};
 use crate::limits::MAX_HELD_TOLD;
 use crate::record::{JobId, JobState};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::time::Duration;

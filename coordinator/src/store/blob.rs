@@ -5,7 +5,7 @@ use crate::record::{Finder, JobRecord};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_bytes::ByteBuf;
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use std::sync::Arc;
 
 /// Version 1 was protobuf.

@@ -7,7 +7,7 @@ use super::{
 use crate::convert;
 use crate::permit::PermitKey;
 use crate::record::{Finder, JobEvent, JobId, JobRecord, JobState};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::Artefact;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher as _, RandomState};

@@ -21,7 +21,7 @@ pub use url::{BadStoreUrl, StoreUrl};
 use crate::permit::PermitKey;
 use crate::record::{Finder, JobEvent, JobId, JobRecord, JobState};
 use serde::{Deserialize, Serialize};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::{Artefact, Row};
 use std::pin::Pin;
 use std::sync::Arc;

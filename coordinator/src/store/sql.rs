@@ -6,7 +6,7 @@
 use super::tables::{self, Trouble};
 use super::{Answer, Loaded, SealedRound, Store, StoreError, StoredEvent, StoredResult, Write};
 use crate::record::{JobId, JobRecord, JobState};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sqlx::query::Query;
 use sqlx::{Database, Decode, Encode, IntoArguments, Type};
 use std::ops::DerefMut;

@@ -6,7 +6,7 @@ use super::{Loaded, SealedRound, StoreError, StoredEvent, StoredJob, StoredRange
 use crate::convert;
 use crate::permit::PermitKey;
 use crate::record::{JobEvent, JobId, JobRecord, JobState};
-use sim_core::identity::Digest;
+use sim_core::base::digest::Digest;
 use sim_core::procedure::Artefact;
 use std::collections::BTreeSet;
 

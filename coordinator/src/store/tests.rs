@@ -6,7 +6,7 @@ use super::*;
 use crate::convert;
 use crate::record::{Charge, Claim, Dispute, Event, Origin, Poisoned, Ruling, Source};
 use places::{Database, File, Reopen, open_file};
-use sim_core::identity::{Digest, ResultDigest};
+use sim_core::base::digest::{Digest, ResultDigest};
 use sim_core::procedure::{Progress, Value};
 use std::path::Path;
 

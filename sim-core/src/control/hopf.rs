@@ -1,7 +1,8 @@
 //! A Hopf oscillator a joint: Eq. 2 of Vonásek and Faigl (2016), after Righetti and Ijspeert (2008).
 
-use super::{Controller, Parameter, TICK};
-use crate::simd::{Level, at_level};
+use super::{Controller, Parameter};
+use crate::base::simd::{Level, at_level};
+use crate::physics::TICK;
 use fearless_simd::prelude::*;
 
 /// ẋ = α (μ − r²) x − ω y, ẏ = β (μ − r²) y + ω x, ω = ω₁ / (e^{−b y} + 1) + ω₂ / (e^{b y} + 1); the signal is x.
@@ -191,7 +192,7 @@ mod tests {
     }
 
     fn drawn(oscillators: u32) -> Vec<f64> {
-        let mut stream = crate::random::Stream::new(1, crate::random::Purpose::Sample, 0, 0, 0);
+        let mut stream = crate::base::random::Stream::new(1, crate::base::random::Purpose::Sample, 0, 0, 0);
         let each = Hopf.parameters();
         (0..oscillators)
             .flat_map(|_| each.iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
@@ -227,7 +228,7 @@ mod tests {
     fn every_instruction_set_gives_the_same_bits() {
         let gait = drawn(13);
         let signals = Hopf.signals(&gait, 2001);
-        for level in crate::simd::levels() {
+        for level in crate::base::simd::levels() {
             assert_eq!(signals, at_level!(level, simd => integrate(simd, &gait, 2001)));
         }
     }

@@ -3,15 +3,17 @@
 //! Nothing in a controller senses the physics, so a gait is compiled once to a table of joint targets, which all rollouts
 //! of that gait share. No physics engine knows what an oscillator is.
 
+mod gaits;
 mod hopf;
 mod sine;
-mod targets;
 
+pub use gaits::GaitsSpec;
+pub(crate) use gaits::{bounds_of, validate_gaits, whole_steps};
 pub use hopf::Hopf;
 pub use sine::Sine;
-pub use targets::{TICK, Targets};
 
-use crate::job::ControllerKind;
+use crate::physics::Targets;
+use serde::{Deserialize, Serialize};
 
 /// A parameter of a controller, one a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +32,7 @@ pub trait Controller: Sync {
     /// The parameters of one joint.
     fn parameters(&self) -> &'static [Parameter];
 
-    /// The signal of every joint of a gait, rad, at `ticks` instants [`TICK`] apart, the first at time 0. No joint's signal
+    /// The signal of every joint of a gait, rad, at `ticks` instants [`TICK`](crate::physics::TICK) apart, the first at time 0. No joint's signal
     /// depends on another's parameters.
     fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>>;
 
@@ -43,6 +45,17 @@ pub trait Controller: Sync {
         assert_eq!(gait.len(), joints * each, "a gait of {joints} joints has {} parameters", joints * each);
         Targets::new(&self.signals(gait, Targets::ticks(duration)), duration)
     }
+}
+
+/// The controllers there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ControllerKind {
+    /// A Hopf oscillator a joint, Eq. 2: six parameters a joint.
+    #[default]
+    Hopf,
+    /// A sine a joint (section III): four parameters a joint.
+    Sine,
 }
 
 /// The controller of a kind.

@@ -1,6 +1,7 @@
 //! A sine a joint: section III of Vonásek and Faigl (2016).
 
-use super::{Controller, Parameter, TICK};
+use super::{Controller, Parameter};
+use crate::physics::TICK;
 use std::f64::consts::PI;
 
 /// a(t) = A sin(ω t + φ) + B: four parameters a joint. The paper gives no bounds; these keep the amplitude that of the

@@ -1,414 +1,91 @@
-//! A job: one optimisation, from its file to everything an evaluation needs.
+//! The job file.
 
-mod budget;
-mod engine;
-mod finish;
-mod preparation;
-mod spec;
-mod standing;
+use crate::control::GaitsSpec;
+use crate::model::RobotSpec;
+use crate::model::environment::Environment;
+use crate::objective::FitnessSpec;
+use crate::physics::PhysicsSpec;
+use crate::plan::PlannerSpec;
+use crate::procedure::evolve::finish::FinishSpec;
+use crate::search::OptimiserSpec;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
+use std::marker::PhantomData;
 
-pub use engine::{Chosen, Why};
-pub use finish::*;
-pub use preparation::{Job, Preparation, Unfit, Unprepared};
-pub use spec::*;
-
-use crate::catalogue;
-use crate::control::{Controller, controller};
-use crate::environment::Environment;
-use crate::error::{Faults, Invalid, in_range, name, whole_in_range};
-use crate::fitness::Fitness;
-use crate::identity::Digest;
-use crate::limits;
-use crate::measure::known::Known;
-use crate::optimise::{self, Bounds, Optimiser};
-use crate::plan::{Metric, Planner, Reuse};
-use crate::robot::{Robot, RobotSpec};
-use crate::rollout::{Engine, Physics, Quiet, engine, engine_digest, engines_digest};
-use crate::score::Direction;
-use crate::toml_file;
-use serde::Serialize;
-use std::sync::Arc;
-
-/// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
-/// to clone. [`Checked::prepare`] and [`Checked::with`] make a [`Job`] of it.
-#[derive(Clone, Debug)]
-pub struct Checked(Arc<Resolved>);
-
-#[derive(Debug)]
-struct Resolved {
-    spec: JobSpec,
-    robot_spec: RobotSpec,
-    environment: Environment,
-    robot: Robot,
-    engine: Chosen,
-    physics: Physics,
-    direction: Direction,
-    /// Name and unit of the score.
-    label: (&'static str, &'static str),
-    bounds: Bounds,
-    finish: Option<Finish>,
-    /// The same job on the reference setting, without a finish of its own.
-    reference: Option<Checked>,
+/// A job as its TOML file says it; *resolved* once robot and environment stand in it in full and every setting is
+/// written out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JobSpec {
+    /// Name in messages, tables and folder names. Not part of the job's identity.
+    pub name: String,
+    /// Free text. Not part of the job's identity.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// The one number that all randomness follows from, 0 to 2⁶³ − 1.
+    #[serde(default = "one")]
+    pub seed: u64,
+    /// A named set of failed modules of the robot, such as "E1".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// What the gaits are.
+    pub gaits: GaitsSpec,
+    /// How a candidate's tree is grown.
+    #[serde(default)]
+    pub planner: PlannerSpec,
+    /// What the tree is worth.
+    pub fitness: FitnessSpec,
+    /// How candidates are searched for.
+    pub optimiser: OptimiserSpec,
+    /// Where they move.
+    #[serde(default)]
+    pub physics: PhysicsSpec,
+    /// What is done once the search is over.
+    #[serde(default)]
+    pub finish: FinishSpec,
+    /// The environment: a name that ships, a path, or the table itself.
+    pub environment: Reference<Environment>,
+    /// The robot: a name that ships, a path, or the table itself.
+    pub robot: Reference<RobotSpec>,
 }
 
-impl Checked {
-    /// Reads a self-contained job: one whose robot and environment are written out or ship with evogait.
-    /// Settings that are not given get their defaults, so that [`Checked::to_toml`] tells all of them.
-    pub fn from_toml(text: &str) -> Result<Self, Invalid> {
-        let most = limits::MAX_TOML_LENGTH as u64;
-        whole_in_range("length of the job's text", text.len() as u64, (0, most), "bytes")?;
-        Self::new(toml_file::read(text)?)
-    }
+/// Something named, or something written out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Reference<T> {
+    /// A name that ships, or a path to a TOML file.
+    Named(String),
+    /// The thing itself.
+    Inline(Box<T>),
+}
 
-    /// Resolves and validates a job whose robot and environment are written out or ship with evogait. Simulates nothing.
-    pub fn new(mut spec: JobSpec) -> Result<Self, Invalid> {
-        let mut faults = Faults::default();
-        faults.take(name("name", &spec.name));
-        let most = limits::MAX_DESCRIPTION_LENGTH as u64;
-        faults.take(whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes"));
-        faults.take(whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), ""));
-        faults.take(validate_gaits(&spec.gaits));
-        faults.take(validate_planner(&spec.planner));
-        faults.take(spec.optimiser.validate());
-        let finish = faults.take(spec.finish.resolve(spec.physics.scale));
-        let robot_spec = faults.take(resolve_robot(&spec));
-        let environment = faults.take(resolve_environment(&spec.environment));
-        let robot = robot_spec.as_ref().and_then(|robot_spec| faults.take(Robot::compile(robot_spec)));
-        let chosen = match (&robot, &environment) {
-            (Some(robot), Some(environment)) => {
-                faults.take(engine::choose(&spec.physics, robot, environment, Known::shipped()))
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Reference<T> {
+    /// By hand, so that a mistake inside a table is told as itself.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Either<T> {
+            type Value = Reference<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a name that ships, a path to a file, or the table itself")
             }
-            _ => None,
-        };
-        if let Some(Why::Measured(setting)) = chosen.map(|chosen| chosen.why) {
-            spec.physics = engine::with_steps(&spec.physics, setting);
-        }
-        // Ranges of physics are the same for both engines.
-        let engine_kind = chosen.map_or(EngineKind::Rapier, |chosen| chosen.engine);
-        let physics = faults.take(Physics::resolve(engine_kind, &spec.physics));
-        faults.end()?;
-        let (Some(robot_spec), Some(environment), Some(robot), Some(chosen), Some(physics), Some(finish)) =
-            (robot_spec, environment, robot, chosen, physics, finish)
-        else {
-            unreachable!("what is not there left a fault")
-        };
 
-        let mut faults = Faults::default();
-        faults.take(whole_steps("gaits.duration", &spec.gaits, physics.steps_per_second));
-        if let Some(finish) = &finish {
-            faults.take(whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second));
-        }
-        let bounds = faults.take(bounds_of(&spec.gaits, robot.hinges.len()));
-        let length = bounds.as_ref().map_or(1, |bounds| bounds.0.len() as u64);
-        let parameters = length * u64::from(spec.optimiser.population());
-        let most = limits::MAX_GENERATION_PARAMETERS as u64;
-        let field = "parameters of a generation (candidates × length of the genome)";
-        faults.take(whole_in_range(field, parameters, (1, most), ""));
-        faults.take(budget::validate(&spec, &environment, &physics));
-        faults.end()?;
-        let Some(bounds) = bounds else { unreachable!("bounds that are not there left a fault") };
-        let (direction, label) = {
-            // No height of the start is known yet: all cells of a grid in three dimensions count.
-            let fitness = Fitness::new(&spec.fitness, &environment, f64::INFINITY)?;
-            (fitness.direction(), fitness.label())
-        };
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
+                Ok(Reference::Named(name.to_owned()))
+            }
 
-        spec.variant = None;
-        spec.physics = physics.written_out(chosen.engine, &spec.physics);
-        spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
-        spec.environment = Reference::Inline(Box::new(environment.clone()));
-        spec.finish = Finish::written_out(finish.as_ref());
-        let reference = finish.as_ref().map(|finish| on_reference(&spec, finish)).transpose()?;
-        let checked = Self(Arc::new(Resolved {
-            spec,
-            robot_spec,
-            environment,
-            robot,
-            engine: chosen,
-            physics,
-            direction,
-            label,
-            bounds,
-            finish,
-            reference,
-        }));
-        budget::validate_preparation(&checked)?;
-        Ok(checked)
-    }
-
-    /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
-    /// job with the same digest.
-    pub fn to_toml(&self) -> String {
-        toml::to_string(&self.0.spec).expect("a resolved job can be written as TOML")
-    }
-
-    /// The job digest: resolved job, robot, environment, optimiser and engine; not names or descriptions.
-    pub fn digest(&self) -> Digest {
-        self.digest_on(self.engine_digest())
-    }
-
-    /// The digest that the same job has where its engine has another digest, as in another build of evogait.
-    pub fn digest_on(&self, engine: Digest) -> Digest {
-        #[derive(Serialize)]
-        struct Identity<'a> {
-            spec: &'a JobSpec,
-            engine: Digest,
-            #[serde(skip_serializing_if = "Option::is_none")]
-            fitness: Option<u32>,
-        }
-        let mut spec = self.0.spec.clone();
-        spec.name.clear();
-        spec.description.clear();
-        if let (Reference::Inline(robot), Reference::Inline(environment)) = (&mut spec.robot, &mut spec.environment) {
-            robot.name.clear();
-            robot.description.clear();
-            environment.name.clear();
-            environment.description.clear();
-        }
-        Digest::of("evogait job 1", &Identity { spec: &spec, engine, fitness: spec.fitness.revision() })
-    }
-
-    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or the quiet
-    /// setting of a start is another engine's. A worker must offer the same.
-    pub fn engine_digest(&self) -> Digest {
-        let search = self.chosen().engine;
-        let uses = |job: &Checked, kind| job.chosen().engine == kind || job.quiet_setting(0.0).engine == kind;
-        let [rapier, lockstep] = [EngineKind::Rapier, EngineKind::Lockstep]
-            .map(|kind| uses(self, kind) || self.on_reference().is_some_and(|reference| uses(reference, kind)));
-        if rapier && lockstep {
-            engines_digest(EngineKind::Lockstep, EngineKind::Rapier)
-        } else {
-            engine_digest(search)
-        }
-    }
-
-    /// The setting that its robot is settled on if it trembles at so many mu/s on the job's own.
-    fn quiet_setting(&self, trembling: f32) -> Quiet {
-        Quiet::of(&self.0.robot, &self.0.physics, trembling)
-    }
-
-    /// Which engine the job runs on, and why. [`Self::on_reference`] has one of its own.
-    pub fn chosen(&self) -> Chosen {
-        self.0.engine
-    }
-
-    /// Candidates whose first rollouts fill the engine's lanes on this machine: fewer in a batch take as long. 1 for an
-    /// engine without lanes.
-    pub fn candidates_at_once(&self) -> u32 {
-        (self.engine().lanes() as u32 / self.0.spec.gaits.count).max(1)
-    }
-
-    /// The resolved job as written.
-    pub fn spec(&self) -> &JobSpec {
-        &self.0.spec
-    }
-
-    /// The resolved robot file.
-    pub fn robot_spec(&self) -> &RobotSpec {
-        &self.0.robot_spec
-    }
-
-    /// The compiled robot.
-    pub fn robot(&self) -> &Robot {
-        &self.0.robot
-    }
-
-    /// The environment.
-    pub fn environment(&self) -> &Environment {
-        &self.0.environment
-    }
-
-    /// The physics, every number resolved.
-    pub fn physics(&self) -> &Physics {
-        &self.0.physics
-    }
-
-    /// How the published winner is chosen; `None` if it is the best of the search.
-    pub fn finish(&self) -> Option<&Finish> {
-        self.0.finish.as_ref()
-    }
-
-    /// The same job on the reference setting of its finish, if it has one.
-    pub fn on_reference(&self) -> Option<&Checked> {
-        self.0.reference.as_ref()
-    }
-
-    /// Fresh RRT seeds on which candidates are scored again.
-    pub fn fresh_seeds(&self) -> u32 {
-        Finish::seeds_of(self.finish())
-    }
-
-    /// The box of genomes.
-    pub fn bounds(&self) -> &Bounds {
-        &self.0.bounds
-    }
-
-    /// The engine.
-    pub fn engine(&self) -> &'static dyn Engine {
-        engine(self.0.engine.engine)
-    }
-
-    /// The controller.
-    pub fn controller(&self) -> &'static dyn Controller {
-        controller(self.0.spec.gaits.controller)
-    }
-
-    /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
-    /// distance fitness.
-    pub fn planner(&self) -> Planner {
-        let spec = &self.0.spec.planner;
-        Planner {
-            algorithm: spec.algorithm,
-            iterations: spec.iterations,
-            metric: Metric { yaw_weight: spec.yaw_weight, height: !self.0.environment.is_flat() },
-            map: self.0.environment.size,
-            stop_at: None,
-        }
-    }
-
-    /// How transitions are reused.
-    pub fn reuse(&self) -> Reuse {
-        let spec = &self.0.spec.planner;
-        Reuse { tolerance: spec.reuse_tolerance, variants: spec.variants }
-    }
-
-    /// Names of the genome's parameters, such as `gait1.hip-front.omega1`, in order.
-    pub fn parameter_names(&self) -> Vec<String> {
-        let mut names = Vec::new();
-        for gait in 1..=self.0.spec.gaits.count {
-            for hinge in &self.0.robot.hinges {
-                for parameter in self.controller().parameters() {
-                    names.push(format!("gait{gait}.{}.{}", hinge.name, parameter.name));
-                }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(map)).map(|table| Reference::Inline(Box::new(table)))
             }
         }
-        names
-    }
 
-    /// Whether larger or smaller scores are better.
-    pub fn direction(&self) -> Direction {
-        self.0.direction
-    }
-
-    /// Name and unit of the score, such as ("coverage", "%").
-    pub fn score_label(&self) -> (&'static str, &'static str) {
-        self.0.label
-    }
-
-    /// A fresh optimiser at generation 0.
-    pub fn optimiser(&self) -> Box<dyn Optimiser> {
-        optimise::build(&self.0.spec.optimiser, self.0.bounds.clone(), self.direction(), self.0.spec.seed)
+        deserializer.deserialize_any(Either(PhantomData))
     }
 }
 
-fn resolve_robot(spec: &JobSpec) -> Result<RobotSpec, Invalid> {
-    let mut robot: RobotSpec = match &spec.robot {
-        Reference::Inline(robot) => (**robot).clone(),
-        Reference::Named(name) => toml::from_str(shipped("robot", catalogue::robots(), name)?)?,
-    };
-    if let Some(variant) = &spec.variant {
-        robot = robot.variant(variant)?;
-    }
-    robot.variants.clear();
-    Ok(robot)
-}
-
-fn resolve_environment(reference: &Reference<Environment>) -> Result<Environment, Invalid> {
-    let environment: Environment = match reference {
-        Reference::Inline(environment) => (**environment).clone(),
-        Reference::Named(name) => toml::from_str(shipped("environment", catalogue::environments(), name)?)?,
-    };
-    environment.validate()?;
-    Ok(environment)
-}
-
-fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Result<&'static str, Invalid> {
-    catalogue::find(entries, name).map(|e| e.toml).ok_or_else(|| Invalid::Unknown {
-        field: field.to_owned(),
-        value: name.to_owned(),
-        known: entries.iter().map(|e| e.name.to_owned()).collect(),
-    })
-}
-
-fn validate_gaits(gaits: &GaitsSpec) -> Result<(), Invalid> {
-    let mut faults = Faults::default();
-    faults.take(whole_in_range("gaits.count", gaits.count, (1, limits::MAX_GAITS.into()), ""));
-    faults.take(in_range("gaits.duration", gaits.duration, (0.1, limits::MAX_DURATION), "s"));
-    faults.end()
-}
-
-/// Refuses gaits that end between two steps. `field`: what is wrong if one does.
-fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<(), Invalid> {
-    let steps = gaits.duration * f64::from(steps_per_second);
-    let ticks = gaits.duration / crate::control::TICK;
-    if (steps - libm::round(steps)).abs() > 1e-6 || (ticks - libm::round(ticks)).abs() > 1e-6 {
-        let reason = format!(
-            "{} s is not a whole number of physics steps ({steps_per_second} a second) and of ticks of the target table \
-             (200 a second)",
-            gaits.duration
-        );
-        return Err(Invalid::Conflict { field: field.into(), reason });
-    }
-    Ok(())
-}
-
-/// A job with other physics and without a finish.
-fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Checked, Invalid> {
-    let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
-    Checked::new(JobSpec { physics, finish, ..spec.clone() })
-}
-
-/// A resolved job on the reference setting of its finish.
-fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Checked, Invalid> {
-    with_physics(spec, finish.physics(&spec.physics)).map_err(|fault| unusable_reference(finish, &fault))
-}
-
-/// The refusal of a job that can't be used on its reference setting.
-fn unusable_reference(finish: &Finish, fault: &Invalid) -> Invalid {
-    Invalid::Conflict {
-        field: "finish".into(),
-        reason: format!(
-            "on its reference setting ({} steps a second, {} substeps) the job can't be used: {fault}",
-            finish.steps_per_second, finish.substeps
-        ),
-    }
-}
-
-fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
-    let mut faults = Faults::default();
-    faults.take(whole_in_range("planner.iterations", planner.iterations, (1, limits::MAX_ITERATIONS.into()), ""));
-    faults.take(in_range("planner.yaw_weight", planner.yaw_weight, (0.0, 1000.0), "mu/rad"));
-    faults.take(in_range("planner.reuse_tolerance", planner.reuse_tolerance, (0.0, 1.0), "rad (mu for height)"));
-    faults.take(whole_in_range("planner.variants", planner.variants, (1, limits::MAX_VARIANTS.into()), ""));
-    faults.take(whole_in_range("planner.repeats", planner.repeats, (1, limits::MAX_REPEATS.into()), ""));
-    faults.end()
-}
-
-fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
-    let parameters = controller(gaits.controller).parameters();
-    for (parameter, &(low, high)) in &gaits.bounds {
-        let field = format!("gaits.bounds.{parameter}");
-        if !parameters.iter().any(|p| p.name == parameter) {
-            let known = parameters.iter().map(|p| p.name.to_owned()).collect();
-            return Err(Invalid::Unknown { field: "gaits.bounds".into(), value: parameter.clone(), known });
-        }
-        in_range(format!("{field}[0]"), low, (-1000.0, 1000.0), "")?;
-        in_range(format!("{field}[1]"), high, (-1000.0, 1000.0), "")?;
-        if low > high {
-            let reason = format!(
-                "the lower bound {low} lies above the upper bound {high}; two equal bounds keep the parameter at that value"
-            );
-            return Err(Invalid::Conflict { field, reason });
-        }
-    }
-    let joint: Vec<(f64, f64)> =
-        parameters.iter().map(|p| gaits.bounds.get(p.name).copied().unwrap_or(p.bounds)).collect();
-    if joint.iter().all(|(low, high)| low == high) {
-        let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: give one of \
-                      them two different bounds";
-        return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
-    }
-    let length = joint.len() * joints * gaits.count as usize;
-    whole_in_range("length of the genome", length as u64, (1, limits::MAX_GENOME as u64), "")?;
-    Ok(Bounds(joint.iter().copied().cycle().take(length).collect()))
+fn one() -> u64 {
+    1
 }

@@ -1,12 +1,12 @@
 //! A planner and the table of transitions it is fed from: grows one tree, saying which rollouts it lacks.
 
-use super::{Ask, Place, Planner, RrtMp, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches};
-use crate::environment::Environment;
-use crate::math::{Pose, Vector, about_z};
-use crate::random::Stream;
-use crate::robot::{Robot, State};
-use crate::rollout::{Outcome, canonical};
-use crate::score::Counts;
+use super::{Ask, Planner, RrtMp, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches};
+use crate::base::math::{Pose, Vector, about_z};
+use crate::base::random::Stream;
+use crate::base::score::Counts;
+use crate::model::environment::Environment;
+use crate::model::{Place, Robot, State};
+use crate::physics::{Outcome, canonical};
 
 /// Where trees are grown.
 #[derive(Clone, Copy, Debug)]
@@ -178,7 +178,7 @@ pub(crate) fn standing_at(state: &State, place: &Place) -> State {
 }
 
 /// Whether the robot's bounds come over terrain.
-fn over(robot: &Robot, terrain: &[crate::environment::Block], state: &State) -> bool {
+fn over(robot: &Robot, terrain: &[crate::model::environment::Block], state: &State) -> bool {
     let (low, high) = robot.bounds(state);
     let (x, y) = (f64::from(low.x + high.x) / 2.0, f64::from(low.y + high.y) / 2.0);
     let (w, h) = (f64::from(high.x - low.x) / 2.0, f64::from(high.y - low.y) / 2.0);

@@ -1,19 +1,21 @@
 //! Motion planning with gaits: trees of configurations, grown by running a candidate's gaits.
 
 mod grow;
+mod metric;
 mod nearest;
-mod place;
 mod rrt_mp;
+mod settings;
 mod swept;
 mod transitions;
 mod tree;
 
 pub(crate) use grow::standing_at;
 pub use grow::{Growth, Setting};
+pub use metric::Metric;
 pub use nearest::Nearest;
-pub use place::{Metric, Place, Plane};
 pub use rrt_mp::{Ask, Planner, RrtMp};
-pub(crate) use swept::state_touches;
+pub(crate) use settings::validate_planner;
+pub use settings::{Algorithm, PlannerSpec};
 pub use swept::{Extent, leaves_map, on_terrain, touches};
 pub use transitions::{Reuse, StartId, Transition, TransitionKey, Transitions};
 pub use tree::{Node, Tree};

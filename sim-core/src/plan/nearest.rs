@@ -8,8 +8,9 @@
 //! Why no crate: those of k-d trees and R-trees give Euclidean distances without a circle, leave the order of ties open,
 //! or are built once; and the planner asks after every few places it adds.
 
-use super::{Metric, Place};
-use crate::math::wrap;
+use super::Metric;
+use crate::base::math::wrap;
+use crate::model::Place;
 use std::f64::consts::PI;
 
 /// Places that a leaf holds at most.

@@ -8,9 +8,10 @@
 //! (with q_near included line 9 could never hold), infinitely far if there is none, and siblings added before count. An
 //! iteration that picks a node already expanded counts and adds nothing.
 
-use super::{Metric, Nearest, Place, Tree};
-use crate::job::Algorithm;
-use crate::random::Stream;
+use super::{Metric, Nearest, Tree};
+use crate::base::random::Stream;
+use crate::model::Place;
+use crate::plan::Algorithm;
 use std::f64::consts::PI;
 
 /// How a tree is grown.

@@ -5,13 +5,10 @@
 //! the robot over short spans of time are tested; only where one comes near an obstacle are the robot's own boxes, at
 //! every sample of that span (20 or more a second of motion).
 
-use super::{Place, Plane, Transition};
-use crate::environment::{Block, Environment};
-use crate::math::{Pose, Vector, about_z};
-use crate::robot::{Robot, State};
-use crate::rollout::{Rollout, Span};
-use rapier3d::parry::query::details::{intersection_test_cuboid_cuboid, intersection_test_support_map_support_map};
-use rapier3d::parry::shape::{Capsule, Cuboid};
+use super::Transition;
+use crate::model::environment::{Block, Environment};
+use crate::model::{Place, Plane, Robot, Solid};
+use crate::physics::{Rollout, Span};
 
 /// Room for rounding where something is told to be inside or far off without a closer look, mu.
 const SLACK: f64 = 1e-6;
@@ -109,7 +106,7 @@ pub fn touches(robot: &Robot, obstacles: &[Block], place: &Place, transition: &T
     }
     let frame = place.frame();
     rollout.swept.iter().any(|span| {
-        let nearer: Vec<&Solid<'_>> = near.iter().filter(|solid| solid.is_near(span, &plane)).collect();
+        let nearer: Vec<&Solid<'_>> = near.iter().filter(|solid| is_near(solid.block, span, &plane)).collect();
         !nearer.is_empty()
             && (span.first..=span.last).any(|i| {
                 let poses = robot.body_poses(&rollout.trace.state(i));
@@ -126,52 +123,9 @@ pub fn on_terrain(terrain: &[Block], place: &Place, transition: &Transition) -> 
     near.any(|block| swept.iter().any(|span| footprint(block, &plane, span)))
 }
 
-/// Whether the robot, in this configuration of the frame at `place`, touches a block.
-pub(crate) fn state_touches(robot: &Robot, block: &Block, place: &Place, state: &State) -> bool {
-    Solid::of(block).meets(robot, &place.frame(), &robot.body_poses(state))
-}
-
-/// A block, ready to be met.
-struct Solid<'a> {
-    block: &'a Block,
-    cuboid: Cuboid,
-    pose: Pose,
-}
-
-impl<'a> Solid<'a> {
-    fn of(block: &'a Block) -> Self {
-        let cuboid = Cuboid::new(Vector::new(
-            (block.size[0] / 2.0) as f32,
-            (block.size[1] / 2.0) as f32,
-            ((block.top - block.base) / 2.0) as f32,
-        ));
-        let center =
-            Vector::new(block.center[0] as f32, block.center[1] as f32, ((block.top + block.base) / 2.0) as f32);
-        Self { block, cuboid, pose: Pose::from_parts(center, about_z(block.yaw)) }
-    }
-
-    /// Whether a span's box, laid out, may touch it: a disc around it against the footprint, and heights.
-    fn is_near(&self, span: &Span, plane: &Plane) -> bool {
-        let block = self.block;
-        f64::from(span.low.z) <= block.top && f64::from(span.high.z) >= block.base && footprint(block, plane, span)
-    }
-
-    /// Whether a robot with bodies at these poses of a frame touches it.
-    fn meets(&self, robot: &Robot, frame: &Pose, poses: &[Pose]) -> bool {
-        poses.iter().zip(&robot.bodies).any(|(pose, body)| {
-            let touched = body.boxes.iter().any(|part| {
-                let part_pose = *frame * *pose * part.pose;
-                intersection_test_cuboid_cuboid(&self.pose.inv_mul(&part_pose), &self.cuboid, &Cuboid::new(part.half))
-            });
-            touched || {
-                let pose = self.pose.inv_mul(&(*frame * *pose));
-                body.capsules.iter().any(|part| {
-                    let [a, b] = part.ends;
-                    intersection_test_support_map_support_map(&pose, &self.cuboid, &Capsule::new(a, b, part.radius))
-                })
-            }
-        })
-    }
+/// Whether a span's box, laid out, may touch a block: a disc around it against the footprint, and heights.
+fn is_near(block: &Block, span: &Span, plane: &Plane) -> bool {
+    f64::from(span.low.z) <= block.top && f64::from(span.high.z) >= block.base && footprint(block, plane, span)
 }
 
 fn footprint(block: &Block, plane: &Plane, span: &Span) -> bool {
@@ -191,9 +145,10 @@ fn disc(span: &Span) -> ([f64; 2], f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::random::{Purpose, Stream};
+    use crate::model::state_touches;
+    use crate::physics::{Outcome, Trace};
     use crate::plan::{Reuse, StartId, TransitionKey, Transitions};
-    use crate::random::{Purpose, Stream};
-    use crate::rollout::{Outcome, Trace};
 
     /// A robot drawn along a random way with random joints.
     fn drawn(robot: &Robot, stream: &mut Stream) -> Transition {
@@ -230,7 +185,7 @@ mod tests {
 
     #[test]
     fn boxes_and_discs_never_change_the_answer_of_testing_every_sample() {
-        let robot = crate::catalogue::robots().iter().find(|r| r.name == "lizard").unwrap().toml;
+        let robot = crate::model::catalogue::robots().iter().find(|r| r.name == "lizard").unwrap().toml;
         let robot = Robot::compile(&toml::from_str(robot).unwrap()).unwrap();
         let mut stream = Stream::new(1, Purpose::Sample, 0, 0, 0);
         let (mut left, mut touched, mut covered) = (0, 0, 0);

@@ -13,10 +13,10 @@
 //! node's index, so that transitions come in up to V simulated variants. With at least as many variants as distinct
 //! configurations every node starts from itself: the tree is that of tolerance 0.
 
-use super::{Extent, Place};
-use crate::math::{angle_between, heading};
-use crate::robot::State;
-use crate::rollout::{Outcome, Rollout, canonical};
+use super::Extent;
+use crate::base::math::{angle_between, heading};
+use crate::model::{Place, State};
+use crate::physics::{Outcome, Rollout, canonical};
 
 /// Index of a start in a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -191,9 +191,9 @@ fn mixed(n: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Pose, Rotation, Vector, about, about_z};
+    use crate::base::math::{Pose, Rotation, Vector, about, about_z};
+    use crate::base::random::{Purpose, Stream};
     use crate::plan::grow::laid_out;
-    use crate::random::{Purpose, Stream};
     use std::f32::consts::{FRAC_PI_2, PI};
 
     fn state(x: f32, rotation: Rotation, joint: f32) -> State {
@@ -289,7 +289,7 @@ mod tests {
         let rollout = Rollout {
             end: at(0.03),
             end_speed: 0.0,
-            trace: crate::rollout::Trace::new(2),
+            trace: crate::physics::Trace::new(2),
             swept: Vec::new(),
             outcome: Outcome::Completed,
             simulated_ms: 0,

@@ -1,6 +1,6 @@
 //! The tree of configurations.
 
-use super::Place;
+use crate::model::Place;
 
 /// A configuration that the robot can reach.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,9 +1,9 @@
 //! A job on a worker.
 
 use super::{Hooks, NotRun, ProcedureKind, kinds, preparing};
-use crate::error::Invalid;
-use crate::identity::Digest;
-use crate::job::{Checked, Job, Preparation};
+use crate::base::digest::Digest;
+use crate::base::error::Invalid;
+use crate::problem::{Checked, Job, Preparation};
 use std::sync::{Mutex, PoisonError};
 
 /// A job on a worker: its text read and checked once, which is cheap; prepared once from the bytes that its rounds share.
@@ -23,6 +23,11 @@ impl Bench {
     /// That of a job that is checked.
     pub fn of(problem: Checked) -> Self {
         let kind = kinds::of(&problem);
+        Self::of_kind(kind, problem)
+    }
+
+    /// That of a job that is checked, with a procedure of another kind than its own.
+    pub fn of_kind(kind: &'static dyn ProcedureKind, problem: Checked) -> Self {
         Self { problem, kind, prepared: Mutex::new(None) }
     }
 

@@ -1,7 +1,7 @@
 //! The registry of procedures: one line each.
 
 use super::{ProcedureKind, evolve};
-use crate::job::Checked;
+use crate::problem::Checked;
 
 /// All kinds of procedures; the first is that of a job that names none.
 pub static KINDS: &[&dyn ProcedureKind] = &[&evolve::Kind];

@@ -12,12 +12,12 @@ pub mod evolve;
 pub mod kinds;
 pub mod preparing;
 
-pub use crate::optimise::REVISION;
+pub use crate::search::REVISION;
 pub use bench::Bench;
 
-use crate::error::Invalid;
-use crate::identity::Digest;
-use crate::job::{Checked, Job};
+use crate::base::digest::Digest;
+use crate::base::error::Invalid;
+use crate::problem::{Checked, Job};
 use preparing::Preparing;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -222,7 +222,7 @@ pub trait ProcedureKind: Sync {
 
 /// A job's procedure before its first round. Nothing is simulated.
 pub fn start(problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
-    Ok(Box::new(Preparing::start(kinds::of(problem), problem)?))
+    start_as(kinds::of(problem), problem)
 }
 
 /// The name of a job's procedure, such as "evolve".
@@ -232,5 +232,15 @@ pub fn name(problem: &Checked) -> &'static str {
 
 /// A job's procedure as it was saved.
 pub fn load(problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
-    Ok(Box::new(Preparing::load(kinds::of(problem), problem, saved)?))
+    load_as(kinds::of(problem), problem, saved)
+}
+
+/// Does what [`start`] does, with a procedure of another kind than the job's own.
+pub fn start_as(kind: &dyn ProcedureKind, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
+    Ok(Box::new(Preparing::start(kind, problem)?))
+}
+
+/// Does what [`load`] does, with a procedure of another kind than the job's own.
+pub fn load_as(kind: &dyn ProcedureKind, problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
+    Ok(Box::new(Preparing::load(kind, problem, saved)?))
 }

@@ -1,10 +1,10 @@
 //! Round 0 of every job: a worker settles the robot. What it found is shared by all tasks of later rounds.
 
 use super::{BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Refused, Rejected, Round, Step, Told};
-use crate::encoding::{self, Bytes};
-use crate::error::Invalid;
-use crate::job::{Checked, Preparation, Unprepared};
-use crate::limits::MAX_REFUSAL;
+use crate::base::encoding::{self, Bytes};
+use crate::base::error::Invalid;
+use crate::base::limits::MAX_REFUSAL;
+use crate::problem::{Checked, Preparation, Unprepared};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

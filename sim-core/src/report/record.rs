@@ -1,15 +1,15 @@
 //! The winner's gaits, tree and best path, written down.
 
 use super::{GaitTrace, NodeRecord, PathMode, PathTrace, TraceSample, TreeRecord};
-use crate::control::Targets;
-use crate::environment::Block;
+use crate::base::math::heading;
+use crate::base::score::Counts;
 use crate::evaluate::Trial;
-use crate::job::Job;
-use crate::math::heading;
-use crate::plan::{Place, standing_at};
-use crate::robot::State;
-use crate::rollout::{Outcome, Request, Rollout};
-use crate::score::{Counts, Scored};
+use crate::model::environment::Block;
+use crate::model::{Place, State};
+use crate::physics::{Outcome, Request, Rollout, Targets};
+use crate::plan::standing_at;
+use crate::problem::Job;
+use crate::search::Scored;
 
 /// Seconds between two points of a recorded way, unless there are too many of them.
 const WAY_STEP: f32 = 1.0;
@@ -137,7 +137,7 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
 /// terrain in the map itself. Returns the start, the terrain and the frame of the rollout.
 fn from_place<'a>(job: &'a Job, state: &State, place: &Place) -> (State, &'a [Block], Place) {
     if job.environment().is_flat() {
-        (crate::rollout::canonical(state.clone()), &[], *place)
+        (crate::physics::canonical(state.clone()), &[], *place)
     } else {
         (standing_at(state, place), &job.environment().terrain, Place::ORIGIN)
     }
@@ -177,7 +177,7 @@ fn laid_out_in(frame: &Place, state: &State) -> State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::limits::{MAX_DURATION, MAX_ITERATIONS};
+    use crate::base::limits::{MAX_DURATION, MAX_ITERATIONS};
 
     #[test]
     fn ways_have_a_point_a_second_unless_all_of_them_would_have_too_many() {

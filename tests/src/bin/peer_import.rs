@@ -2,9 +2,9 @@
 //! line, and prints a line of JSON for each: the robot, or why it is refused.
 
 use serde::Serialize;
-use sim_core::error::Invalid;
-use sim_core::robot::exchange;
-use sim_core::robot::{Robot, RobotSpec};
+use sim_core::base::error::Invalid;
+use sim_core::exchange;
+use sim_core::model::{Robot, RobotSpec};
 use std::io::BufRead;
 
 #[derive(Serialize)]

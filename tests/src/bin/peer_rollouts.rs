@@ -5,17 +5,16 @@
 
 use clap::Parser;
 use serde::Serialize;
-use sim_core::catalogue;
-use sim_core::control::{TICK, Targets, controller};
-use sim_core::job::{ControllerKind, EngineKind, Scale};
-use sim_core::math::heading;
-use sim_core::measure::soundness::random_robot;
-use sim_core::random::{Purpose, Stream};
-use sim_core::robot::exchange::Format;
-use sim_core::robot::{Robot, RobotSpec, State};
-use sim_core::rollout::{Outcome, Physics, Request, engine, settle};
+use sim_core::base::math::heading;
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::control::{ControllerKind, controller};
+use sim_core::engines::engine;
+use sim_core::exchange::Format;
+use sim_core::model::{Robot, RobotSpec, State, catalogue};
+use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, TICK, Targets, settle};
 use std::collections::BTreeMap;
 use std::time::Instant;
+use study::soundness::random_robot;
 
 #[derive(Parser)]
 struct Arguments {
@@ -234,7 +233,7 @@ fn rows(targets: &Targets) -> Vec<Vec<f32>> {
     (0..Targets::ticks(targets.duration())).map(row).collect()
 }
 
-fn facts(body: &sim_core::robot::Body) -> BodyFacts {
+fn facts(body: &sim_core::model::Body) -> BodyFacts {
     BodyFacts {
         name: body.name.clone(),
         mass: body.mass,

@@ -5,11 +5,12 @@
 
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
-use sim_core::job::{EngineChoice, Job, JobSpec, Reference, Scale};
-use sim_core::random::{Purpose, Stream};
-use sim_core::robot::exchange::Format;
-use sim_core::robot::{BodySpec, BoxSpec, HingeSpec, PoseSpec, Robot, RobotSpec};
-use sim_core::rollout::Physics;
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::exchange::Format;
+use sim_core::job::{JobSpec, Reference};
+use sim_core::model::{BodySpec, BoxSpec, HingeSpec, PoseSpec, Robot, RobotSpec};
+use sim_core::physics::{EngineChoice, Physics, Scale};
+use sim_core::problem::Job;
 use std::collections::BTreeMap;
 
 /// The same robot is looked at in these, about z.

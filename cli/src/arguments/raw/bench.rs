@@ -8,7 +8,7 @@ use super::number::{duration, seed, tolerance, whole};
 use super::{JobFile, RobotScale};
 use crate::setting::Setting;
 use clap::{Args, Subcommand, ValueEnum};
-use sim_core::limits::{MAX_REPEATS, MAX_VARIANTS};
+use sim_core::base::limits::{MAX_REPEATS, MAX_VARIANTS};
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]

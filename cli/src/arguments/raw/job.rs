@@ -3,7 +3,7 @@
 use super::number::{length, seed, whole};
 use super::{OnCoordinator, Shown};
 use clap::{Args, Subcommand};
-use sim_core::job::Scale;
+use sim_core::physics::Scale;
 use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
@@ -84,7 +84,7 @@ pub enum Question {
     Traces,
 }
 
-impl From<Question> for sim_core::finish::Question {
+impl From<Question> for sim_core::procedure::evolve::finish::Question {
     fn from(raw: Question) -> Self {
         match raw {
             Question::Fresh => Self::Fresh,

@@ -11,7 +11,7 @@ pub fn whole(allowed: RangeInclusive<u32>) -> impl Fn(&str) -> Result<u32, Strin
 
 /// Seeds are those of jobs.
 pub fn seed() -> impl Fn(&str) -> Result<u64, String> + Clone + Send + Sync {
-    among(0..=sim_core::limits::MAX_SEED)
+    among(0..=sim_core::base::limits::MAX_SEED)
 }
 
 fn among<T>(allowed: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync
@@ -27,9 +27,9 @@ where
 /// How long a gait lasts, s.
 pub fn duration(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "it is not a number of seconds".to_owned())?;
-    let ticks = seconds / sim_core::control::TICK;
-    if !(0.1..=sim_core::limits::MAX_DURATION).contains(&seconds) {
-        Err(format!("allowed is 0.1 to {} s", sim_core::limits::MAX_DURATION))
+    let ticks = seconds / sim_core::physics::TICK;
+    if !(0.1..=sim_core::base::limits::MAX_DURATION).contains(&seconds) {
+        Err(format!("allowed is 0.1 to {} s", sim_core::base::limits::MAX_DURATION))
     } else if (ticks - ticks.round()).abs() > 1e-6 {
         Err("it must be a multiple of 0.005 s".to_owned())
     } else {

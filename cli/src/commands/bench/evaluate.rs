@@ -9,8 +9,8 @@ use crate::load;
 use crate::progress::Pieces;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::identity::Digest;
-use sim_core::score::Counts;
+use sim_core::base::digest::Digest;
+use sim_core::base::score::Counts;
 use std::time::Duration;
 
 #[derive(Serialize)]

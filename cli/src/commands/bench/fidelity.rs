@@ -16,18 +16,17 @@ use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use crate::setting::Setting;
-use sim_core::control::Targets;
-use sim_core::environment::Environment;
-use sim_core::job::{EngineKind, Job, Scale};
-use sim_core::measure::fidelity::{arrival, compare, disturbed};
-use sim_core::plan::Place;
-use sim_core::robot::State;
-use sim_core::rollout::{Engine, Physics, Request, Rollout, engine};
-use sim_core::score::Genome;
+use sim_core::engines::engine;
+use sim_core::genotype::Genome;
+use sim_core::model::environment::Environment;
+use sim_core::model::{Place, State};
+use sim_core::physics::{Engine, EngineKind, Physics, Request, Rollout, Scale, Targets};
+use sim_core::problem::Job;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use study::fidelity::{arrival, compare, disturbed};
 use view::{Against, Ceiling, Halved, Row, Set, View};
 
 /// Files of the output folder.

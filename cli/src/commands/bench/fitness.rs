@@ -15,13 +15,15 @@ use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use crate::setting::Setting;
-use sim_core::job::{EngineKind, Job, JobSpec, Reference};
-use sim_core::measure::fitness::{Measured, compare, measure};
-use sim_core::measure::genomes::of_all_ages;
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
+use sim_core::job::{JobSpec, Reference};
+use sim_core::physics::EngineKind;
+use sim_core::problem::Job;
 use std::fs;
 use std::ops::Range;
 use std::path::Path;
+use study::fitness::{Measured, compare, measure};
+use study::genomes::of_all_ages;
 use view::{Entry, Finalist, Row, View};
 
 /// Files of the output folder.
@@ -154,7 +156,7 @@ fn stored(runs: &[Stored], count: usize) -> Result<Vec<Subject>, Error> {
         let of_this = count / runs.len() + usize::from(i < count % runs.len());
         if of_this > 0 {
             let samples = of_all_ages(&genomes::stored(&run.folder)?, of_this).into_iter();
-            let subject = |s: sim_core::measure::genomes::Sample| Subject {
+            let subject = |s: study::genomes::Sample| Subject {
                 genome: s.genome,
                 generation: s.generation,
                 run: Some(i),

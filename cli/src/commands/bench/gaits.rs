@@ -1,11 +1,11 @@
 //! Gaits to measure with.
 
 use crate::progress::Pieces;
-use sim_core::control::Targets;
+use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::evaluate;
-use sim_core::job::Job;
-use sim_core::random::{Purpose, Stream};
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
+use sim_core::physics::Targets;
+use sim_core::problem::Job;
 
 /// `n` gaits, uniform in the controller's bounds.
 pub fn random(job: &Job, n: u32, seed: u64) -> Vec<Genome> {

@@ -7,12 +7,12 @@ use crate::output::{STORE, Stored};
 use crate::progress::Pieces;
 use coordinator::{StoreError, StoreUrl, store};
 use sim_core::evaluate::evaluate;
-use sim_core::job::Job;
-use sim_core::measure::genomes::{evolution, scores, searched};
+use sim_core::genotype::Genome;
+use sim_core::problem::Job;
 use sim_core::procedure::evolve::TaskResult;
-use sim_core::score::Genome;
 use std::io;
 use std::path::Path;
+use study::genomes::{evolution, scores, searched};
 
 /// Smallest population that evolves.
 pub const LEAST_POPULATION: u32 = 4;

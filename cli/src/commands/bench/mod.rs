@@ -16,14 +16,14 @@ mod subject;
 use crate::arguments::Bench;
 use crate::clock::{Spent, timed};
 use crate::error::Error;
-use sim_core::environment::Block;
-use sim_core::measure::statistics::{Estimate, bootstrap};
-use sim_core::random::{Purpose, Stream};
-use sim_core::robot::Robot;
-use sim_core::rollout::{Engine, Physics, Request, Rollout};
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::model::Robot;
+use sim_core::model::environment::Block;
+use sim_core::physics::{Engine, Physics, Request, Rollout};
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use study::statistics::{Estimate, bootstrap};
 
 /// Least gaits that an engine with lanes gets at once: speeds of fewer say little.
 const BATCH: usize = 64;

@@ -8,11 +8,11 @@ use crate::error::Error;
 use crate::load;
 use crate::progress::Pieces;
 use serde::Serialize;
+use sim_core::base::digest::Digest;
+use sim_core::base::random::Stream;
 use sim_core::evaluate::{Trial, grow, search_streams};
-use sim_core::identity::Digest;
-use sim_core::job::Job;
 use sim_core::plan::{Growth, Planner, Transitions};
-use sim_core::random::Stream;
+use sim_core::problem::Job;
 
 /// A tree is grown again and again until this much CPU time has passed, s.
 const ENOUGH: f64 = 0.2;
@@ -126,7 +126,7 @@ fn fresh(job: &Job, stream: &Stream, iterations: u32) -> Growth {
 /// Without reuse there is no end of transitions: then trees are grown with what reuse takes by default.
 fn tolerance(job: &Job) -> f64 {
     match job.spec().planner.reuse_tolerance {
-        0.0 => sim_core::job::PlannerSpec::default().reuse_tolerance,
+        0.0 => sim_core::plan::PlannerSpec::default().reuse_tolerance,
         given => given,
     }
 }

@@ -12,12 +12,13 @@ use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use serde::Serialize;
-use sim_core::job::{Job, Reference};
-use sim_core::measure::genomes::{Sample, first_and_last};
-use sim_core::measure::reuse::{Column, Measured, Row, Study, measure, rows};
-use sim_core::score::Genome;
+use sim_core::genotype::Genome;
+use sim_core::job::Reference;
+use sim_core::problem::Job;
 use std::fs;
 use std::path::Path;
+use study::genomes::{Sample, first_and_last};
+use study::reuse::{Column, Measured, Row, Study, measure, rows};
 
 /// What was found.
 #[derive(Debug, Serialize)]

@@ -9,9 +9,9 @@ use crate::error::Error;
 use crate::progress::Pieces;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::job::EngineKind;
-use sim_core::measure::statistics::Estimate;
-use sim_core::rollout::{Engine, Outcome, Physics, Request, engine};
+use sim_core::engines::engine;
+use sim_core::physics::{Engine, EngineKind, Outcome, Physics, Request};
+use study::statistics::Estimate;
 
 #[derive(Serialize)]
 struct View {

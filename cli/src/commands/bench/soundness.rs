@@ -9,9 +9,9 @@ use crate::error::Error;
 use crate::progress::Pieces;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::job::Scale;
-use sim_core::measure::soundness::{Soundness, of_robot};
-use sim_core::rollout::{Physics, engine};
+use sim_core::engines::engine;
+use sim_core::physics::{Physics, Scale};
+use study::soundness::{Soundness, of_robot};
 
 /// Rollouts of a robot.
 const EACH: u32 = 64;

@@ -6,9 +6,10 @@ use crate::error::Error;
 use crate::load;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::environment::Environment;
-use sim_core::job::{EngineKind, Job, JobSpec, Reference};
-use sim_core::lockstep;
+use sim_core::job::{JobSpec, Reference};
+use sim_core::model::environment::Environment;
+use sim_core::physics::{EngineKind, lockstep};
+use sim_core::problem::Job;
 
 /// Everything that a job needs and a subject does not say: the evolution that `fidelity` takes its gaits from.
 const FRAME: &str = r#"

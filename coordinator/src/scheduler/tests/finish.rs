@@ -11,7 +11,7 @@ fn the_published_winner_is_the_archives_best_on_the_reference() {
 
     let (record, report) = (rig.stored(&job), rig.report(&job));
     assert_eq!(record.best.as_ref(), Some(&report.best));
-    let reference = |s: &Scored| sim_core::score::mean(&answer(&Examination::new(Question::Reference, s)).scores);
+    let reference = |s: &Scored| sim_core::base::score::mean(&answer(&Examination::new(Question::Reference, s)).scores);
     let means: Vec<_> = report.archive.iter().map(|a| reference(&a.candidate)).collect();
     assert_eq!(means.len(), 4);
     assert!(means.is_sorted_by(|a, b| !Direction::Maximise.better(*b, *a)), "ranked: {means:?}");

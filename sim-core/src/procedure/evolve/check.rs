@@ -1,11 +1,11 @@
 //! What a task's result must be before anything is stored of it.
 
 use super::task::{Task, TaskResult};
-use crate::encoding::Unreadable;
-use crate::finish::Question;
-use crate::job::{Checked, FitnessSpec};
+use crate::base::encoding::Unreadable;
+use crate::base::score::Counts;
+use crate::problem::Checked;
+use crate::procedure::evolve::finish::Question;
 use crate::report::{GaitTrace, PathMode, PathTrace, Traces, TreeRecord};
-use crate::score::Counts;
 
 /// Longest text that says why a gait was unstable, in bytes.
 const MAX_UNSTABLE: usize = 1024;
@@ -123,10 +123,7 @@ pub(super) fn scores_of(job: &Checked, question: Question) -> usize {
 
 /// Refuses scores that the job's fitness can't give, NaN and infinities among them.
 pub(super) fn in_range(job: &Checked, score: Option<f64>) -> Result<(), Fault> {
-    let (min, max) = match job.spec().fitness {
-        FitnessSpec::Coverage { .. } => (0.0, 100.0),
-        FitnessSpec::Distance => (0.0, f64::MAX),
-    };
+    let (min, max) = job.score_range();
     match score {
         Some(score) if !(min..=max).contains(&score) => Err(Fault::Score { score, min, max }),
         _ => Ok(()),

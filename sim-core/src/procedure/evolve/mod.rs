@@ -1,9 +1,11 @@
 //! Evolution: generation after generation is scored; then the archive is examined, the winner chosen and reported.
 //!
 //! Rounds are the search's generations; one of *finishing*, if the job has a reference setting; one of *reporting*. See
-//! [`crate::finish`] for the examinations of the last two.
+//! [`crate::procedure::evolve::finish`] for the examinations of the last two.
 
 mod check;
+pub mod finish;
+pub mod report;
 mod state;
 mod statistics;
 pub mod task;
@@ -15,15 +17,17 @@ pub use task::{Task, TaskResult};
 use super::{
     Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told, Value,
 };
-use crate::encoding::Unreadable;
-use crate::error::Invalid;
-use crate::finish::{Done, Examination, Found, Plan, total};
-use crate::job::{Checked, Job};
-use crate::limits::MAX_ASSIGNMENT_GENOMES;
-use crate::optimise::Optimiser;
-use crate::optimise::archive::Archive;
-use crate::report::{Traces, report};
-use crate::score::{Counts, Genome, Scored};
+use crate::base::encoding::Unreadable;
+use crate::base::error::Invalid;
+use crate::base::limits::MAX_ASSIGNMENT_GENOMES;
+use crate::base::score::Counts;
+use crate::genotype::Genome;
+use crate::problem::{Checked, Job};
+use crate::procedure::evolve::finish::{Done, Examination, Found, Plan, total};
+use crate::procedure::evolve::report::report;
+use crate::report::Traces;
+use crate::search::archive::Archive;
+use crate::search::{Optimiser, Scored};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

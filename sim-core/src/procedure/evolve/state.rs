@@ -1,11 +1,12 @@
 //! An evolution between two rounds, as it is stored.
 
 use super::{Evolve, Examined, check};
-use crate::encoding::{self, Bytes};
-use crate::job::Checked;
-use crate::optimise::archive::{Archive, MAX_BESTS};
+use crate::base::encoding::{self, Bytes};
+use crate::base::score::Counts;
+use crate::problem::Checked;
 use crate::procedure::{BadState, Procedure as _};
-use crate::score::{Counts, Scored};
+use crate::search::Scored;
+use crate::search::archive::{Archive, MAX_BESTS};
 use serde::{Deserialize, Serialize};
 
 /// First byte of a stored state.

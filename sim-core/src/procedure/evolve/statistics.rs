@@ -1,7 +1,7 @@
 //! The distribution of a generation's scores in seven numbers.
 
+use crate::base::score::Counts;
 use crate::procedure::{Row, Value};
-use crate::score::Counts;
 
 /// The series of the rows.
 pub(super) const SERIES: &str = "generations";

@@ -1,9 +1,10 @@
 //! Tasks of an evolution and their results, as bytes.
 
-use crate::encoding::{self, Unreadable};
-use crate::finish::Examination;
+use crate::base::encoding::{self, Unreadable};
+use crate::base::score::Counts;
+use crate::genotype::Genome;
+use crate::procedure::evolve::finish::Examination;
 use crate::report::Traces;
-use crate::score::{Counts, Genome};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -2,10 +2,10 @@
 
 use super::task::{Task, TaskResult};
 use crate::evaluate::{Stopped, evaluate};
-use crate::finish::{Answer, Examination, examine};
-use crate::job::Job;
+use crate::genotype::Genome;
+use crate::problem::Job;
+use crate::procedure::evolve::finish::{Answer, Examination, examine};
 use crate::procedure::{Hooks, NotRun};
-use crate::score::Genome;
 use std::collections::BTreeMap;
 
 impl From<Stopped> for NotRun {
@@ -14,17 +14,28 @@ impl From<Stopped> for NotRun {
     }
 }
 
+/// Candidates of one generation.
+#[derive(Default)]
+struct Batch {
+    /// Each one's place among the tasks.
+    places: Vec<usize>,
+    /// Index in the generation, and genome.
+    candidates: Vec<(u32, Genome)>,
+}
+
 /// Carries tasks out: all evaluations of a generation in one batch, so that they fill an engine's lanes together.
 pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
     let stop = || hooks.stop();
-    let mut generations: BTreeMap<u32, Vec<(usize, (u32, Genome))>> = BTreeMap::new();
+    let mut generations: BTreeMap<u32, Batch> = BTreeMap::new();
     let mut examinations = Vec::new();
     for (place, (index, bytes)) in tasks.iter().enumerate() {
         let task = Task::decode(bytes).map_err(|e| NotRun::Task(format!("task {index}: {e}")))?;
         match task {
             Task::Evaluate { generation, candidate, genome } => {
                 fits(job, *index, &genome)?;
-                generations.entry(generation).or_default().push((place, (candidate, genome)));
+                let batch = generations.entry(generation).or_default();
+                batch.places.push(place);
+                batch.candidates.push((candidate, genome));
             }
             Task::Examine(examination) => {
                 fits(job, *index, &examination.candidate.genome)?;
@@ -33,8 +44,7 @@ pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Res
         }
     }
     let mut results: Vec<Vec<u8>> = vec![Vec::new(); tasks.len()];
-    for (generation, candidates) in generations {
-        let (places, candidates): (Vec<usize>, Vec<(u32, Genome)>) = candidates.into_iter().unzip();
+    for (generation, Batch { places, candidates }) in generations {
         for (place, evaluation) in places.into_iter().zip(evaluate(job, generation, &candidates, &stop)?) {
             let (score, counts) = (evaluation.score, evaluation.counts);
             let result = TaskResult::Evaluated { genotype: None, score, descriptors: Vec::new(), counts };

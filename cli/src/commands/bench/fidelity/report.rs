@@ -3,7 +3,7 @@
 use super::view::{Against, Set, View};
 use crate::console::table;
 use crate::draw::{self, FrontierPoint, FrontierSet, Picture};
-use sim_core::measure::statistics::Estimate;
+use study::statistics::Estimate;
 
 const HEAD: [&str; 9] = [
     "setting",

@@ -3,8 +3,8 @@
 use super::super::subject::Machine;
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::measure::fidelity::Fidelity;
-use sim_core::measure::statistics::Estimate;
+use study::fidelity::Fidelity;
+use study::statistics::Estimate;
 
 #[derive(Serialize)]
 pub struct View {

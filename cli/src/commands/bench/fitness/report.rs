@@ -4,7 +4,7 @@ use super::ratio;
 use super::view::{Finalist, Row, View};
 use crate::console::table;
 use crate::draw::{self, Picture, ScatterSet};
-use sim_core::measure::statistics::Estimate;
+use study::statistics::Estimate;
 
 const HEAD: [&str; 8] = [
     "setting",

@@ -2,8 +2,8 @@
 
 use crate::setting::Setting;
 use serde::Serialize;
-use sim_core::measure::fitness::Agreement;
-use sim_core::measure::statistics::Estimate;
+use study::fitness::Agreement;
+use study::statistics::Estimate;
 
 #[derive(Serialize)]
 pub struct View {

@@ -15,8 +15,9 @@ use proto::v1::worker_service_client::WorkerServiceClient;
 use proto::v1::{
     Assign, CompleteRequest, Heartbeat, Hello, Reject, Results, WorkerMessage, coordinator_message, worker_message,
 };
+use sim_core::base::score::Counts;
+use sim_core::genotype::Genome;
 use sim_core::procedure::evolve::{Task, TaskResult};
-use sim_core::score::{Counts, Genome};
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;

@@ -13,8 +13,10 @@ use crate::error::Error;
 use crate::values::Generation;
 use proto::v1;
 use serde::Serialize;
-use sim_core::job::{Checked, EngineChoice, JobSpec, Unprepared};
-use sim_core::measure::statistics::{median, quantile};
+use sim_core::base::statistics::{median, quantile};
+use sim_core::job::JobSpec;
+use sim_core::physics::EngineChoice;
+use sim_core::problem::{Checked, Unprepared};
 use sim_core::procedure::preparing::Outcome;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -150,7 +152,7 @@ pub async fn measure(
         fails: args.fail,
         lifetime: args.lifetime(),
         seed: job.spec().seed,
-        engines: sim_core::engine_digests().iter().map(|(_, digest)| digest.0.to_vec()).collect(),
+        engines: sim_core::engines::engine_digests().iter().map(|(_, digest)| digest.0.to_vec()).collect(),
         engine: engine.0.to_vec(),
         prepared: prepared.to_vec(),
     });
@@ -268,7 +270,7 @@ fn variant(job: &Checked, population: u32, number: u32) -> Result<Checked, Error
     let mut spec: JobSpec = job.spec().clone();
     spec.seed = spec.seed.wrapping_add(number.into()) & i64::MAX as u64;
     spec.physics.engine = EngineChoice::Rapier;
-    let generations = sim_core::limits::MAX_GENERATIONS;
+    let generations = sim_core::base::limits::MAX_GENERATIONS;
     let swarm = format!("kind = \"pso\"\nparticles = {population}\ngenerations = {generations}");
     spec.optimiser = toml::from_str(&swarm).map_err(|e: toml::de::Error| refused(e.into()))?;
     Checked::new(spec).map_err(refused)
@@ -287,7 +289,7 @@ mod tests {
         assert_eq!((a.spec().seed, b.spec().seed), (5, 6));
         assert_ne!(a.digest(), b.digest());
         assert_eq!((a.spec().optimiser.population(), a.candidates_at_once()), (7, 1));
-        assert_eq!(a.spec().optimiser.generations(), sim_core::limits::MAX_GENERATIONS);
+        assert_eq!(a.spec().optimiser.generations(), sim_core::base::limits::MAX_GENERATIONS);
         let same = JobSpec { seed: 5, ..b.spec().clone() };
         assert_eq!(Checked::new(same).unwrap().digest(), a.digest());
     }

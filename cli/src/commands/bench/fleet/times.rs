@@ -1,7 +1,7 @@
 //! How long evaluations and workers last. All of it is drawn, and follows from seeds alone: whoever evaluates a candidate,
 //! whenever and however often, takes the same time for it.
 
-use sim_core::random::{Purpose, Stream};
+use sim_core::base::random::{Purpose, Stream};
 use std::time::Duration;
 
 /// Log-normal times of evaluations: rapier's spread so, since some robots fall over early and others rub all the way.
@@ -35,7 +35,7 @@ pub fn lifetime(mean: Duration, seed: u64, worker: u32, life: u32) -> Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_core::measure::statistics::median;
+    use sim_core::base::statistics::median;
 
     #[test]
     fn times_are_log_normal_and_the_same_for_whoever_asks() {

@@ -3,8 +3,8 @@
 use super::{Found, View};
 use crate::console::table;
 use crate::draw::{self, Picture, ScatterSet};
-use sim_core::measure::reuse::Row;
-use sim_core::measure::statistics::Estimate;
+use study::reuse::Row;
+use study::statistics::Estimate;
 
 const HEAD: [&str; 9] = [
     "scored with",

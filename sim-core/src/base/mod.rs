@@ -1,0 +1,12 @@
+//! Foundations: maths, random streams, digests, limits, errors, and numbers that every folder shares.
+
+pub mod digest;
+pub mod encoding;
+pub mod error;
+pub mod limits;
+pub mod math;
+pub mod random;
+pub mod score;
+pub(crate) mod simd;
+pub mod statistics;
+pub mod toml_file;

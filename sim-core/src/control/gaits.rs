@@ -1,0 +1,83 @@
+//! The `[gaits]` table of a job.
+
+use super::{ControllerKind, controller};
+use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
+use crate::base::limits;
+use crate::genotype::Bounds;
+use crate::physics::TICK;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The `[gaits]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaitsSpec {
+    /// k, the number of gaits of a candidate.
+    pub count: u32,
+    /// τ, how long each is applied, s.
+    #[serde(default = "paper_duration")]
+    pub duration: f64,
+    /// What generates the joint targets.
+    #[serde(default)]
+    pub controller: ControllerKind,
+    /// Bounds of parameters that differ from the controller's own, by the parameter's name: `mu = [0.3, 1.3]`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bounds: BTreeMap<String, (f64, f64)>,
+}
+
+fn paper_duration() -> f64 {
+    30.0
+}
+
+/// Refuses counts and durations out of range.
+pub(crate) fn validate_gaits(gaits: &GaitsSpec) -> Result<(), Invalid> {
+    let mut faults = Faults::default();
+    faults.take(whole_in_range("gaits.count", gaits.count, (1, limits::MAX_GAITS.into()), ""));
+    faults.take(in_range("gaits.duration", gaits.duration, (0.1, limits::MAX_DURATION), "s"));
+    faults.end()
+}
+
+/// Refuses gaits that end between two steps. `field`: what is wrong if one does.
+pub(crate) fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<(), Invalid> {
+    let steps = gaits.duration * f64::from(steps_per_second);
+    let ticks = gaits.duration / TICK;
+    if (steps - libm::round(steps)).abs() > 1e-6 || (ticks - libm::round(ticks)).abs() > 1e-6 {
+        let reason = format!(
+            "{} s is not a whole number of physics steps ({steps_per_second} a second) and of ticks of the target table \
+             (200 a second)",
+            gaits.duration
+        );
+        return Err(Invalid::Conflict { field: field.into(), reason });
+    }
+    Ok(())
+}
+
+/// The box of genomes: the bounds of every parameter of every joint and gait.
+pub(crate) fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
+    let parameters = controller(gaits.controller).parameters();
+    for (parameter, &(low, high)) in &gaits.bounds {
+        let field = format!("gaits.bounds.{parameter}");
+        if !parameters.iter().any(|p| p.name == parameter) {
+            let known = parameters.iter().map(|p| p.name.to_owned()).collect();
+            return Err(Invalid::Unknown { field: "gaits.bounds".into(), value: parameter.clone(), known });
+        }
+        in_range(format!("{field}[0]"), low, (-1000.0, 1000.0), "")?;
+        in_range(format!("{field}[1]"), high, (-1000.0, 1000.0), "")?;
+        if low > high {
+            let reason = format!(
+                "the lower bound {low} lies above the upper bound {high}; two equal bounds keep the parameter at that value"
+            );
+            return Err(Invalid::Conflict { field, reason });
+        }
+    }
+    let joint: Vec<(f64, f64)> =
+        parameters.iter().map(|p| gaits.bounds.get(p.name).copied().unwrap_or(p.bounds)).collect();
+    if joint.iter().all(|(low, high)| low == high) {
+        let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: give one of \
+                      them two different bounds";
+        return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
+    }
+    let length = joint.len() * joints * gaits.count as usize;
+    whole_in_range("length of the genome", length as u64, (1, limits::MAX_GENOME as u64), "")?;
+    Ok(Bounds(joint.iter().copied().cycle().take(length).collect()))
+}

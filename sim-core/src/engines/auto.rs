@@ -1,0 +1,278 @@
+//! Which engine a job runs on.
+
+use crate::base::error::Invalid;
+use crate::engines::known::{Known, Row};
+use crate::model::Robot;
+use crate::model::environment::Environment;
+use crate::physics::lockstep::{self, Unsupported};
+use crate::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec};
+use std::fmt;
+
+/// The engine that a job runs on, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chosen {
+    /// The engine.
+    pub engine: EngineKind,
+    /// Why this one.
+    pub why: Why,
+}
+
+/// Why a job runs on its engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// The job says so; a job that was resolved before always does.
+    Asked,
+    /// Lockstep's fidelity on this robot is in the table that ships, and stands in so many steps a second and substeps.
+    Measured((u32, u32)),
+    /// There is terrain: of stairs lockstep's fidelity is not in the table that ships, other terrain it does not know.
+    Terrain,
+    /// The robot has capsules.
+    Capsules,
+    /// The job asks for multibody joints.
+    Multibody,
+    /// Gravity, friction, motors or steps are not the scale's own.
+    OtherPhysics,
+    /// The table does not know the robot.
+    Unmeasured,
+    /// The table knows that lockstep is not good enough for it.
+    Inexact,
+}
+
+impl fmt::Display for Chosen {
+    /// Such as "auto: rapier, since there is terrain".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let why = match self.why {
+            Why::Asked => return self.engine.fmt(f),
+            Why::Measured(_) => "whose fidelity on this robot is measured",
+            Why::Terrain => "since there is terrain",
+            Why::Capsules => "since the robot has capsules",
+            Why::Multibody => "since joints are multibody",
+            Why::OtherPhysics => "since the physics is not the scale's own",
+            Why::Unmeasured => "since lockstep's fidelity on this robot is not measured",
+            Why::Inexact => "since lockstep's fidelity on this robot falls short",
+        };
+        write!(f, "auto: {}, {why}", self.engine)
+    }
+}
+
+/// Settles on the engine that a job asks for, or chooses one by what is known. Refuses the lockstep engine where it does
+/// not serve.
+pub(crate) fn choose(
+    spec: &PhysicsSpec,
+    robot: &Robot,
+    environment: &Environment,
+    known: &Known,
+) -> Result<Chosen, Invalid> {
+    let obstacle = obstacle(spec, robot, environment);
+    let asked = |engine| Chosen { engine, why: Why::Asked };
+    match (spec.engine, obstacle) {
+        (EngineChoice::Rapier, _) => Ok(asked(EngineKind::Rapier)),
+        (EngineChoice::Lockstep, None) => Ok(asked(EngineKind::Lockstep)),
+        (EngineChoice::Lockstep, Some((_, reason))) => Err(Invalid::Conflict {
+            field: "physics.engine".into(),
+            reason: format!("\"lockstep\" can't run this job: {reason}; use \"rapier\" or \"auto\""),
+        }),
+        (EngineChoice::Auto, Some((why, _))) => Ok(Chosen { engine: EngineKind::Rapier, why }),
+        (EngineChoice::Auto, None) if !environment.is_flat() => {
+            Ok(Chosen { engine: EngineKind::Rapier, why: Why::Terrain })
+        }
+        (EngineChoice::Auto, None) => Ok(by_fidelity(spec, robot, known)),
+    }
+}
+
+/// What rules the lockstep engine out, for `auto` and in words.
+fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Option<(Why, String)> {
+    match lockstep::supports(robot, &environment.terrain) {
+        Err(reason @ Unsupported::Terrain) => Some((Why::Terrain, reason.to_string())),
+        Err(reason @ Unsupported::Capsules) => Some((Why::Capsules, reason.to_string())),
+        Ok(()) if spec.joints == JointKind::Multibody => {
+            Some((Why::Multibody, "physics.joints = \"multibody\" is a kind of joint of rapier's".to_owned()))
+        }
+        Ok(()) => None,
+    }
+}
+
+/// Lockstep where it is known to be good: for this robot, on the scale's own physics, in the steps that were measured.
+fn by_fidelity(spec: &PhysicsSpec, robot: &Robot, known: &Known) -> Chosen {
+    let rapier = |why| Chosen { engine: EngineKind::Rapier, why };
+    let rows = known.of(robot, spec.scale);
+    let fits = |(steps_per_second, substeps): (u32, u32)| {
+        let own = Physics { steps_per_second, substeps, ..Physics::of(EngineKind::Lockstep, spec.scale) };
+        // A table that is out of range is refused later on, by field.
+        Physics::resolve(EngineKind::Lockstep, &with_steps(spec, (steps_per_second, substeps))).ok() == Some(own)
+    };
+    let own = Physics::of(EngineKind::Lockstep, spec.scale);
+    if rows.is_empty() {
+        let fits = fits((own.steps_per_second, own.substeps));
+        return rapier(if fits { Why::Unmeasured } else { Why::OtherPhysics });
+    }
+    let fitting: Vec<&Row> = rows.into_iter().filter(|row| fits(row.setting())).collect();
+    match fitting.iter().find(|row| row.stands()) {
+        Some(row) => Chosen { engine: EngineKind::Lockstep, why: Why::Measured(row.setting()) },
+        None if fitting.is_empty() => rapier(Why::OtherPhysics),
+        None => rapier(Why::Inexact),
+    }
+}
+
+/// The table with steps a second and substeps, where it does not say them.
+pub(crate) fn with_steps(spec: &PhysicsSpec, (steps_per_second, substeps): (u32, u32)) -> PhysicsSpec {
+    PhysicsSpec {
+        steps_per_second: spec.steps_per_second.or(Some(steps_per_second)),
+        substeps: spec.substeps.or(Some(substeps)),
+        ..spec.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engines::known::Agreement;
+    use crate::model::catalogue;
+    use crate::physics::Scale;
+
+    fn robot(toml: &str) -> Robot {
+        Robot::compile(&toml::from_str(toml).unwrap()).unwrap()
+    }
+
+    fn quadropod() -> Robot {
+        robot(catalogue::robots()[0].toml)
+    }
+
+    fn environment(name: &str) -> Environment {
+        Environment::from_toml(catalogue::find(catalogue::environments(), name).unwrap().toml).unwrap()
+    }
+
+    /// A table that knows one robot, at both scales.
+    fn knows(robot: &Robot, spearman: f64) -> Known {
+        let agreement = Agreement { gaits: 100, spearman, ceiling: 1.0 };
+        let row = |scale| {
+            let own = Physics::of(EngineKind::Lockstep, scale);
+            Row {
+                robot: "r".into(),
+                variant: "none".into(),
+                mechanics: robot.mechanics(),
+                scale,
+                revision: lockstep::REVISION,
+                steps_per_second: own.steps_per_second,
+                substeps: own.substeps,
+                reference: String::new(),
+                random: agreement,
+                evolved: agreement,
+            }
+        };
+        Known { rows: [Scale::Paper, Scale::Real].map(row).to_vec() }
+    }
+
+    fn physics(text: &str) -> PhysicsSpec {
+        toml::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn auto_is_lockstep_for_a_measured_robot_on_its_scale_s_own_physics_and_rapier_for_any_other() {
+        let robot = quadropod();
+        let known = knows(&robot, 0.99);
+        let chosen = |text: &str| choose(&physics(text), &robot, &environment("column"), &known).unwrap();
+        let real = Physics::of(EngineKind::Lockstep, Scale::Real);
+        let real = (real.steps_per_second, real.substeps);
+        for (text, setting) in [
+            ("", (200, 2)),
+            ("scale = \"real\"", real),
+            ("friction = 0.8", (200, 2)),
+            ("steps_per_second = 200\nsubsteps = 2", (200, 2)),
+        ] {
+            assert_eq!(chosen(text), Chosen { engine: EngineKind::Lockstep, why: Why::Measured(setting) }, "{text}");
+        }
+        for (text, why) in [
+            ("friction = 0.7", Why::OtherPhysics),
+            ("gravity = 1.62", Why::OtherPhysics),
+            ("stiffness = 300.0", Why::OtherPhysics),
+            ("damping = 21.0", Why::OtherPhysics),
+            ("max_torque = 61.0", Why::OtherPhysics),
+            ("substeps = 3", Why::OtherPhysics),
+            ("steps_per_second = 30", Why::OtherPhysics),
+            ("friction = -1.0", Why::OtherPhysics),
+            ("joints = \"multibody\"", Why::Multibody),
+        ] {
+            assert_eq!(chosen(text), Chosen { engine: EngineKind::Rapier, why }, "{text}");
+        }
+        let rapier = |robot: &Robot, environment: &str, known: &Known| {
+            let chosen =
+                choose(&PhysicsSpec::default(), robot, &super::tests::environment(environment), known).unwrap();
+            assert_eq!(chosen.engine, EngineKind::Rapier);
+            chosen.why
+        };
+        assert_eq!(rapier(&robot, "stairs", &known), Why::Terrain);
+        assert_eq!(rapier(&robot, "empty", &Known::default()), Why::Unmeasured);
+        assert_eq!(rapier(&robot, "empty", &knows(&robot, 0.9)), Why::Inexact);
+        let round = with_capsules();
+        assert_eq!(rapier(&round, "empty", &knows(&round, 0.99)), Why::Capsules);
+    }
+
+    #[test]
+    fn of_several_settings_auto_takes_the_fastest_that_stands() {
+        let robot = quadropod();
+        let mut known = knows(&robot, 0.9);
+        let fine = Agreement { gaits: 100, spearman: 0.99, ceiling: 1.0 };
+        known.rows.extend([800, 400].map(|steps_per_second| Row {
+            steps_per_second,
+            random: fine,
+            evolved: fine,
+            ..known.rows[0].clone()
+        }));
+        let chosen = |text: &str| choose(&physics(text), &robot, &environment("empty"), &known).unwrap().why;
+        assert_eq!(chosen(""), Why::Measured((400, 2)));
+        assert_eq!(chosen("steps_per_second = 800"), Why::Measured((800, 2)));
+        assert_eq!(chosen("steps_per_second = 200"), Why::Inexact);
+        assert_eq!(chosen("steps_per_second = 1600"), Why::OtherPhysics);
+    }
+
+    fn with_capsules() -> Robot {
+        let mut robot = quadropod();
+        let ends = [crate::base::math::Vector::ZERO, crate::base::math::Vector::X];
+        robot.bodies[1].capsules.push(crate::model::CollisionCapsule { ends, radius: 0.1 });
+        robot
+    }
+
+    #[test]
+    fn lockstep_is_refused_by_field_and_reason_where_it_does_not_serve() {
+        let mut pillar = environment("stairs");
+        pillar.terrain[0].size[1] = 1.0;
+        let refused = |robot: &Robot, environment: &Environment, more: &str| {
+            let spec = physics(&format!("engine = \"lockstep\"\n{more}"));
+            choose(&spec, robot, environment, &Known::default()).unwrap_err().to_string()
+        };
+        for (said, reason) in [
+            (refused(&quadropod(), &pillar, ""), "stairs only"),
+            (refused(&with_capsules(), &environment("empty"), ""), "the robot has capsules"),
+            (refused(&quadropod(), &environment("empty"), "joints = \"multibody\""), "physics.joints = \"multibody\""),
+        ] {
+            assert!(said.starts_with("physics.engine: \"lockstep\" can't run this job: "), "{said}");
+            assert!(said.contains(reason) && said.ends_with("use \"rapier\" or \"auto\""), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_job_that_names_its_engine_gets_it_whatever_is_known() {
+        let robot = quadropod();
+        for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
+            let spec = PhysicsSpec { engine: engine.into(), ..PhysicsSpec::default() };
+            for (known, name) in
+                [(Known::default(), "empty"), (knows(&robot, 0.99), "empty"), (Known::default(), "stairs")]
+            {
+                let chosen = choose(&spec, &robot, &environment(name), &known).unwrap();
+                assert_eq!((chosen.engine, chosen.why), (engine, Why::Asked));
+                assert_eq!(chosen.to_string(), engine.name());
+            }
+        }
+    }
+
+    #[test]
+    fn the_reason_is_a_short_phrase() {
+        let said = |engine, why| Chosen { engine, why }.to_string();
+        assert_eq!(
+            said(EngineKind::Lockstep, Why::Measured((200, 2))),
+            "auto: lockstep, whose fidelity on this robot is measured"
+        );
+        assert_eq!(said(EngineKind::Rapier, Why::Terrain), "auto: rapier, since there is terrain");
+    }
+}

@@ -1,0 +1,57 @@
+//! The golden rollout: a robot and a gait that are recorded here, so that an engine's digest follows from the engine alone
+//! and from no robot file, controller or random stream.
+
+use super::engine;
+use crate::model::Robot;
+use crate::physics::{EngineKind, JointKind, Physics, Request, Scale, TICK, Targets};
+
+/// A body with four legs of two modules: eight hinges.
+const ROBOT: &str = include_str!("golden/robot.toml");
+/// Its joint targets, rad: a tick a line, a joint a column.
+const TARGETS: &str = include_str!("golden/targets.txt");
+
+/// Simulates the recorded gait, 2 s, with every kind of joint that the engine has. Returns the bits of where it ends.
+pub(super) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
+    let (robot, targets) = recorded();
+    let start = robot.neutral();
+    let request = Request { start: &start, targets: &targets };
+    let bits = |joints: JointKind| {
+        let physics = Physics { joints, ..Physics::of(kind, Scale::Paper) };
+        let end = engine(kind).run(&robot, &physics, &[], &[request]).swap_remove(0).end;
+        let (p, q) = (end.pivot.translation, end.pivot.rotation);
+        [p.x, p.y, p.z, q.x, q.y, q.z, q.w].into_iter().chain(end.joints).map(f32::to_bits).collect::<Vec<_>>()
+    };
+    match kind {
+        EngineKind::Rapier => [JointKind::Impulse, JointKind::Multibody].map(bits).concat(),
+        EngineKind::Lockstep => bits(JointKind::default()),
+    }
+}
+
+/// The robot and its targets.
+fn recorded() -> (Robot, Targets) {
+    let spec = toml::from_str(ROBOT).expect("the recorded robot is valid");
+    let robot = Robot::compile(&spec).expect("the recorded robot is valid");
+    let mut signals = vec![Vec::new(); robot.hinges.len()];
+    for line in TARGETS.lines() {
+        for (signal, angle) in signals.iter_mut().zip(line.split(' ')) {
+            signal.push(f64::from(angle.parse::<f32>().expect("the recorded targets are numbers")));
+        }
+    }
+    let duration = TICK * (signals[0].len() - 1) as f64;
+    (robot, Targets::new(&signals, duration))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recorded_gait_moves_every_joint_for_2_s() {
+        let (robot, targets) = recorded();
+        assert_eq!((robot.hinges.len(), targets.joints(), targets.duration()), (8, 8, 2.0));
+        let (mut first, mut last) = ([0.0; 8], [0.0; 8]);
+        targets.at(0.0, &mut first);
+        targets.at(2.0, &mut last);
+        assert!(first.iter().zip(&last).all(|(a, b)| a != b), "{first:?} {last:?}");
+    }
+}

@@ -1,0 +1,223 @@
+//! What is known of the lockstep engine's fidelity: the table that ships, by which jobs that leave the choice of an engine
+//! open get one. `evogait bench fidelity --table` makes its rows.
+
+use crate::base::digest::Digest;
+use crate::base::error::{Invalid, in_range, whole_in_range};
+use crate::model::Robot;
+use crate::physics::{Scale, lockstep};
+use serde::{Deserialize, Serialize};
+use std::sync::OnceLock;
+
+/// The least rank correlation with the converged reference that the engine may stand in for rapier with, unless the
+/// robot's ceiling is lower: no setting can do better than that.
+pub const STANDS: f64 = 0.98;
+
+/// The table.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Known {
+    /// One a robot, scale and setting.
+    #[serde(default, rename = "row")]
+    pub rows: Vec<Row>,
+}
+
+/// The fidelity of one robot at one setting of the lockstep engine, against a converged setting of the same engine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// For people: the robot's name.
+    pub robot: String,
+    /// For people: its failed modules, "none" or a variant's name.
+    pub variant: String,
+    /// [`Robot::mechanics`]: which robot it is.
+    pub mechanics: Digest,
+    /// Gravity and motors.
+    pub scale: Scale,
+    /// [`lockstep::REVISION`] that was measured.
+    pub revision: u32,
+    /// Of the setting.
+    pub steps_per_second: u32,
+    /// Of the setting.
+    pub substeps: u32,
+    /// For people: the converged setting.
+    pub reference: String,
+    /// With gaits drawn uniformly from the controller's bounds.
+    pub random: Agreement,
+    /// With gaits from the last generations of searches.
+    pub evolved: Agreement,
+}
+
+/// How well travelled distances rank as with the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Agreement {
+    /// Gaits compared.
+    pub gaits: u32,
+    /// Spearman's rank correlation, −1 to 1.
+    pub spearman: f64,
+    /// That of the reference with itself: from a start that is off by a millionth rad or in half the step, whichever is
+    /// less.
+    pub ceiling: f64,
+}
+
+impl Agreement {
+    fn stands(&self) -> bool {
+        self.spearman >= STANDS.min(self.ceiling)
+    }
+}
+
+impl Row {
+    /// Whether the engine may stand in for rapier.
+    pub fn stands(&self) -> bool {
+        self.random.stands() && self.evolved.stands()
+    }
+
+    /// Steps a second and substeps.
+    pub fn setting(&self) -> (u32, u32) {
+        (self.steps_per_second, self.substeps)
+    }
+
+    /// Whether it tells of the same thing as another.
+    pub fn replaces(&self, other: &Row) -> bool {
+        let what = |row: &Row| (row.mechanics, row.scale, row.steps_per_second, row.substeps);
+        what(self) == what(other)
+    }
+}
+
+impl Known {
+    /// The table that ships.
+    ///
+    /// # Panics
+    /// If the file that was compiled in is wrong, which a test rules out.
+    pub fn shipped() -> &'static Known {
+        static TABLE: OnceLock<Known> = OnceLock::new();
+        TABLE.get_or_init(|| Known::from_toml(SHIPPED).expect("the table that ships is valid"))
+    }
+
+    /// Reads and checks a table.
+    pub fn from_toml(text: &str) -> Result<Known, Invalid> {
+        let known: Known = toml::from_str(text)?;
+        for (i, row) in known.rows.iter().enumerate() {
+            for (name, agreement) in [("random", row.random), ("evolved", row.evolved)] {
+                let field = |of: &str| format!("row[{i}].{name}.{of}");
+                whole_in_range(field("gaits"), agreement.gaits, (2, 1_000_000), "")?;
+                in_range(field("spearman"), agreement.spearman, (-1.0, 1.0), "")?;
+                in_range(field("ceiling"), agreement.ceiling, (-1.0, 1.0), "")?;
+            }
+            if known.rows[..i].iter().any(|before| row.replaces(before)) {
+                let value = row.mechanics.short();
+                return Err(Invalid::Duplicate { field: format!("row[{i}].mechanics"), value });
+            }
+        }
+        Ok(known)
+    }
+
+    /// The table as a file; rows in order of robot, variant and scale.
+    pub fn to_toml(&self) -> String {
+        let mut sorted = self.clone();
+        sorted.rows.sort_by_key(|r| {
+            let name = (r.robot.clone(), r.variant != "none", r.variant.clone());
+            (name, r.scale == Scale::Real, r.steps_per_second * r.substeps)
+        });
+        let rows = toml::to_string(&sorted).expect("a table of numbers and names can be written as TOML");
+        format!("{HEAD}\n{rows}")
+    }
+
+    /// What is known of a robot at a scale, by this revision of the engine; the fastest setting first.
+    pub fn of(&self, robot: &Robot, scale: Scale) -> Vec<&Row> {
+        let mechanics = robot.mechanics();
+        let is = |row: &&Row| (row.mechanics, row.scale, row.revision) == (mechanics, scale, lockstep::REVISION);
+        let mut rows: Vec<&Row> = self.rows.iter().filter(is).collect();
+        rows.sort_by_key(|row| row.steps_per_second * row.substeps);
+        rows
+    }
+}
+
+const SHIPPED: &str = include_str!("../../../scenarios/fidelity.toml");
+
+/// What the file begins with.
+const HEAD: &str = "\
+# How near settings of the lockstep engine come to its converged reference, robot by robot: `engine = \"auto\"` takes the
+# fastest that this table says stands, and rapier where none does. Made by tests/fidelity-table.sh; docs/performance.md
+# says how to read it. A row holds for one robot (by its mechanics, not its name) and one revision of the engine.
+";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn robot(variant: Option<&str>) -> Robot {
+        let spec: crate::model::RobotSpec = toml::from_str(crate::model::catalogue::robots()[0].toml).unwrap();
+        Robot::compile(&variant.map_or_else(|| spec.clone(), |v| spec.variant(v).unwrap())).unwrap()
+    }
+
+    fn row(random: (f64, f64), evolved: (f64, f64)) -> Row {
+        let agreement = |(spearman, ceiling)| Agreement { gaits: 100, spearman, ceiling };
+        Row {
+            robot: "some name".into(),
+            variant: "none".into(),
+            mechanics: robot(None).mechanics(),
+            scale: Scale::Paper,
+            revision: lockstep::REVISION,
+            steps_per_second: 200,
+            substeps: 2,
+            reference: "1600x4".into(),
+            random: agreement(random),
+            evolved: agreement(evolved),
+        }
+    }
+
+    #[test]
+    fn the_table_that_ships_is_valid_and_is_what_the_command_would_write() {
+        let known = Known::from_toml(SHIPPED).unwrap();
+        assert_eq!(known.to_toml(), SHIPPED);
+        for row in &known.rows {
+            assert_eq!(row.revision, lockstep::REVISION, "{} {}: measure it again", row.robot, row.variant);
+        }
+    }
+
+    #[test]
+    fn a_row_stands_at_the_threshold_or_at_the_robots_ceiling() {
+        let high = (0.99, 0.999);
+        assert!(row(high, high).stands() && row((STANDS, 1.0), high).stands());
+        assert!(!row((0.979, 1.0), high).stands() && !row(high, (0.979, 1.0)).stands());
+        assert!(row(high, (0.93, 0.92)).stands(), "nothing can agree better than the reference does with itself");
+        assert!(!row(high, (0.91, 0.92)).stands());
+    }
+
+    #[test]
+    fn a_row_is_of_one_robot_by_its_mechanics_one_scale_and_one_revision() {
+        let good = row((0.99, 1.0), (0.99, 1.0));
+        let knows = |row: Row, robot: &Robot, scale| !Known { rows: vec![row] }.of(robot, scale).is_empty();
+        let mut whole = robot(None);
+        assert!(knows(good.clone(), &whole, Scale::Paper));
+        whole.name = "other".into();
+        whole.bodies[0].name = "other".into();
+        assert!(knows(good.clone(), &whole, Scale::Paper));
+        assert!(!knows(good.clone(), &whole, Scale::Real));
+        assert!(!knows(good.clone(), &robot(Some("E1")), Scale::Paper));
+        assert!(!knows(Row { revision: 0, ..good.clone() }, &whole, Scale::Paper));
+        whole.bodies[0].mass *= 1.0001;
+        assert!(!knows(good, &whole, Scale::Paper));
+    }
+
+    #[test]
+    fn the_fastest_setting_comes_first() {
+        let good = row((0.99, 1.0), (0.99, 1.0));
+        let fine = Row { steps_per_second: 400, ..good.clone() };
+        let known = Known { rows: vec![fine.clone(), good.clone()] };
+        assert_eq!(known.of(&robot(None), Scale::Paper), [&good, &fine]);
+        assert!(known.to_toml().find("= 200").unwrap() < known.to_toml().find("= 400").unwrap());
+    }
+
+    #[test]
+    fn a_table_survives_being_written_and_a_wrong_one_is_refused_by_field() {
+        let known = Known { rows: vec![row((0.99, 1.0), (0.98, 0.99))] };
+        assert_eq!(Known::from_toml(&known.to_toml()).unwrap(), known);
+        let twice = Known { rows: [known.rows.clone(), known.rows.clone()].concat() };
+        let said = Known::from_toml(&twice.to_toml()).unwrap_err().to_string();
+        assert!(said.starts_with("row[1].mechanics = "), "{said}");
+        let said = Known::from_toml(&known.to_toml().replace("0.98", "1.5")).unwrap_err().to_string();
+        assert!(said.starts_with("row[0].evolved.spearman = 1.5 is out of range"), "{said}");
+    }
+}

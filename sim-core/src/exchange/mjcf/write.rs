@@ -1,0 +1,125 @@
+//! Robots to MJCF.
+
+use crate::base::math::{Pose, Rotation};
+use crate::exchange::xml::{Attribute, Writer, quaternion, triple};
+use crate::model::{Body, JOINT_LIMIT, Robot};
+use crate::physics::Physics;
+
+/// A step that keeps the gaits of the robots that ship at scale `paper`, s.
+const TIMESTEP: f32 = 0.005;
+/// MuJoCo's own time constant of contacts and limits, s.
+const CONTACT_TIME: f32 = 0.02;
+/// The gravity that both are meant for, mu/s².
+const USUAL_GRAVITY: f32 = 9.81;
+/// Friction against twisting (mu) and rolling (mu): MuJoCo's own, without effect on contacts of three dimensions.
+const OTHER_FRICTION: &str = "0.005 0.0001";
+
+/// A robot on flat ground in its neutral configuration, its lowest corner on the ground.
+pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
+    // A robot that is smaller moves faster: everything that takes time shrinks with the time of a fall over 1 mu.
+    let pace = (USUAL_GRAVITY / physics.gravity).sqrt().min(1.0);
+    let contact = format!("{} 1", CONTACT_TIME * pace);
+    let friction = format!("{} {OTHER_FRICTION}", physics.friction);
+    let surface = move || [("friction", friction.clone()), ("solref", contact.clone())];
+
+    let mut xml = Writer::new();
+    xml.comment(&format!(
+        "{}, written by evogait. Units: mu (one module length) for length, kg, s, rad; torque in kg mu^2/s^2.\n\
+         Joint targets go to the actuators, which are named after their joints.",
+        robot.name
+    ));
+    xml.open("mujoco", &[("model", robot.name.clone())]);
+    xml.leaf("compiler", &[("angle", "radian".into()), ("autolimits", "true".into())]);
+    xml.leaf(
+        "option",
+        &[
+            ("gravity", format!("0 0 {}", -physics.gravity)),
+            ("timestep", (TIMESTEP * pace).to_string()),
+            ("integrator", "implicitfast".into()),
+            ("cone", "elliptic".into()),
+        ],
+    );
+    xml.open("worldbody", &[]);
+    xml.leaf("light", &[("pos", "0 0 10".into()), ("directional", "true".into())]);
+    let plane = [("name", "ground".into()), ("type", "plane".into()), ("size", "0 0 1".into())];
+    xml.leaf("geom", &[&plane[..], &surface()].concat());
+    let place = [("pos", triple(robot.neutral().pivot.translation))];
+    body(&mut xml, robot, 0, &place, &surface);
+    xml.close();
+
+    xml.comment("Bodies that share a joint never touch.");
+    xml.open("contact", &[]);
+    for (i, hinge) in robot.hinges.iter().enumerate() {
+        let ends = [hinge.parent, i + 1].map(|b| robot.bodies[b].name.clone());
+        let [first, second] = ends;
+        xml.leaf("exclude", &[("body1", first), ("body2", second)]);
+    }
+    xml.close();
+
+    xml.open("actuator", &[]);
+    for hinge in &robot.hinges {
+        xml.leaf(
+            "position",
+            &[
+                ("name", hinge.name.clone()),
+                ("joint", hinge.name.clone()),
+                ("kp", physics.stiffness.to_string()),
+                ("kv", physics.damping.to_string()),
+                ("forcerange", format!("{} {}", -physics.max_torque, physics.max_torque)),
+                ("ctrlrange", format!("{} {JOINT_LIMIT}", -JOINT_LIMIT)),
+            ],
+        );
+    }
+    xml.finish()
+}
+
+/// A body and all that it carries.
+fn body(xml: &mut Writer, robot: &Robot, index: usize, place: &[Attribute], surface: &impl Fn() -> [Attribute; 2]) {
+    let body = &robot.bodies[index];
+    xml.open("body", &[&[("name", body.name.clone())], place].concat());
+    match index.checked_sub(1).map(|i| &robot.hinges[i]) {
+        None => xml.leaf("freejoint", &[("name", "root".into())]),
+        Some(hinge) => xml.leaf(
+            "joint",
+            &[
+                ("name", hinge.name.clone()),
+                ("type", "hinge".into()),
+                ("axis", triple(hinge.axis)),
+                ("range", format!("{} {JOINT_LIMIT}", -JOINT_LIMIT)),
+            ],
+        ),
+    }
+    xml.leaf("inertial", &inertial(body));
+    for part in &body.boxes {
+        let shape = [("type", "box".into()), ("size", triple(part.half))];
+        xml.leaf("geom", &[&shape[..], &placed(&part.pose), &[("mass", "0".into())], &surface()].concat());
+    }
+    for part in &body.capsules {
+        let [a, b] = part.ends;
+        let line = format!("{} {}", triple(a), triple(b));
+        let shape = [("type", "capsule".into()), ("size", part.radius.to_string()), ("fromto", line)];
+        xml.leaf("geom", &[&shape[..], &[("mass", "0".into())], &surface()].concat());
+    }
+    for (i, hinge) in robot.hinges.iter().enumerate().filter(|(_, hinge)| hinge.parent == index) {
+        self::body(xml, robot, i + 1, &[("pos", triple(hinge.anchor))], surface);
+    }
+    xml.close();
+}
+
+fn placed(pose: &Pose) -> Vec<Attribute> {
+    let mut place = vec![("pos", triple(pose.translation))];
+    if pose.rotation != Rotation::IDENTITY {
+        place.push(("quat", quaternion(pose.rotation)));
+    }
+    place
+}
+
+/// About the centre of mass, in the body's axes.
+fn inertial(body: &Body) -> [Attribute; 3] {
+    let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = body.inertia;
+    [
+        ("pos", triple(body.center_of_mass)),
+        ("mass", body.mass.to_string()),
+        ("fullinertia", format!("{xx} {yy} {zz} {xy} {xz} {yz}")),
+    ]
+}

@@ -1,0 +1,107 @@
+//! Robots in the formats of others: MJCF (MuJoCo's) and URDF (ROS's). Text only; who reads and writes files is
+//! elsewhere.
+//!
+//! One unit of length in a file is 1 mu. Numbers are written so that reading them gives the same bits.
+//!
+//! What is imported is a tree of hinges from −90° to 90° with boxes and capsules on its bodies. Every element and
+//! attribute is read, or stands in a schema as knowingly passed over, or is refused with its line. Gravity, friction and
+//! motors are not the robot's: they are a job's `[physics]`.
+
+mod mjcf;
+mod names;
+mod schema;
+mod source;
+mod tree;
+mod urdf;
+mod xml;
+
+use self::tree::Tree;
+use crate::base::error::{Faults, Invalid};
+use crate::model::{Robot, RobotSpec};
+use crate::physics::Physics;
+
+/// A format that a robot can be written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// MuJoCo's XML: the robot on flat ground, with its motors and its friction, ready to be simulated.
+    Mjcf,
+    /// The Unified Robot Description Format: links and joints; friction and gains have no place in it.
+    Urdf,
+}
+
+impl Format {
+    /// The robot, with the gravity, friction and motors of `physics`, as text of this format.
+    pub fn write(self, robot: &Robot, physics: &Physics) -> String {
+        match self {
+            Self::Mjcf => mjcf::write(robot, physics),
+            Self::Urdf => urdf::write(robot, physics),
+        }
+    }
+}
+
+/// A robot from another format.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Import {
+    /// The robot.
+    pub robot: RobotSpec,
+    /// Sentences for the user: what was passed over, which names are written differently.
+    pub notes: Vec<String>,
+}
+
+/// Reads a robot from MJCF or URDF; the root element tells which it is.
+///
+/// # Errors
+/// Names, for everything that robots here can't have, the line, the element and what is allowed.
+pub fn read(text: &str) -> Result<Import, Invalid> {
+    read_in(text, 1.0)
+}
+
+/// Reads a robot as [`read`] does, with 1 mu for every `unit` of length in the file.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_in(text: &str, unit: f64) -> Result<Import, Invalid> {
+    let document = source::parse(text)?;
+    let root = document.root_element();
+    match source::tag(root) {
+        "mujoco" => mjcf::read(root, unit),
+        "robot" => urdf::read(root, unit),
+        _ => Err(source::foreign(root, "this is no robot: MJCF begins with <mujoco>, URDF with <robot>")),
+    }
+}
+
+/// The robot of a tree if nothing is wrong, checked as any robot file is, with faults told by their lines.
+fn finish(
+    mut tree: Tree,
+    unit: f64,
+    mut faults: Faults,
+    notes: impl IntoIterator<Item = String>,
+) -> Result<Import, Invalid> {
+    if unit != 1.0 {
+        tree.robot = tree.robot.in_units_of(unit);
+    }
+    if faults.is_empty()
+        && let Err(fault) = Robot::compile(&tree.robot)
+    {
+        let all = match fault {
+            Invalid::Several(all) => all,
+            one => vec![one],
+        };
+        all.into_iter().for_each(|fault| faults.add(located(fault, &tree)));
+    }
+    faults.end()?;
+    Ok(Import { robot: tree.robot, notes: notes.into_iter().collect() })
+}
+
+/// A fault of one body, as one of the element that the body was read from.
+fn located(fault: Invalid, tree: &Tree) -> Invalid {
+    let text = fault.to_string();
+    let found = text.strip_prefix("robot.body[").and_then(|rest| {
+        let (index, rest) = rest.split_once("].")?;
+        Some((tree.elements.get(index.parse::<usize>().ok()?)?, rest))
+    });
+    match found {
+        Some((element, rest)) => source::foreign(*element, rest),
+        None => fault,
+    }
+}

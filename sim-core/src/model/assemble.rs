@@ -1,0 +1,276 @@
+//! From a robot file to its parts in the neutral configuration: names, attachments, overlaps.
+
+use super::RobotSpec;
+use super::kind::{KINDS, Kind, PortKind};
+use crate::base::error::{Invalid, in_range, name, whole_in_range};
+use crate::base::limits;
+use nalgebra::{Matrix3, Vector3};
+
+/// A rigid frame in f64: rotations by quarter turns stay exact.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    pub rotation: Matrix3<f64>,
+    pub origin: Vector3<f64>,
+}
+
+impl Frame {
+    pub fn point(&self, p: [f64; 3]) -> Vector3<f64> {
+        self.rotation * Vector3::from(p) + self.origin
+    }
+
+    pub fn direction(&self, d: [f64; 3]) -> Vector3<f64> {
+        self.rotation * Vector3::from(d)
+    }
+
+    fn then(&self, inner: &Frame) -> Frame {
+        Frame { rotation: self.rotation * inner.rotation, origin: self.rotation * inner.origin + self.origin }
+    }
+
+    fn inverse(&self) -> Frame {
+        let rotation = self.rotation.transpose();
+        Frame { rotation, origin: -(rotation * self.origin) }
+    }
+
+    /// x along the port's normal, z along its up.
+    fn of_port(port: &PortKind) -> Frame {
+        let (x, z) = (Vector3::from(port.normal), Vector3::from(port.up));
+        Frame { rotation: Matrix3::from_columns(&[x, z.cross(&x), z]), origin: Vector3::from(port.position) }
+    }
+}
+
+/// A module placed in the neutral configuration.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub kind: &'static Kind,
+    pub frame: Frame,
+    /// Its own part and, on the module that carries it, (module, part): rigidly docked.
+    pub dock: Option<(usize, (usize, usize))>,
+}
+
+/// Exact sine and cosine of a multiple of 90°, else from `libm`.
+fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
+    match degrees.rem_euclid(360.0) {
+        0.0 => (0.0, 1.0),
+        90.0 => (1.0, 0.0),
+        180.0 => (0.0, -1.0),
+        270.0 => (-1.0, 0.0),
+        other => {
+            let radians = other.to_radians();
+            (libm::sin(radians), libm::cos(radians))
+        }
+    }
+}
+
+fn rotation(axis: usize, degrees: f64) -> Matrix3<f64> {
+    let (s, c) = sin_cos_degrees(degrees);
+    match axis {
+        0 => Matrix3::new(1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c),
+        1 => Matrix3::new(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c),
+        _ => Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0),
+    }
+}
+
+fn kind_of(field: &str, kind: &str) -> Result<&'static Kind, Invalid> {
+    KINDS.iter().find(|k| k.name == kind).ok_or_else(|| Invalid::Unknown {
+        field: format!("{field}.kind"),
+        value: kind.to_owned(),
+        known: KINDS.iter().map(|k| k.name.to_owned()).collect(),
+    })
+}
+
+fn port_of(field: String, kind: &'static Kind, port: &str) -> Result<&'static PortKind, Invalid> {
+    kind.ports.iter().find(|p| p.name == port).ok_or_else(|| Invalid::Unknown {
+        field,
+        value: port.to_owned(),
+        known: kind.ports.iter().map(|p| p.name.to_owned()).collect(),
+    })
+}
+
+impl RobotSpec {
+    /// Index of the module called `module`.
+    pub(super) fn module(&self, field: &str, module: &str) -> Result<usize, Invalid> {
+        self.modules.iter().position(|m| m.name == module).ok_or_else(|| Invalid::Unknown {
+            field: field.to_owned(),
+            value: module.to_owned(),
+            known: self.modules.iter().map(|m| m.name.clone()).collect(),
+        })
+    }
+
+    /// The pivot as (module, part).
+    pub(super) fn pivot_part(&self) -> Result<(usize, usize), Invalid> {
+        let (module, part) = match self.pivot.split_once('/') {
+            Some((module, part)) => (module, Some(part)),
+            None => (self.pivot.as_str(), None),
+        };
+        let index = self.module("robot.pivot", module)?;
+        let kind = kind_of(&format!("robot.module[{index}]"), &self.modules[index].kind)?;
+        let Some(part) = part else { return Ok((index, 0)) };
+        match kind.parts.iter().position(|p| p.name == part) {
+            Some(p) => Ok((index, p)),
+            None => Err(Invalid::Unknown {
+                field: "robot.pivot".into(),
+                value: self.pivot.clone(),
+                known: kind.parts.iter().map(|p| format!("{module}/{}", p.name)).collect(),
+            }),
+        }
+    }
+
+    fn check_names(&self) -> Result<(), Invalid> {
+        name("robot.name", &self.name)?;
+        whole_in_range("number of robot.module", self.modules.len() as u64, (1, limits::MAX_MODULES as u64), "")?;
+        let length = self.description.len() as u64;
+        whole_in_range("robot.description length", length, (0, limits::MAX_DESCRIPTION_LENGTH as u64), "bytes")?;
+        for (i, module) in self.modules.iter().enumerate() {
+            let field = format!("robot.module[{i}].name");
+            name(&field, &module.name)?;
+            if self.modules[..i].iter().any(|m| m.name == module.name) {
+                return Err(Invalid::Duplicate { field, value: module.name.clone() });
+            }
+        }
+        for (i, failed) in self.failed.iter().enumerate() {
+            let field = format!("robot.failed[{i}]");
+            let module = self.module(&field, failed)?;
+            if kind_of(&field, &self.modules[module].kind)?.hinge.is_none() {
+                let reason = format!("module \"{failed}\" has no joint that could fail");
+                return Err(Invalid::Conflict { field, reason });
+            }
+        }
+        for (variant, modules) in &self.variants {
+            name("robot.variants", variant)?;
+            for failed in modules {
+                self.module(&format!("robot.variants.{variant}"), failed)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Follows attachments from module `i`; an error if they come back to it.
+    fn check_loop(&self, i: usize, carriers: &[Option<usize>]) -> Result<(), Invalid> {
+        let mut way = Vec::new();
+        let mut at = i;
+        while let Some(carrier) = carriers[at] {
+            way.push(format!("\"{}\"", self.modules[carrier].name));
+            if carrier == i {
+                return Err(Invalid::AttachmentLoop {
+                    module: self.modules[i].name.clone(), through: way.join(" → ")
+                });
+            }
+            if way.len() > self.modules.len() {
+                return Ok(()); // a loop that does not contain `i`: told for one of its own modules
+            }
+            at = carrier;
+        }
+        Ok(())
+    }
+
+    /// Places all modules in the neutral configuration.
+    pub(super) fn assemble(&self) -> Result<Vec<Placed>, Invalid> {
+        self.check_names()?;
+        let (pivot, _) = self.pivot_part()?;
+        let mut carriers = Vec::new();
+        let mut docks = Vec::new();
+        for (i, module) in self.modules.iter().enumerate() {
+            let field = format!("robot.module[{i}]");
+            let kind = kind_of(&field, &module.kind)?;
+            let Some(attach) = &module.attach else {
+                carriers.push(None);
+                docks.push((kind, None));
+                continue;
+            };
+            if module.pose.is_some() {
+                let reason = "an attached module has no pose of its own: remove `pose` or `attach`".to_owned();
+                return Err(Invalid::Conflict { field: format!("{field}.pose"), reason });
+            }
+            let to = self.module(&format!("{field}.attach.to"), &attach.to)?;
+            let carrier_kind = kind_of(&format!("robot.module[{to}]"), &self.modules[to].kind)?;
+            let port = port_of(format!("{field}.attach.port"), carrier_kind, &attach.port)?;
+            let own = match &attach.own {
+                Some(own) => port_of(format!("{field}.attach.own"), kind, own)?,
+                None => &kind.ports[0],
+            };
+            if ![0, 90, 180, 270].contains(&attach.turn) {
+                return Err(Invalid::Unknown {
+                    field: format!("{field}.attach.turn"),
+                    value: attach.turn.to_string(),
+                    known: ["0", "90", "180", "270"].map(str::to_owned).to_vec(),
+                });
+            }
+            carriers.push(Some(to));
+            docks.push((kind, Some((to, port, own, f64::from(attach.turn)))));
+        }
+        self.check_ports(&docks)?;
+        for i in 0..self.modules.len() {
+            self.check_loop(i, &carriers)?;
+        }
+        let root = |mut i: usize| {
+            while let Some(carrier) = carriers[i] {
+                i = carrier;
+            }
+            i
+        };
+        if let Some(i) = (0..self.modules.len()).find(|&i| root(i) != root(pivot)) {
+            return Err(Invalid::Disconnected {
+                module: self.modules[i].name.clone(),
+                pivot: self.modules[pivot].name.clone(),
+            });
+        }
+        self.place(&docks)
+    }
+
+    fn check_ports(&self, docks: &[(&'static Kind, Option<Dock>)]) -> Result<(), Invalid> {
+        let mut taken: Vec<(usize, &str, usize)> = Vec::new();
+        for (i, (_, dock)) in docks.iter().enumerate() {
+            let Some((to, port, own, _)) = dock else { continue };
+            for (module, name) in [(*to, port.name), (i, own.name)] {
+                if let Some(&(_, _, by)) = taken.iter().find(|t| t.0 == module && t.1 == name) {
+                    return Err(Invalid::PortTaken {
+                        field: format!("robot.module[{i}].attach"),
+                        port: name.to_owned(),
+                        module: self.modules[module].name.clone(),
+                        by: self.modules[by].name.clone(),
+                    });
+                }
+            }
+            taken.push((*to, port.name, i));
+            taken.push((i, own.name, *to));
+        }
+        Ok(())
+    }
+
+    fn place(&self, docks: &[(&'static Kind, Option<Dock>)]) -> Result<Vec<Placed>, Invalid> {
+        let mut placed: Vec<Option<Placed>> = vec![None; docks.len()];
+        // Attachments may point forward, so pass until all are placed; there is no loop, so every pass places one.
+        while placed.iter().any(Option::is_none) {
+            for (i, (kind, dock)) in docks.iter().enumerate() {
+                if placed[i].is_some() {
+                    continue;
+                }
+                placed[i] = match dock {
+                    None => Some(Placed { kind, frame: self.root_frame(i)?, dock: None }),
+                    Some((to, port, own, turn)) => placed[*to].as_ref().map(|carrier| {
+                        let flip = Frame { rotation: rotation(2, 180.0), origin: Vector3::zeros() };
+                        let turn = Frame { rotation: rotation(0, *turn), origin: Vector3::zeros() };
+                        let docked = Frame::of_port(port).then(&turn).then(&flip).then(&Frame::of_port(own).inverse());
+                        Placed { kind, frame: carrier.frame.then(&docked), dock: Some((own.part, (*to, port.part))) }
+                    }),
+                };
+            }
+        }
+        Ok(placed.into_iter().flatten().collect())
+    }
+
+    fn root_frame(&self, i: usize) -> Result<Frame, Invalid> {
+        let pose = self.modules[i].pose.as_ref();
+        let (position, turns) = pose.map_or(([0.0; 3], [0.0; 3]), |p| (p.position, p.rotation));
+        for axis in 0..3 {
+            let at = |what: &str| format!("robot.module[{i}].pose.{what}[{axis}]");
+            in_range(at("position"), position[axis], (-1000.0, 1000.0), "mu")?;
+            in_range(at("rotation"), turns[axis], (-360.0, 360.0), "degrees")?;
+        }
+        let rotation = rotation(0, turns[0]) * rotation(1, turns[1]) * rotation(2, turns[2]);
+        Ok(Frame { rotation, origin: Vector3::from(position) })
+    }
+}
+
+/// (carrier, its port, own port, turn in degrees)
+type Dock = (usize, &'static PortKind, &'static PortKind, f64);

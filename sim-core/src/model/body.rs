@@ -1,0 +1,353 @@
+//! Compile: parts that are rigidly joined become one body, module joints become hinges in a tree from the pivot.
+//!
+//! In the neutral configuration all body frames have the robot's orientation; a body's origin is the anchor of the hinge
+//! that carries it, the pivot body's is the centre of the pivot part. So the pose of a carried body is
+//! `parent · translate(anchor) · rotate(axis, angle)`, and the pose of body 0 is the robot's pose.
+
+use super::RobotSpec;
+use super::assemble::Placed;
+use crate::base::error::Invalid;
+use crate::base::math::{Pose, Rotation, Vector};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use rapier3d::parry::query;
+use rapier3d::parry::shape::Cuboid;
+
+/// Greatest joint angle to either side, rad.
+pub const JOINT_LIMIT: f32 = std::f32::consts::FRAC_PI_2;
+
+/// Rigidly docked cubes up to this far apart (mu) collide as one box: the docking plates fill the gap.
+const MERGE_GAP: f64 = 0.03;
+
+/// Parts of different modules may overlap by this much in the neutral configuration, mu.
+pub(super) const OVERLAP_TOLERANCE: f64 = 1e-3;
+
+/// A compiled robot.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    /// Its name.
+    pub name: String,
+    /// Rigid bodies; body 0 holds the pivot, a carried body comes after the one that carries it.
+    pub bodies: Vec<Body>,
+    /// Hinge i carries body i + 1. Their order is the order of joints in genomes and states.
+    pub hinges: Vec<Hinge>,
+    /// All parts as boxes in the neutral configuration, for pictures.
+    pub parts: Vec<PartBox>,
+}
+
+/// Parts that never move against each other.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Its name, unique in the robot: that of the hinge that carries it, "pivot" for the pivot's.
+    pub name: String,
+    /// What collides, in the body's frame, together with the capsules.
+    pub boxes: Vec<CollisionBox>,
+    /// What collides, in the body's frame. An engine that knows no capsules must refuse a robot that has any.
+    pub capsules: Vec<CollisionCapsule>,
+    /// kg.
+    pub mass: f32,
+    /// Centre of mass in the body's frame, mu.
+    pub center_of_mass: Vector,
+    /// Inertia about the centre of mass in the body's axes, row by row, kg·mu².
+    pub inertia: [[f32; 3]; 3],
+}
+
+/// A box in a body's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CollisionBox {
+    /// Pose of its centre.
+    pub pose: Pose,
+    /// Half of its sides, mu.
+    pub half: Vector,
+}
+
+/// All within a radius of a line, in a body's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CollisionCapsule {
+    /// Ends of the line, mu.
+    pub ends: [Vector; 2],
+    /// mu.
+    pub radius: f32,
+}
+
+/// A joint between two bodies.
+#[derive(Clone, Debug)]
+pub struct Hinge {
+    /// The module it belongs to; a name of its own where bodies are written out.
+    pub name: String,
+    /// Index of the body that carries.
+    pub parent: usize,
+    /// A point of the axis in the parent's frame; it is the carried body's origin.
+    pub anchor: Vector,
+    /// Unit axis, the same in both bodies' frames at angle 0.
+    pub axis: Vector,
+}
+
+/// A part in the neutral configuration, relative to the pivot.
+#[derive(Clone, Debug)]
+pub struct PartBox {
+    /// Name of its module, or of its body where bodies are written out.
+    pub module: String,
+    /// Whether the joint of that is stuck.
+    pub failed: bool,
+    /// Centre, mu.
+    pub center: [f64; 3],
+    /// Unit quaternion x, y, z, w.
+    pub rotation: [f64; 4],
+    /// Half of its sides, mu.
+    pub half: [f64; 3],
+    /// The body it belongs to.
+    pub body: usize,
+}
+
+struct Part {
+    module: usize,
+    part: usize,
+    rotation: Matrix3<f64>,
+    center: Vector3<f64>,
+    half: Vector3<f64>,
+    mass: f64,
+}
+
+struct Joint {
+    module: usize,
+    ends: [usize; 2],
+    anchor: Vector3<f64>,
+    axis: Vector3<f64>,
+}
+
+impl Robot {
+    /// Compiles and validates a robot file.
+    pub fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
+        if !spec.bodies.is_empty() {
+            return super::rigid::compile(spec);
+        }
+        let placed = spec.assemble()?;
+        let parts = parts_of(&placed);
+        refuse_overlaps(spec, &parts)?;
+        let index = |module: usize, part: usize| {
+            parts.iter().position(|p| (p.module, p.part) == (module, part)).expect("every part was listed")
+        };
+        let (pivot_module, pivot_part) = spec.pivot_part()?;
+        let pivot = index(pivot_module, pivot_part);
+
+        let mut group: Vec<usize> = (0..parts.len()).collect();
+        let mut join = |a: usize, b: usize| {
+            let (from, to) = (group[a].max(group[b]), group[a].min(group[b]));
+            group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
+        };
+        let mut joints = Vec::new();
+        for (module, p) in placed.iter().enumerate() {
+            if let Some((own, (carrier, carrier_part))) = p.dock {
+                join(index(module, own), index(carrier, carrier_part));
+            }
+            let Some(hinge) = &p.kind.hinge else { continue };
+            let ends = [index(module, hinge.from), index(module, hinge.to)];
+            if spec.failed.contains(&spec.modules[module].name) {
+                join(ends[0], ends[1]); // stuck at zero
+            } else {
+                let (anchor, axis) = (p.frame.point(hinge.anchor), p.frame.direction(hinge.axis));
+                joints.push(Joint { module, ends, anchor, axis });
+            }
+        }
+        if joints.is_empty() {
+            let reason = "a robot needs at least one joint that moves".to_owned();
+            return Err(Invalid::Conflict { field: "robot.module".into(), reason });
+        }
+        Ok(build(spec, &parts, &group, &joints, pivot))
+    }
+
+    /// Total mass, kg.
+    pub fn mass(&self) -> f64 {
+        self.bodies.iter().map(|b| f64::from(b.mass)).sum()
+    }
+
+    /// Names of the joints, in their order in genomes and states.
+    pub fn joint_names(&self) -> Vec<String> {
+        self.hinges.iter().map(|h| h.name.clone()).collect()
+    }
+}
+
+fn parts_of(placed: &[Placed]) -> Vec<Part> {
+    let mut parts = Vec::new();
+    for (module, p) in placed.iter().enumerate() {
+        for (part, kind) in p.kind.parts.iter().enumerate() {
+            parts.push(Part {
+                module,
+                part,
+                rotation: p.frame.rotation,
+                center: p.frame.point(kind.center),
+                half: Vector3::from(kind.half),
+                mass: kind.mass,
+            });
+        }
+    }
+    parts
+}
+
+fn refuse_overlaps(spec: &RobotSpec, parts: &[Part]) -> Result<(), Invalid> {
+    let shape = |p: &Part| (Pose::from_parts(vector(p.center), quaternion(p.rotation)), Cuboid::new(vector(p.half)));
+    for (i, a) in parts.iter().enumerate() {
+        for b in parts[..i].iter().filter(|b| b.module != a.module) {
+            if (a.center - b.center).norm() > a.half.norm() + b.half.norm() {
+                continue;
+            }
+            let ((pose_a, box_a), (pose_b, box_b)) = (shape(a), shape(b));
+            let contact = query::contact(&pose_a, &box_a, &pose_b, &box_b, 0.0);
+            let depth = contact.ok().flatten().map_or(0.0, |c| -f64::from(c.dist));
+            if depth > OVERLAP_TOLERANCE {
+                let named = |p: &Part| spec.modules[p.module].name.clone();
+                return Err(Invalid::Overlap { first: named(b), second: named(a), depth });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pivot: usize) -> Robot {
+    let origin = parts[pivot].center;
+    // Breadth first from the pivot, joints in the order of their modules.
+    let mut order = vec![group[pivot]];
+    let mut origins = vec![origin];
+    let mut hinges: Vec<Hinge> = Vec::new();
+    let mut at = 0;
+    while at < order.len() {
+        for joint in joints {
+            let [a, b] = joint.ends.map(|end| group[end]);
+            let other = if a == order[at] {
+                b
+            } else if b == order[at] {
+                a
+            } else {
+                continue;
+            };
+            if order.contains(&other) {
+                continue;
+            }
+            // Seen from the other end, the same motion turns the other way about the axis.
+            let axis = if a == order[at] { joint.axis } else { -joint.axis };
+            hinges.push(Hinge {
+                name: spec.modules[joint.module].name.clone(),
+                parent: at,
+                anchor: vector(joint.anchor - origins[at]),
+                axis: vector(axis),
+            });
+            order.push(other);
+            origins.push(joint.anchor);
+        }
+        at += 1;
+    }
+    let names = std::iter::once(pivot_name(&hinges)).chain(hinges.iter().map(|h| h.name.clone()));
+    let bodies = order
+        .iter()
+        .zip(&origins)
+        .zip(names)
+        .map(|((&g, origin), name)| {
+            let own: Vec<&Part> = parts.iter().zip(group).filter(|(_, pg)| **pg == g).map(|(p, _)| p).collect();
+            body(name, &own, origin)
+        })
+        .collect();
+    let parts = parts.iter().zip(group).map(|(p, g)| {
+        let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(p.rotation));
+        PartBox {
+            module: spec.modules[p.module].name.clone(),
+            failed: spec.failed.contains(&spec.modules[p.module].name),
+            center: (p.center - origin).into(),
+            rotation: [q.i, q.j, q.k, q.w],
+            half: p.half.into(),
+            body: order.iter().position(|o| o == g).expect("every group is reached from the pivot"),
+        }
+    });
+    Robot { name: spec.name.clone(), bodies, hinges, parts: parts.collect() }
+}
+
+/// A name for the pivot's body that no hinge has.
+fn pivot_name(hinges: &[Hinge]) -> String {
+    let mut name = "pivot".to_owned();
+    while hinges.iter().any(|h| h.name == name) {
+        name.push('0');
+    }
+    name
+}
+
+fn body(name: String, parts: &[&Part], origin: &Vector3<f64>) -> Body {
+    let mass: f64 = parts.iter().map(|p| p.mass).sum();
+    let center = parts.iter().map(|p| (p.center - origin) * p.mass).sum::<Vector3<f64>>() / mass;
+    let mut inertia = Matrix3::zeros();
+    for p in parts {
+        let side = p.half * 2.0;
+        let square = side.component_mul(&side);
+        let own = Matrix3::from_diagonal(&Vector3::new(square.y + square.z, square.x + square.z, square.x + square.y))
+            * (p.mass / 12.0);
+        let arm = p.center - origin - center;
+        inertia += p.rotation * own * p.rotation.transpose();
+        inertia += (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * p.mass;
+    }
+    let boxes = merged(parts)
+        .into_iter()
+        .map(|(rotation, center, half)| CollisionBox {
+            pose: Pose::from_parts(vector(center - origin), quaternion(rotation)),
+            half: vector(half),
+        })
+        .collect();
+    let row = |i: usize| [inertia[(i, 0)] as f32, inertia[(i, 1)] as f32, inertia[(i, 2)] as f32];
+    Body {
+        name,
+        boxes,
+        capsules: Vec::new(),
+        mass: mass as f32,
+        center_of_mass: vector(center),
+        inertia: [row(0), row(1), row(2)],
+    }
+}
+
+type Cell = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);
+
+/// Merges boxes that continue each other along one axis, until none does.
+fn merged(parts: &[&Part]) -> Vec<Cell> {
+    // Boxes that are symmetric under quarter turns may be written in each other's axes, which docked modules need.
+    let mut boxes: Vec<Cell> = parts.iter().map(|p| (p.rotation, p.center, p.half)).collect();
+    let mut i = 0;
+    while i < boxes.len() {
+        match (0..boxes.len()).find_map(|j| (j != i).then(|| union(&boxes[i], &boxes[j]).map(|u| (j, u))).flatten()) {
+            Some((j, union)) => {
+                boxes[i] = union;
+                boxes.remove(j);
+                i = 0;
+            }
+            None => i += 1,
+        }
+    }
+    boxes
+}
+
+/// The one box that two boxes make together, if they have the same cross-section and follow each other.
+fn union(a: &Cell, b: &Cell) -> Option<Cell> {
+    let relative = a.0.transpose() * b.0;
+    if relative.iter().any(|v| v.abs() > 1e-9 && (v.abs() - 1.0).abs() > 1e-9) {
+        return None; // not a quarter turn
+    }
+    let half_b = relative.abs() * b.2;
+    let offset = a.0.transpose() * (b.1 - a.1);
+    let axis = offset.iamax();
+    let aligned = (0..3).all(|i| i == axis || (offset[i].abs() < 1e-9 && (a.2[i] - half_b[i]).abs() < 1e-9));
+    let gap = offset[axis].abs() - a.2[axis] - half_b[axis];
+    if !aligned || !(-1e-9..=MERGE_GAP).contains(&gap) {
+        return None;
+    }
+    let low = (-a.2[axis]).min(offset[axis] - half_b[axis]);
+    let high = a.2[axis].max(offset[axis] + half_b[axis]);
+    let mut half = a.2;
+    half[axis] = (high - low) / 2.0;
+    let mut shift = Vector3::zeros();
+    shift[axis] = (high + low) / 2.0;
+    Some((a.0, a.1 + a.0 * shift, half))
+}
+
+pub(super) fn vector(v: Vector3<f64>) -> Vector {
+    Vector::new(v.x as f32, v.y as f32, v.z as f32)
+}
+
+fn quaternion(m: Matrix3<f64>) -> Rotation {
+    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(m));
+    Rotation::from_xyzw(q.i as f32, q.j as f32, q.k as f32, q.w as f32)
+}

@@ -1,0 +1,35 @@
+//! What of a robot its motion depends on, as a digest.
+
+use super::{Body, Hinge, Robot};
+use crate::base::digest::Digest;
+use crate::base::math::{Pose, Vector};
+use serde::Serialize;
+
+#[derive(Serialize)]
+struct BodyBits {
+    mass: f32,
+    center_of_mass: [f32; 3],
+    inertia: [[f32; 3]; 3],
+    boxes: Vec<([f32; 3], [f32; 4], [f32; 3])>,
+    capsules: Vec<([[f32; 3]; 2], f32)>,
+}
+
+impl Robot {
+    /// Digest of bodies, shapes and joints to the bit. Names have no part in it.
+    pub fn mechanics(&self) -> Digest {
+        let bodies: Vec<BodyBits> = self.bodies.iter().map(body).collect();
+        let hinge = |h: &Hinge| (h.parent as u64, h.anchor.to_array(), h.axis.to_array());
+        Digest::of("evogait mechanics 1", &(bodies, self.hinges.iter().map(hinge).collect::<Vec<_>>()))
+    }
+}
+
+fn body(body: &Body) -> BodyBits {
+    let pose = |p: &Pose| (p.translation.to_array(), p.rotation.to_array());
+    BodyBits {
+        mass: body.mass,
+        center_of_mass: body.center_of_mass.to_array(),
+        inertia: body.inertia,
+        boxes: body.boxes.iter().map(|b| (pose(&b.pose).0, pose(&b.pose).1, b.half.to_array())).collect(),
+        capsules: body.capsules.iter().map(|c| (c.ends.map(|end: Vector| end.to_array()), c.radius)).collect(),
+    }
+}

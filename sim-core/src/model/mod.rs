@@ -1,0 +1,21 @@
+//! Robots and environments: their files, checks and catalogue, the compiled robot, and where a robot is on a map.
+
+mod assemble;
+mod body;
+pub mod catalogue;
+pub mod environment;
+mod kind;
+mod mechanics;
+mod place;
+mod plausible;
+mod pose;
+pub(crate) mod rigid;
+mod spec;
+mod touch;
+
+pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, JOINT_LIMIT, PartBox, Robot};
+pub use kind::{HingeKind, KINDS, Kind, PartKind, PortKind};
+pub use place::{Place, Plane};
+pub use pose::State;
+pub use spec::*;
+pub(crate) use touch::{Solid, state_touches};

@@ -1,0 +1,162 @@
+//! The robot file: modules docked to each other, or rigid bodies and hinges written out.
+
+use crate::base::error::Invalid;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A robot as its TOML file says it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotSpec {
+    /// Name in messages, tables and file names.
+    pub name: String,
+    /// What it is, and what was assumed where its source is silent.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// The part whose pose is the robot's pose: a module's name, or `module/part`; of bodies the one without a hinge.
+    pub pivot: String,
+    /// Modules whose joint is stuck at zero; of bodies the hinges that are.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub failed: Vec<String>,
+    /// Named sets of failed modules, such as E1 and E2 of the paper.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub variants: BTreeMap<String, Vec<String>>,
+    /// The modules.
+    #[serde(rename = "module", default, skip_serializing_if = "Vec::is_empty")]
+    pub modules: Vec<ModuleSpec>,
+    /// Instead of modules: the bodies.
+    #[serde(rename = "body", default, skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<BodySpec>,
+}
+
+/// A rigid body in the neutral configuration, where the frames of all bodies have the robot's axes. The origin of a
+/// body's frame is the anchor of its hinge; that of the pivot's is the robot's own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodySpec {
+    /// Name, unique among the bodies.
+    pub name: String,
+    /// kg.
+    pub mass: f64,
+    /// Centre of mass, mu.
+    #[serde(default)]
+    pub center_of_mass: [f64; 3],
+    /// Inertia about the centre of mass, kg·mu²: xx, yy, zz, xy, xz, yz.
+    pub inertia: [f64; 6],
+    /// The hinge that carries it; the pivot's body has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hinge: Option<HingeSpec>,
+    /// What collides.
+    #[serde(rename = "box", default, skip_serializing_if = "Vec::is_empty")]
+    pub boxes: Vec<BoxSpec>,
+    /// What collides.
+    #[serde(rename = "capsule", default, skip_serializing_if = "Vec::is_empty")]
+    pub capsules: Vec<CapsuleSpec>,
+}
+
+/// A hinge between a body and the one that carries it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HingeSpec {
+    /// Name, unique among the hinges: its joint's in genomes and tables.
+    pub name: String,
+    /// Name of the body that carries.
+    pub parent: String,
+    /// A point of the axis in the carrying body's frame, mu.
+    pub anchor: [f64; 3],
+    /// The axis; the carried body turns about it counter-clockwise.
+    pub axis: [f64; 3],
+}
+
+/// A box of a body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxSpec {
+    /// Its centre, mu.
+    #[serde(default)]
+    pub center: [f64; 3],
+    /// Its turn against the body's frame: a unit quaternion x, y, z, w.
+    #[serde(default = "no_turn", skip_serializing_if = "is_no_turn")]
+    pub rotation: [f64; 4],
+    /// Half of its sides, mu.
+    pub half: [f64; 3],
+}
+
+/// A capsule of a body: all within a radius of a line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CapsuleSpec {
+    /// One end of the line, mu.
+    pub from: [f64; 3],
+    /// The other end, mu.
+    pub to: [f64; 3],
+    /// mu.
+    pub radius: f64,
+}
+
+fn no_turn() -> [f64; 4] {
+    [0.0, 0.0, 0.0, 1.0]
+}
+
+fn is_no_turn(rotation: &[f64; 4]) -> bool {
+    *rotation == no_turn()
+}
+
+/// A module: its kind and where it sits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModuleSpec {
+    /// Name, unique in the robot.
+    pub name: String,
+    /// Kind of module: `cosmo`, `block`.
+    pub kind: String,
+    /// What it is attached to; exactly one module, the root, has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attach: Option<Attachment>,
+    /// Pose of the root in the neutral configuration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<PoseSpec>,
+}
+
+/// "Attached to port P of module M with rotation r."
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Attachment {
+    /// The module that carries this one.
+    pub to: String,
+    /// That module's port.
+    pub port: String,
+    /// This module's own port; the kind's first unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub own: Option<String>,
+    /// Turn about the port's axis, degrees: 0, 90, 180 or 270.
+    #[serde(default)]
+    pub turn: i32,
+}
+
+/// A pose in the neutral configuration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseSpec {
+    /// x, y, z of the module's centre, mu.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// Rotation about the module's own x, then y, then z axis, degrees.
+    #[serde(default)]
+    pub rotation: [f64; 3],
+}
+
+impl RobotSpec {
+    /// The robot with a named set of its modules failed; named after it.
+    pub fn variant(&self, variant: &str) -> Result<RobotSpec, Invalid> {
+        let failed = self.variants.get(variant).ok_or_else(|| Invalid::Unknown {
+            field: "variant".into(),
+            value: variant.to_owned(),
+            known: self.variants.keys().cloned().collect(),
+        })?;
+        let mut robot = self.clone();
+        robot.name = format!("{}-{variant}", self.name);
+        robot.failed.extend(failed.iter().filter(|f| !self.failed.contains(f)).cloned());
+        Ok(robot)
+    }
+}

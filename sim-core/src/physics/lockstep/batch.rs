@@ -1,0 +1,226 @@
+//! Lanes filled with rollouts, and their outcomes taken out.
+
+use super::contact::Surface;
+use super::kinematics::{Motion, Spatial, Velocity};
+use super::lanes::{Lanes, Mask, V3, all, fma};
+use super::model::Model;
+use super::step::Stepper;
+use crate::base::math::{Pose, Rotation, Vector};
+use crate::model::State;
+use crate::physics::{Bound, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
+use fearless_simd::prelude::*;
+
+/// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes.
+#[inline(always)]
+pub(super) fn run<S: Simd, G: Surface<S>>(
+    simd: S,
+    model: &Model,
+    physics: &Physics,
+    ground: G,
+    batch: &[Request<'_>],
+) -> Vec<Rollout> {
+    let width = Lanes::<S>::LEN;
+    let steps = |i: usize| physics.steps(batch[i].targets.duration());
+    let mut order: Vec<usize> = (0..batch.len()).collect();
+    order.sort_by_key(|&i| steps(i));
+    let mut rollouts: Vec<Option<Rollout>> = batch.iter().map(|_| None).collect();
+    let mut stepper = Stepper::new(simd, model, ground);
+    let mut rest = &order[..];
+    while let Some(&first) = rest.first() {
+        let alike = rest.iter().take(width).take_while(|&&i| steps(i) == steps(first)).count();
+        let (group, later) = rest.split_at(alike);
+        let requests: Vec<Request<'_>> = group.iter().map(|&i| batch[i]).collect();
+        for (&i, rollout) in group.iter().zip(roll(simd, model, physics, &mut stepper, &requests)) {
+            rollouts[i] = Some(rollout);
+        }
+        rest = later;
+    }
+    rollouts.into_iter().map(|r| r.expect("every request was in a group")).collect()
+}
+
+/// A lane's rollout on its way.
+struct Lane {
+    trace: Trace,
+    boxes: Vec<(Vector, Vector)>,
+    /// The first bound that it left, and the step at whose end it had.
+    broken: Option<(u32, Bound)>,
+}
+
+/// Simulates up to a lane each, all of the same number of steps.
+#[inline(always)]
+fn roll<S: Simd, G: Surface<S>>(
+    simd: S,
+    model: &Model,
+    physics: &Physics,
+    stepper: &mut Stepper<'_, S, G>,
+    requests: &[Request<'_>],
+) -> Vec<Rollout> {
+    let rate = physics.steps_per_second;
+    let steps = physics.steps(requests[0].targets.duration());
+    let every = sample_every(rate);
+    let joints = model.hinges.len();
+    let mut motion = start(simd, model, requests);
+    let mut lanes: Vec<Lane> =
+        requests.iter().map(|_| Lane { trace: Trace::new(joints), boxes: Vec::new(), broken: None }).collect();
+    let mut targets = vec![all(simd, 0.0); joints];
+    let mut rows = vec![vec![0.0; joints]; requests.len()];
+    let mut speeds = all(simd, 0.0);
+    let mut ledger = Ledger::new(simd);
+    for done in 0..=steps {
+        stepper.place(&motion);
+        if done % every == 0 || done == steps {
+            sample(simd, model, stepper, &motion, done as f32 / rate as f32, &mut lanes);
+        }
+        if done == steps {
+            stepper.measure(&motion);
+        } else {
+            let time = f64::from(done + 1) / f64::from(rate);
+            for (row, request) in rows.iter_mut().zip(requests) {
+                request.targets.at(time, row);
+            }
+            for (joint, target) in targets.iter_mut().enumerate() {
+                *target = gather(simd, requests.len(), |lane| rows[lane][joint]);
+            }
+            stepper.step(&mut motion, &targets);
+        }
+        // What is checked here is the motion at the end of step `done`.
+        speeds = stepper.extremes.0;
+        check(simd, model, done, stepper, &mut ledger, &mut lanes);
+        if done < steps {
+            ledger.post(stepper.work);
+        }
+        if lanes.iter().all(|lane| lane.broken.is_some()) {
+            break;
+        }
+    }
+    let ms = |step: u32| u64::from(step) * 1000 / u64::from(rate);
+    let outcome = |(lane, request): (Lane, &Request<'_>), i: usize| {
+        let (outcome, done) = match lane.broken {
+            None => (Outcome::Completed, steps),
+            Some((step, bound)) => {
+                (Outcome::Unstable { time: (f64::from(step) / f64::from(rate)) as f32, bound }, step)
+            }
+        };
+        // The last sound moment that was sampled.
+        let sound = (0..lane.trace.len()).take_while(|&s| lane.trace.time(s) * rate as f32 <= done as f32).last();
+        let end = sound.map_or_else(|| request.start.clone(), |s| lane.trace.state(s));
+        let kept = sound.map_or(1, |s| s + 1);
+        Rollout {
+            end,
+            end_speed: speeds[i].sqrt(),
+            swept: spans(&lane.boxes[..kept.min(lane.boxes.len())]),
+            trace: lane.trace,
+            outcome,
+            simulated_ms: ms(done),
+        }
+    };
+    lanes.into_iter().zip(requests).enumerate().map(|(i, pair)| outcome(pair, i)).collect()
+}
+
+/// The lanes' values, the last one's for lanes that are not in use.
+#[inline(always)]
+fn gather<S: Simd>(simd: S, used: usize, value: impl Fn(usize) -> f32) -> Lanes<S> {
+    let mut lanes = all(simd, 0.0);
+    for lane in 0..Lanes::<S>::LEN {
+        lanes[lane] = value(lane.min(used - 1));
+    }
+    lanes
+}
+
+#[inline(always)]
+fn start<S: Simd>(simd: S, model: &Model, requests: &[Request<'_>]) -> Motion<S> {
+    let pick = |f: &dyn Fn(&State) -> f32| gather(simd, requests.len(), |lane| f(requests[lane].start));
+    Motion {
+        position: V3 {
+            x: pick(&|s| s.pivot.translation.x),
+            y: pick(&|s| s.pivot.translation.y),
+            z: pick(&|s| s.pivot.translation.z),
+        },
+        rotation: [
+            pick(&|s| s.pivot.rotation.x),
+            pick(&|s| s.pivot.rotation.y),
+            pick(&|s| s.pivot.rotation.z),
+            pick(&|s| s.pivot.rotation.w),
+        ],
+        angles: (0..model.hinges.len()).map(|joint| pick(&|s| s.joints[joint])).collect(),
+        velocity: Velocity { base: Spatial::zero(simd), rates: vec![all(simd, 0.0); model.hinges.len()] },
+    }
+}
+
+/// Writes the motion down, with the box around the robot.
+#[inline(always)]
+fn sample<S: Simd, G: Surface<S>>(
+    simd: S,
+    model: &Model,
+    stepper: &Stepper<'_, S, G>,
+    motion: &Motion<S>,
+    time: f32,
+    lanes: &mut [Lane],
+) {
+    let (low, high) = stepper.bounds(simd, model, motion);
+    let [x, y, z, w] = motion.rotation;
+    for (i, lane) in lanes.iter_mut().enumerate().filter(|(_, lane)| lane.broken.is_none()) {
+        let at = |v: V3<S>| Vector::new(v.x[i], v.y[i], v.z[i]);
+        let rotation = Rotation::from_xyzw(x[i], y[i], z[i], w[i]);
+        let joints = motion.angles.iter().map(|angle| angle[i]).collect();
+        lane.trace.push(time, &State { pivot: Pose::from_parts(at(motion.position), rotation), joints });
+        lane.boxes.push((at(low), at(high)));
+    }
+}
+
+/// Energy that a lane's motors gave: all of it, and without the signs.
+struct Ledger<S: Simd> {
+    /// Energy at the start.
+    start: Option<Lanes<S>>,
+    given: Lanes<S>,
+    turnover: Lanes<S>,
+}
+
+impl<S: Simd> Ledger<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        Self { start: None, given: all(simd, 0.0), turnover: all(simd, 0.0) }
+    }
+
+    #[inline(always)]
+    fn post(&mut self, work: Lanes<S>) {
+        self.given += work;
+        self.turnover += work.abs();
+    }
+}
+
+/// Finds lanes that left the bounds of a sound simulation.
+#[inline(always)]
+fn check<S: Simd, G: Surface<S>>(
+    simd: S,
+    model: &Model,
+    step: u32,
+    stepper: &Stepper<'_, S, G>,
+    ledger: &mut Ledger<S>,
+    lanes: &mut [Lane],
+) {
+    let ((fastest, lowest), energy) = (stepper.extremes, stepper.energy);
+    let most = all(simd, f32::MAX);
+    let finite: Mask<S> = fastest.simd_le(most) & energy.abs().simd_le(most) & lowest.abs().simd_le(most);
+    let slow: Mask<S> = fastest.simd_le(all(simd, Bound::SPEED * Bound::SPEED));
+    let above: Mask<S> = lowest.simd_ge(all(simd, -Bound::DEPTH));
+    let calm: Mask<S> = energy.simd_le(all(simd, Bound::ENERGY * model.mass));
+    let whole = energy + stepper.potential;
+    let start = *ledger.start.get_or_insert(whole);
+    let slack = fma::<S>(all(simd, Bound::DRIFT), ledger.turnover, all(simd, Bound::LIFT * model.weight()));
+    let paid: Mask<S> = (whole - start - ledger.given).simd_le(slack);
+    if (finite & slow & above & calm & paid).all_true() {
+        return;
+    }
+    for (i, lane) in lanes.iter_mut().enumerate().filter(|(_, lane)| lane.broken.is_none()) {
+        let bounds = [
+            (finite, Bound::Finite),
+            (slow, Bound::Speed),
+            (above, Bound::Penetration),
+            (calm, Bound::Energy),
+            (paid, Bound::Work),
+        ];
+        let left = bounds.into_iter().find(|(sound, _)| !sound.test(i));
+        lane.broken = left.map(|(_, bound)| (step, bound));
+    }
+}

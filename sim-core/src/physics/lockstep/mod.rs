@@ -1,0 +1,113 @@
+//! The lockstep engine: many rollouts of one robot at once, one a SIMD lane.
+//!
+//! Reduced coordinates (a floating base and hinges), contacts linearised so that they become inertia of the bodies they
+//! touch, implicit motors: the cost of a step hardly depends on what happens in it, so lanes never wait for each other.
+//! For flat ground and stairs; a robot is any tree of hinges that the project can compile.
+//!
+//! Where the method stands: `model` robot and constants, `kinematics`, `inertia`, `contact` (flat ground), `terrain`, `uneven`
+//! and `general` (stairs), `touch` (bodies among themselves), `factor` (mass matrix), `step`, `batch` (lanes filled, outcomes taken out).
+//!
+//! Lanes are f32. Every operation is one that IEEE 754 rounds correctly and no lane sees another, so results have the same
+//! bits at any width, on any instruction set, in any company.
+
+// Indices are those of the equations.
+#![expect(clippy::needless_range_loop)]
+
+mod batch;
+mod contact;
+mod factor;
+mod general;
+mod inertia;
+mod kinematics;
+mod lanes;
+mod model;
+mod step;
+mod terrain;
+mod touch;
+mod uneven;
+
+pub use crate::base::simd::Level;
+use crate::base::simd::at_level;
+use crate::model::Robot;
+use crate::model::environment::Block;
+use crate::physics::{Engine, Physics, Request, Rollout};
+use fearless_simd::{Simd, SimdBase};
+
+/// Raised by hand when a change of this engine alters results. What was measured of its fidelity holds for one revision.
+pub const REVISION: u32 = 1;
+
+/// The lockstep engine, at the widest instruction set that this CPU has. Its `substeps` are the times that contacts and
+/// motors are linearised anew within a step.
+pub struct LockstepEngine;
+
+/// Why the engine can't simulate something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsupported {
+    /// Of terrain it knows stairs only.
+    #[error(
+        "of terrain the lockstep engine knows stairs only: blocks on the ground, with sides along x and y, all between the \
+         same two lines, which are at least 10 mu apart"
+    )]
+    Terrain,
+    /// It knows boxes only.
+    #[error("the lockstep engine knows boxes only, and the robot has capsules")]
+    Capsules,
+}
+
+/// Whether the engine can simulate this robot on this terrain.
+pub fn supports(robot: &Robot, terrain: &[Block]) -> Result<(), Unsupported> {
+    if !terrain::known(terrain) {
+        return Err(Unsupported::Terrain);
+    }
+    if robot.bodies.iter().any(|body| !body.capsules.is_empty()) {
+        return Err(Unsupported::Capsules);
+    }
+    Ok(())
+}
+
+impl Engine for LockstepEngine {
+    /// # Panics
+    /// If [`supports`] says no.
+    fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
+        if let Err(why) = supports(robot, terrain) {
+            panic!("{why}");
+        }
+        run_at(Level::new(), robot, physics, terrain, batch)
+    }
+
+    fn lanes(&self) -> usize {
+        width(Level::new())
+    }
+}
+
+/// Runs a batch at a given instruction set.
+pub fn run_at(
+    level: Level,
+    robot: &Robot,
+    physics: &Physics,
+    terrain: &[Block],
+    batch: &[Request<'_>],
+) -> Vec<Rollout> {
+    let model = model::Model::new(robot, physics);
+    let layers = terrain::layers(terrain);
+    if layers.is_empty() {
+        at_level!(level, simd => batch::run(simd, &model, physics, contact::Corners::new(&model), batch))
+    } else {
+        at_level!(level, simd => batch::run(simd, &model, physics, uneven::Uneven::new(&layers), batch))
+    }
+}
+
+/// Lanes of an instruction set.
+fn width(level: Level) -> usize {
+    fn of<S: Simd>(_: S) -> usize {
+        <S::f32s as SimdBase<S>>::LEN
+    }
+    at_level!(level, simd => of(simd))
+}
+
+#[cfg(test)]
+mod closed_form;
+#[cfg(test)]
+mod on_blocks;
+#[cfg(test)]
+mod tests;

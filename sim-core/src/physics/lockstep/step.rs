@@ -1,0 +1,272 @@
+//! A step of all lanes: semi-implicit in velocity, with motors, limits and contacts linearised anew a few times.
+//!
+//! (M + dt·D) v⁺ = M v − dt·bias + dt·f. M v and the bias come from one pass over the tree (recursive Newton–Euler,
+//! Featherstone (2008), section 5.3), for what a body carries is its momentum less dt times its bias force.
+
+use super::contact::{Surface, box_axes, box_center};
+use super::factor::System;
+use super::inertia::{Composite, Inertia};
+use super::kinematics::{Frames, Motion, Spatial, Velocity};
+use super::lanes::{Lanes, Mask, V3, all, clamp, fma, fnma};
+use super::model::Model;
+use super::touch;
+use crate::base::math::Vector;
+use fearless_simd::prelude::*;
+
+/// Joint limits are a spring of so many times the motors' stiffness, and a damper of so many times their damping.
+const LIMIT_STIFFNESS: f32 = 10.0;
+
+/// Everything a step needs, kept from step to step.
+pub(super) struct Stepper<'a, S: Simd, G: Surface<S>> {
+    simd: S,
+    model: &'a Model,
+    pub frames: Frames<S>,
+    ground: G,
+    system: System<S>,
+    /// Motions of the bodies.
+    motions: Vec<Spatial<S>>,
+    accelerations: Vec<Spatial<S>>,
+    rigid: Vec<Inertia<S>>,
+    pressed: Vec<G::Inertia>,
+    /// Momentum less dt·bias of every body, plus impulses of contacts among bodies.
+    carried: Vec<Spatial<S>>,
+    impulses: Vec<Spatial<S>>,
+    next: Velocity<S>,
+    /// What motors did in the last linearisation.
+    motors: Vec<Drive<S>>,
+    /// Kinetic energy at the step's start, kg·mu²/s².
+    pub energy: Lanes<S>,
+    /// Potential energy at the step's start, 0 with all centres of mass at height 0, kg·mu²/s².
+    pub potential: Lanes<S>,
+    /// What the motors gave in the last step, kg·mu²/s².
+    pub work: Lanes<S>,
+    /// The greatest squared speed of a body's origin at the step's start, mu²/s², and the height of the lowest centre of
+    /// mass, mu.
+    pub extremes: (Lanes<S>, Lanes<S>),
+}
+
+impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
+    pub fn new(simd: S, model: &'a Model, ground: G) -> Self {
+        let (bodies, hinges) = (model.bodies.len(), model.hinges.len());
+        let zero = Spatial::zero(simd);
+        Self {
+            simd,
+            model,
+            frames: Frames::new(simd, model),
+            ground,
+            system: System::new(simd, model),
+            motions: vec![zero; bodies],
+            accelerations: vec![zero; bodies],
+            rigid: vec![Inertia::zero(simd); bodies],
+            pressed: vec![G::Inertia::rigid(simd, &Inertia::zero(simd)); bodies],
+            carried: vec![zero; bodies],
+            impulses: vec![zero; bodies],
+            next: Velocity { base: zero, rates: vec![all(simd, 0.0); hinges] },
+            motors: vec![Drive { stiffening: all(simd, 0.0), impulse: all(simd, 0.0) }; hinges],
+            energy: all(simd, 0.0),
+            potential: all(simd, 0.0),
+            work: all(simd, 0.0),
+            extremes: (all(simd, 0.0), all(simd, 0.0)),
+        }
+    }
+
+    /// Moves the bodies' frames to where the motion is.
+    #[inline(always)]
+    pub fn place(&mut self, motion: &Motion<S>) {
+        self.frames.update(self.simd, self.model, motion);
+    }
+
+    /// A step; the frames are in place. `targets` are the joint targets at its end, rad.
+    #[inline(always)]
+    pub fn step(&mut self, motion: &mut Motion<S>, targets: &[Lanes<S>]) {
+        let (simd, model) = (self.simd, self.model);
+        self.measure(motion);
+        touch::bodies(simd, model, &self.frames, &self.motions, &mut self.carried);
+        self.ground.find(simd, model, &self.frames, motion.position);
+        self.next.base = motion.velocity.base;
+        self.next.rates.copy_from_slice(&motion.velocity.rates);
+        for iteration in 0..model.iterations {
+            if iteration > 0 {
+                self.frames.velocities(model, &self.next, &mut self.motions);
+            }
+            self.solve(motion, targets);
+        }
+        std::mem::swap(&mut motion.velocity, &mut self.next);
+        motion.advance(simd, model.dt);
+    }
+
+    /// Motions, inertias, bias, energy and extremes of a motion whose frames are in place.
+    #[inline(always)]
+    pub fn measure(&mut self, motion: &Motion<S>) {
+        self.frames.velocities(self.model, &motion.velocity, &mut self.motions);
+        self.bias(motion);
+    }
+
+    /// Rigid inertias, and what every body carries: its momentum less dt times its bias force.
+    #[inline(never)]
+    fn bias(&mut self, motion: &Motion<S>) {
+        self.simd.vectorize(
+            #[inline(always)]
+            || {
+                let (simd, model) = (self.simd, self.model);
+                let minus_dt = all(simd, -model.dt);
+                let base = self.motions[0];
+                // The base's linear acceleration is that of its moving origin: −ω × v; gravity is an acceleration upwards.
+                let linear = V3::all(simd, -model.gravity).sub(base.a.cross(base.l));
+                self.accelerations[0] = Spatial { a: V3::zero(simd), l: linear };
+                let (mut energy, mut potential) = (all(simd, 0.0), all(simd, 0.0));
+                let (mut fastest, mut lowest) = (all(simd, 0.0), all(simd, f32::MAX));
+                for (i, link) in model.bodies.iter().enumerate() {
+                    let v = self.motions[i];
+                    if i > 0 {
+                        let hinge = &model.hinges[i - 1];
+                        let s = self.frames.hinges[i - 1];
+                        // V × S θ̇; with V = V_parent + S θ̇ the last term crosses itself away.
+                        let turn = Spatial { a: v.a.cross(s.a), l: v.a.cross(s.l).add(v.l.cross(s.a)) };
+                        self.accelerations[i] =
+                            self.accelerations[hinge.parent].plus(motion.velocity.rates[i - 1], turn);
+                    }
+                    let inertia = Inertia::of_body(simd, link, &self.frames, i);
+                    let momentum = inertia.times(v);
+                    energy += v.dot(momentum);
+                    let speed = v.l.add(v.a.cross(self.frames.origins[i]));
+                    let square = speed.dot(speed);
+                    // So that what is not a number wins.
+                    fastest = square.simd_le(fastest).select(fastest, square);
+                    let height = motion.position.z + inertia.first.z / inertia.flat;
+                    lowest = height.simd_ge(lowest).select(lowest, height);
+                    potential = fma::<S>(inertia.flat, height, potential);
+                    let rate_of_change = inertia.times(self.accelerations[i]);
+                    let crossed =
+                        Spatial { a: v.a.cross(momentum.a).add(v.l.cross(momentum.l)), l: v.a.cross(momentum.l) };
+                    let force = rate_of_change.add(crossed);
+                    self.carried[i] = momentum.plus(minus_dt, force).without_negative_zeros(simd);
+                    self.rigid[i] = inertia.without_negative_zeros(simd);
+                }
+                self.energy = energy * all(simd, 0.5);
+                self.potential = potential * all(simd, -model.gravity.z);
+                self.extremes = (fastest, lowest);
+            },
+        )
+    }
+
+    /// One linearisation about `next` and its solution, into `next`.
+    #[inline(never)]
+    fn solve(&mut self, motion: &Motion<S>, targets: &[Lanes<S>]) {
+        self.simd.vectorize(
+            #[inline(always)]
+            || {
+                let (simd, model) = (self.simd, self.model);
+                for i in 0..self.rigid.len() {
+                    self.pressed[i] = G::Inertia::rigid(simd, &self.rigid[i]);
+                }
+                self.impulses.copy_from_slice(&self.carried);
+                self.ground.press(simd, model, &self.motions, &mut self.pressed, &mut self.impulses);
+                self.system.assemble(simd, model, &self.frames, &mut self.pressed);
+                for i in (0..model.hinges.len()).rev() {
+                    let wrench = self.impulses[i + 1];
+                    let parent = model.hinges[i].parent;
+                    self.impulses[parent] = self.impulses[parent].add(wrench);
+                    let rate = self.next.rates[i];
+                    let motor = self.motor(motion.angles[i], rate, targets[i]);
+                    let limit = self.limit(motion.angles[i], rate);
+                    self.system.stiffen(i, motor.stiffening + limit.stiffening);
+                    self.next.rates[i] = self.frames.hinges[i].dot(wrench) + (motor.impulse + limit.impulse);
+                    self.motors[i] = motor;
+                }
+                self.next.base = self.impulses[0];
+                self.system.solve(simd, model, &mut self.next);
+                // An impulse works at the mean of the rates before and after it.
+                let mut work = all(simd, 0.0);
+                for i in 0..model.hinges.len() {
+                    let after = self.next.rates[i];
+                    let impulse = fnma::<S>(self.motors[i].stiffening, after, self.motors[i].impulse);
+                    work = fma::<S>(impulse, after + motion.velocity.rates[i], work);
+                }
+                self.work = work * all(simd, 0.5);
+            },
+        )
+    }
+
+    /// The motor of a hinge, linearised about a rate: an implicit spring and damper, or a constant torque where that would
+    /// be too strong.
+    #[inline(always)]
+    fn motor(&self, angle: Lanes<S>, rate: Lanes<S>, target: Lanes<S>) -> Drive<S> {
+        let (simd, model) = (self.simd, self.model);
+        let dt = all(simd, model.dt);
+        let ahead = fma::<S>(dt, rate, angle);
+        let stiffness = all(simd, model.stiffness);
+        let torque = fnma::<S>(all(simd, model.damping), rate, stiffness * (target - ahead));
+        let most = all(simd, model.max_torque);
+        let weak: Mask<S> = torque.abs().simd_le(most);
+        let stiffening = all(simd, model.dt * (model.damping + model.dt * model.stiffness));
+        Drive {
+            stiffening: weak.select(stiffening, all(simd, 0.0)),
+            impulse: dt * weak.select(stiffness * (target - angle), clamp::<S>(torque, most)),
+        }
+    }
+
+    /// The limits of a hinge, linearised about a rate: a spring and damper, only while it pushes back.
+    #[inline(always)]
+    fn limit(&self, angle: Lanes<S>, rate: Lanes<S>) -> Drive<S> {
+        let (simd, model) = (self.simd, self.model);
+        let zero = all(simd, 0.0);
+        let edge = all(simd, model.limit);
+        let bound = angle.simd_gt(zero).select(edge, -edge);
+        let beyond: Mask<S> = fma::<S>(all(simd, model.dt), rate, angle).abs().simd_gt(edge);
+        let (spring, damper) = (LIMIT_STIFFNESS * model.stiffness, LIMIT_STIFFNESS * model.damping);
+        Drive {
+            stiffening: beyond.select(all(simd, model.dt * (damper + model.dt * spring)), zero),
+            impulse: beyond.select(all(simd, model.dt * spring) * (bound - angle), zero),
+        }
+    }
+
+    /// The box around the robot, in the world.
+    #[inline(never)]
+    pub fn bounds(&self, simd: S, model: &Model, motion: &Motion<S>) -> (V3<S>, V3<S>) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let (mut low, mut high) = (V3::all(simd, Vector::MAX), V3::all(simd, Vector::MIN));
+                for part in &model.boxes {
+                    let center = motion.position.add(box_center(simd, part, &self.frames));
+                    let [a, b, c] = box_axes(simd, part, &self.frames);
+                    let half = V3::all(simd, part.half);
+                    let reach = V3 {
+                        x: V3 { x: a.x.abs(), y: b.x.abs(), z: c.x.abs() }.dot(half),
+                        y: V3 { x: a.y.abs(), y: b.y.abs(), z: c.y.abs() }.dot(half),
+                        z: V3 { x: a.z.abs(), y: b.z.abs(), z: c.z.abs() }.dot(half),
+                    };
+                    let (bottom, top) = (center.sub(reach), center.add(reach));
+                    low.x = bottom.x.simd_lt(low.x).select(bottom.x, low.x);
+                    low.y = bottom.y.simd_lt(low.y).select(bottom.y, low.y);
+                    low.z = bottom.z.simd_lt(low.z).select(bottom.z, low.z);
+                    high.x = top.x.simd_gt(high.x).select(top.x, high.x);
+                    high.y = top.y.simd_gt(high.y).select(top.y, high.y);
+                    high.z = top.z.simd_gt(high.z).select(top.z, high.z);
+                }
+                (low, high)
+            },
+        )
+    }
+}
+
+#[cfg(test)]
+impl<S: Simd> Stepper<'_, S, super::contact::Corners<S>> {
+    /// What flat ground did to every corner of the first lane in the last step, which gave `velocity`; see
+    /// [`super::contact::Corners::forces`].
+    pub fn corner_forces(&self, velocity: &Velocity<S>) -> Vec<(f32, f32)> {
+        let mut after = self.motions.clone();
+        self.frames.velocities(self.model, velocity, &mut after);
+        self.ground.forces(self.model, &self.motions, &after)
+    }
+}
+
+/// A hinge's part of the system.
+#[derive(Clone, Copy)]
+struct Drive<S: Simd> {
+    /// Added to the diagonal.
+    stiffening: Lanes<S>,
+    /// Added to the right side.
+    impulse: Lanes<S>,
+}

@@ -1,0 +1,100 @@
+//! The robot's joints in rapier's two ways: impulse joints, which pull two free bodies together, and multibody joints, in
+//! whose angles the robot itself moves. Motors, gains, limits and contacts are the same.
+
+use super::{PhysicsWorld, RigidBodyHandle, Robot};
+use crate::model::{Hinge, JOINT_LIMIT, State};
+use crate::physics::{JointKind, Physics};
+use rapier3d::dynamics::{ImpulseJointHandle, JointAxis, MotorModel, MultibodyJointHandle, RevoluteJointBuilder};
+
+/// Handles of the joints, in the order of the robot's hinges.
+pub(super) enum Joints {
+    Impulse(Vec<ImpulseJointHandle>),
+    Multibody(Vec<MultibodyJointHandle>),
+}
+
+impl Joints {
+    /// Before the robot is in the world.
+    pub fn none() -> Self {
+        Self::Impulse(Vec::new())
+    }
+
+    /// Joins bodies that stand at their places.
+    pub fn insert(
+        world: &mut PhysicsWorld,
+        robot: &Robot,
+        physics: &Physics,
+        bodies: &[RigidBodyHandle],
+        start: &State,
+    ) -> Self {
+        let hinges = robot.hinges.iter().enumerate();
+        let joints = hinges.map(|(i, h)| (bodies[h.parent], bodies[i + 1], revolute(h, physics, start.joints[i])));
+        match physics.joints {
+            JointKind::Impulse => Self::Impulse(joints.map(|(a, b, j)| world.insert_impulse_joint(a, b, j)).collect()),
+            JointKind::Multibody => {
+                let insert = |(a, b, joint)| {
+                    world.insert_multibody_joint(a, b, joint).expect("the hinges of a compiled robot form a tree")
+                };
+                let handles: Vec<_> = joints.map(insert).collect();
+                if let Some(first) = handles.first() {
+                    turn_to_start(world, *first, bodies, start);
+                }
+                Self::Multibody(handles)
+            }
+        }
+    }
+
+    /// Tells the motors, rad.
+    pub fn set_targets(&self, world: &mut PhysicsWorld, physics: &Physics, targets: &[f32]) {
+        let (stiffness, damping) = (physics.stiffness, physics.damping);
+        match self {
+            Self::Impulse(handles) => {
+                for (handle, &target) in handles.iter().zip(targets) {
+                    if let Some(joint) = world.impulse_joints.get_mut(*handle, false) {
+                        joint.data.set_motor_position(JointAxis::AngX, target, stiffness, damping);
+                    }
+                }
+            }
+            Self::Multibody(handles) => {
+                for (handle, &target) in handles.iter().zip(targets) {
+                    let found = world.multibody_joints.get_mut(*handle);
+                    if let Some(link) = found.and_then(|(multibody, id)| multibody.link_mut(id)) {
+                        link.joint.data.set_motor_position(JointAxis::AngX, target, stiffness, damping);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Angle of a joint, rad, where rapier keeps it itself.
+    pub fn angle(&self, world: &PhysicsWorld, joint: usize) -> Option<f32> {
+        let Self::Multibody(handles) = self else { return None };
+        let (multibody, id) = world.multibody_joints.get(handles[joint])?;
+        Some(multibody.link(id)?.joint().coords()[JointAxis::AngX as usize])
+    }
+}
+
+fn revolute(hinge: &Hinge, physics: &Physics, angle: f32) -> RevoluteJointBuilder {
+    RevoluteJointBuilder::new(hinge.axis)
+        .local_anchor1(hinge.anchor)
+        .local_anchor2(rapier3d::math::Vector::ZERO)
+        .contacts_enabled(false)
+        .limits([-JOINT_LIMIT, JOINT_LIMIT])
+        .motor_model(MotorModel::ForceBased)
+        .motor_max_force(physics.max_torque)
+        .motor_position(angle, physics.stiffness, physics.damping)
+}
+
+/// A multibody starts with all angles at 0, wherever its bodies stand, and with a damping that acts on the free pivot too.
+fn turn_to_start(world: &mut PhysicsWorld, root: MultibodyJointHandle, bodies: &[RigidBodyHandle], start: &State) {
+    let Some((multibody, _)) = world.multibody_joints.get_mut(root) else { return };
+    multibody.damping_mut().fill(0.0);
+    let mut turns = vec![0.0; multibody.ndofs()];
+    for link in multibody.links().filter(|link| !link.is_root()) {
+        let body = bodies.iter().position(|b| *b == link.rigid_body_handle());
+        // The joint before a body is one less: the pivot hangs on none.
+        turns[link.assembly_id()] = body.map_or(0.0, |b| start.joints[b - 1]);
+    }
+    multibody.apply_displacements(&turns);
+    multibody.forward_kinematics(&world.bodies, true);
+    multibody.update_rigid_bodies(&mut world.bodies, true);
+}

@@ -1,0 +1,191 @@
+//! Rollouts on rapier3d: the reference engine, for any terrain.
+//!
+//! Every rollout builds a fresh world, so none can leave traces in another. Joints with force-based motors (impulse or
+//! multibody joints, as the job says), Coulomb friction, warm-started joints, no sleeping. Contacts between bodies that share a joint are off, all others on.
+
+mod joints;
+
+use super::{Bound, Engine, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
+use crate::base::math::{Pose, Vector, about_z, angle_about};
+use crate::model::environment::Block;
+use crate::model::{Robot, State};
+use joints::Joints;
+use rapier3d::dynamics::{FrictionModel, IntegrationParameters, MassProperties, RigidBodyBuilder, RigidBodyHandle};
+use rapier3d::geometry::{ColliderBuilder, SharedShape};
+use rapier3d::math::Matrix;
+use rapier3d::pipeline::PhysicsWorld;
+
+/// rapier3d, one rollout after the other.
+pub struct RapierEngine;
+
+impl Engine for RapierEngine {
+    fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
+        let never = || false;
+        let rollout = |request| Simulation::new(robot, physics, terrain, request).run(request, &never);
+        batch.iter().map(|request| rollout(request).expect("a rollout that nobody stops has an end")).collect()
+    }
+
+    /// Asks `stop` before every step: a step of the largest robot takes some milliseconds a substep at most.
+    fn run_until(
+        &self,
+        robot: &Robot,
+        physics: &Physics,
+        request: &Request<'_>,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Rollout> {
+        Simulation::new(robot, physics, &[], request).run(request, stop)
+    }
+}
+
+struct Simulation<'a> {
+    robot: &'a Robot,
+    physics: &'a Physics,
+    world: PhysicsWorld,
+    bodies: Vec<RigidBodyHandle>,
+    joints: Joints,
+}
+
+fn parameters(physics: &Physics) -> IntegrationParameters {
+    IntegrationParameters {
+        dt: 1.0 / physics.steps_per_second as f32,
+        num_solver_iterations: physics.substeps as usize,
+        friction_model: FrictionModel::Coulomb,
+        warmstart_joints: true,
+        // Friction in both passes of a substep: closer to finely stepped references at the same cost.
+        friction_in_bias_pass: true,
+        ..IntegrationParameters::default()
+    }
+}
+
+impl<'a> Simulation<'a> {
+    fn new(robot: &'a Robot, physics: &'a Physics, terrain: &[Block], request: &Request<'_>) -> Self {
+        let mut world = PhysicsWorld::new();
+        world.gravity = Vector::new(0.0, 0.0, -physics.gravity);
+        world.integration_parameters = parameters(physics);
+        let friction = physics.friction;
+        let ground = world.insert_body(RigidBodyBuilder::fixed());
+        world.insert_collider(ColliderBuilder::new(SharedShape::halfspace(Vector::Z)).friction(friction), Some(ground));
+        for block in terrain {
+            let half = Vector::new(block.size[0] as f32, block.size[1] as f32, (block.top - block.base) as f32) * 0.5;
+            let center =
+                Vector::new(block.center[0] as f32, block.center[1] as f32, ((block.top + block.base) * 0.5) as f32);
+            let pose = Pose::from_parts(center, about_z(block.yaw));
+            let shape = ColliderBuilder::cuboid(half.x, half.y, half.z).position(pose).friction(friction);
+            world.insert_collider(shape, Some(ground));
+        }
+        let mut simulation = Self { robot, physics, world, bodies: Vec::new(), joints: Joints::none() };
+        simulation.insert_robot(request.start);
+        simulation
+    }
+
+    fn insert_robot(&mut self, start: &State) {
+        let poses = self.robot.body_poses(start);
+        for (body, pose) in self.robot.bodies.iter().zip(poses) {
+            let [x, y, z] = body.inertia.map(Vector::from_array);
+            let inertia = Matrix::from_cols(x, y, z); // symmetric, so rows are columns
+            let mass = MassProperties::with_inertia_matrix(body.center_of_mass, body.mass, inertia);
+            let handle = self
+                .world
+                .insert_body(RigidBodyBuilder::dynamic().pose(pose).can_sleep(false).additional_mass_properties(mass));
+            for part in &body.boxes {
+                let shape = ColliderBuilder::cuboid(part.half.x, part.half.y, part.half.z)
+                    .position(part.pose)
+                    .density(0.0)
+                    .friction(self.physics.friction);
+                self.world.insert_collider(shape, Some(handle));
+            }
+            for capsule in &body.capsules {
+                let [a, b] = capsule.ends;
+                let shape = ColliderBuilder::new(SharedShape::capsule(a, b, capsule.radius))
+                    .density(0.0)
+                    .friction(self.physics.friction);
+                self.world.insert_collider(shape, Some(handle));
+            }
+            self.bodies.push(handle);
+        }
+        self.joints = Joints::insert(&mut self.world, self.robot, self.physics, &self.bodies, start);
+    }
+
+    fn run(mut self, request: &Request<'_>, stop: &dyn Fn() -> bool) -> Option<Rollout> {
+        let rate = self.physics.steps_per_second;
+        let steps = self.physics.steps(request.targets.duration());
+        let every = sample_every(rate);
+        let mut trace = Trace::new(self.robot.hinges.len());
+        let mut boxes = Vec::new();
+        let mut outcome = Outcome::Completed;
+        let mut targets = vec![0.0; self.robot.hinges.len()];
+        let mut state = request.start.clone();
+        trace.push(0.0, &state);
+        boxes.push(self.robot.bounds(&state));
+        let mut done = 0;
+        while done < steps {
+            if stop() {
+                return None;
+            }
+            let time = f64::from(done + 1) / f64::from(rate);
+            request.targets.at(time, &mut targets);
+            self.set_targets(&targets);
+            self.world.step();
+            done += 1;
+            if let Some(bound) = self.broken() {
+                outcome = Outcome::Unstable { time: time as f32, bound };
+                break;
+            }
+            if done % every == 0 || done == steps {
+                state = self.state();
+                trace.push(time as f32, &state);
+                boxes.push(self.robot.bounds(&state));
+            }
+        }
+        Some(Rollout {
+            end: state,
+            end_speed: self.top_speed(),
+            trace,
+            swept: spans(&boxes),
+            outcome,
+            simulated_ms: u64::from(done) * 1000 / u64::from(rate),
+        })
+    }
+
+    fn set_targets(&mut self, targets: &[f32]) {
+        self.joints.set_targets(&mut self.world, self.physics, targets);
+    }
+
+    fn state(&self) -> State {
+        let pose = |i: usize| *self.world.bodies[self.bodies[i]].position();
+        let angle = |(i, hinge): (usize, &crate::model::Hinge)| {
+            let turned = || angle_about(pose(hinge.parent).rotation.inverse() * pose(i + 1).rotation, hinge.axis);
+            self.joints.angle(&self.world, i).unwrap_or_else(turned)
+        };
+        State { pivot: pose(0), joints: self.robot.hinges.iter().enumerate().map(angle).collect() }
+    }
+
+    fn top_speed(&self) -> f32 {
+        self.bodies.iter().map(|b| self.world.bodies[*b].linvel().length()).fold(0.0, f32::max)
+    }
+
+    /// The first bound that the world has left.
+    fn broken(&self) -> Option<Bound> {
+        let mut energy = 0.0;
+        let mut mass = 0.0;
+        for handle in &self.bodies {
+            let body = &self.world.bodies[*handle];
+            let (position, velocity) = (body.translation(), body.linvel());
+            if !body.is_enabled() || !position.is_finite() || !velocity.is_finite() || !body.angvel().is_finite() {
+                return Some(Bound::Finite);
+            }
+            if velocity.length() > Bound::SPEED {
+                return Some(Bound::Speed);
+            }
+            if body.center_of_mass().z < -Bound::DEPTH {
+                return Some(Bound::Penetration);
+            }
+            energy += body.kinetic_energy();
+            mass += body.mass();
+        }
+        (energy > Bound::ENERGY * mass).then_some(Bound::Energy)
+    }
+}
+
+#[cfg(test)]
+mod closed_form;

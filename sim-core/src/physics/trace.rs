@@ -1,0 +1,184 @@
+//! What a rollout tells.
+
+use crate::base::math::{Pose, Rotation, Vector};
+use crate::model::State;
+use std::fmt;
+
+/// Samples a second that a trace has at least, if there are as many steps.
+const SAMPLES_PER_SECOND: u32 = 20;
+/// Samples whose boxes are joined to one span.
+const SAMPLES_PER_SPAN: usize = 10;
+
+/// A rollout's outcome and the way to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rollout {
+    /// The configuration at the end, or at the last sound moment of an unstable rollout.
+    pub end: State,
+    /// Greatest speed of a body at the end, mu/s.
+    pub end_speed: f32,
+    /// Configurations on the way, the first at the start, the last at the end.
+    pub trace: Trace,
+    /// Boxes around the robot over short spans of time, in the frame of the simulation.
+    pub swept: Vec<Span>,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Simulated time, ms.
+    pub simulated_ms: u64,
+}
+
+/// How a rollout ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// It ran to its end.
+    Completed,
+    /// The simulation left its bounds and is worth nothing from there on.
+    Unstable {
+        /// When, s.
+        time: f32,
+        /// Which bound.
+        bound: Bound,
+    },
+}
+
+/// The bounds that tell a sound simulation from a broken one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bound {
+    /// A number that is not finite.
+    Finite,
+    /// A body faster than [`Bound::SPEED`].
+    Speed,
+    /// A body's centre deeper in the ground than [`Bound::DEPTH`].
+    Penetration,
+    /// More kinetic energy a kg of the robot than [`Bound::ENERGY`].
+    Energy,
+    /// More energy than the start had and the motors gave, by more than what lifts the robot by [`Bound::LIFT`] and
+    /// [`Bound::DRIFT`] of what the motors gave and took. Told by the lockstep engine only.
+    Work,
+}
+
+impl Bound {
+    /// mu/s. A free fall from 100 mu at 93 mu/s² is slower.
+    pub const SPEED: f32 = 150.0;
+    /// mu: half a module.
+    pub const DEPTH: f32 = 0.5;
+    /// mu²/s².
+    pub const ENERGY: f32 = 5000.0;
+    /// mu.
+    pub const LIFT: f32 = 0.1;
+    /// A share.
+    pub const DRIFT: f32 = 0.05;
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::Unstable { time, bound } = self else { return f.write_str("completed") };
+        match bound {
+            Bound::Finite => write!(f, "a number was not finite after {time:.2} s"),
+            Bound::Speed => write!(f, "a body was faster than {} mu/s after {time:.2} s", Bound::SPEED),
+            Bound::Penetration => {
+                write!(f, "a body was deeper than {} mu in the ground after {time:.2} s", Bound::DEPTH)
+            }
+            Bound::Energy => {
+                write!(f, "kinetic energy exceeded {} mu²/s² times the robot's mass after {time:.2} s", Bound::ENERGY)
+            }
+            Bound::Work => {
+                let lift = Bound::LIFT;
+                write!(
+                    f,
+                    "it had gained more energy than its motors gave, enough to lift it by {lift} mu, after {time:.2} s"
+                )
+            }
+        }
+    }
+}
+
+/// The robot's axis-aligned box over a span of samples, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// First sample.
+    pub first: usize,
+    /// Last sample.
+    pub last: usize,
+    /// Lower corner, mu.
+    pub low: Vector,
+    /// Upper corner, mu.
+    pub high: Vector,
+}
+
+/// Configurations over time, stored flat.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    joints: usize,
+    times: Vec<f32>,
+    numbers: Vec<f32>,
+}
+
+impl Trace {
+    /// An empty trace of a robot with so many joints.
+    pub fn new(joints: usize) -> Self {
+        Self { joints, times: Vec::new(), numbers: Vec::new() }
+    }
+
+    /// Adds a moment (s).
+    pub fn push(&mut self, time: f32, state: &State) {
+        let (p, q) = (state.pivot.translation, state.pivot.rotation);
+        self.times.push(time);
+        self.numbers.extend([p.x, p.y, p.z, q.x, q.y, q.z, q.w]);
+        self.numbers.extend(&state.joints);
+    }
+
+    /// Number of moments.
+    pub fn len(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.times.is_empty()
+    }
+
+    /// Time of a moment, s.
+    pub fn time(&self, i: usize) -> f32 {
+        self.times[i]
+    }
+
+    /// Pose of the pivot at a moment.
+    pub fn pivot(&self, i: usize) -> Pose {
+        let n = &self.numbers[i * (7 + self.joints)..];
+        Pose::from_parts(Vector::new(n[0], n[1], n[2]), Rotation::from_xyzw(n[3], n[4], n[5], n[6]))
+    }
+
+    /// Joint angles at a moment, rad.
+    pub fn joints(&self, i: usize) -> &[f32] {
+        &self.numbers[i * (7 + self.joints) + 7..][..self.joints]
+    }
+
+    /// The configuration at a moment.
+    pub fn state(&self, i: usize) -> State {
+        State { pivot: self.pivot(i), joints: self.joints(i).to_vec() }
+    }
+}
+
+/// Steps from one sample of a trace to the next, at so many steps a second.
+pub(crate) fn sample_every(steps_per_second: u32) -> u32 {
+    (steps_per_second / SAMPLES_PER_SECOND).max(1)
+}
+
+/// Joins the boxes of neighbouring samples; spans share their ends, so that nothing lies between two of them.
+pub(crate) fn spans(boxes: &[(Vector, Vector)]) -> Vec<Span> {
+    let mut spans = Vec::new();
+    let mut first = 0;
+    loop {
+        let last = (first + SAMPLES_PER_SPAN).min(boxes.len() - 1);
+        let (mut low, mut high) = boxes[first];
+        for (l, h) in &boxes[first..=last] {
+            low = low.min(*l);
+            high = high.max(*h);
+        }
+        spans.push(Span { first, last, low, high });
+        if last + 1 >= boxes.len() {
+            return spans;
+        }
+        first = last;
+    }
+}

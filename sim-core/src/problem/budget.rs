@@ -1,0 +1,115 @@
+//! What an evaluation may cost at most, in rollouts and physics steps: so every one ends, with the same bits everywhere.
+//!
+//! A tree of K iterations with k gaits asks for K·k rollouts at most, and over terrain for twice as many: first in the
+//! canonical frame, then in place. Reuse makes that far fewer, which a job can count on by `planner.max_rollouts`.
+
+use super::Checked;
+use crate::base::error::{Invalid, whole_in_range};
+use crate::base::limits::{MAX_EVALUATION_STEPS, MAX_PREPARATION, MAX_SUBSTEPS_PER_SECOND};
+use crate::job::JobSpec;
+use crate::model::Robot;
+use crate::model::environment::Environment;
+use crate::physics::{JointKind, LONGEST_SETTLING, Physics};
+
+impl Checked {
+    /// Most rollouts one evaluation can take; with reuse it takes far fewer.
+    pub fn most_rollouts(&self) -> u64 {
+        self.rollouts_of(self.0.spec.planner.repeats)
+    }
+
+    /// Physics steps of a rollout, each with all of its substeps.
+    pub fn steps_per_rollout(&self) -> u64 {
+        steps_per_rollout(&self.0.spec, &self.0.physics)
+    }
+
+    /// Rollouts that so many trees of a candidate may simulate; one that needs more has failed. `as_in_search`: whether
+    /// they reuse transitions as the search does, to which `planner.max_rollouts` applies.
+    pub fn rollout_budget(&self, trees: u32, as_in_search: bool) -> u64 {
+        let planner = &self.0.spec.planner;
+        let asked = planner.max_rollouts.filter(|_| as_in_search);
+        let share = |most: u64| most.saturating_mul(trees.into()).div_ceil(planner.repeats.into());
+        asked.map_or_else(|| self.rollouts_of(trees), share).min(MAX_EVALUATION_STEPS / self.steps_per_rollout().max(1))
+    }
+
+    /// Most work that a preparation can take, in body-substeps: that of the longest settling on the job's own setting, on the
+    /// quiet one that may follow, and of both again on the reference setting.
+    pub fn preparation_budget(&self) -> u64 {
+        let own = [*self.physics(), self.quiet_setting(0.0).physics];
+        let own: u64 = own.iter().map(|physics| settling(self.robot(), physics)).sum();
+        own + self.on_reference().map_or(0, Self::preparation_budget)
+    }
+
+    fn rollouts_of(&self, trees: u32) -> u64 {
+        most_rollouts(&self.0.spec, &self.0.environment, trees)
+    }
+}
+
+fn most_rollouts(spec: &JobSpec, environment: &Environment, trees: u32) -> u64 {
+    let ways = if environment.is_flat() { 1 } else { 2 };
+    ways * u64::from(spec.planner.iterations) * u64::from(spec.gaits.count) * u64::from(trees)
+}
+
+fn steps_per_rollout(spec: &JobSpec, physics: &Physics) -> u64 {
+    u64::from(physics.steps(spec.gaits.duration)) * u64::from(physics.substeps)
+}
+
+/// Most body-substeps that a robot takes to settle on one setting, so weighted that each takes much the same time on every
+/// engine. A box or capsule counts as a body does. A step counts as two substeps more: contacts are sought in it. In reduced
+/// coordinates (multibody joints) each body's motion involves all others, so n bodies count 1 + n/4 times.
+fn settling(robot: &Robot, physics: &Physics) -> u64 {
+    let bodies = robot.bodies.len() as u64;
+    let shapes: usize = robot.bodies.iter().map(|body| body.boxes.len() + body.capsules.len()).sum();
+    let quarters = if physics.joints == JointKind::Multibody { 4 + bodies } else { 4 };
+    let steps = u64::from(physics.steps(LONGEST_SETTLING));
+    steps * (u64::from(physics.substeps) + 2) * (bodies + shapes as u64) * quarters / 4
+}
+
+/// Refuses jobs whose preparation could take too long.
+pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
+    let needed = job.preparation_budget();
+    if needed <= MAX_PREPARATION {
+        return Ok(());
+    }
+    let finish = if job.finish().is_some() { ", finish.steps_per_second, finish.substeps" } else { "" };
+    let multibody = match job.physics().joints {
+        JointKind::Multibody => ", use physics.joints = \"impulse\"",
+        JointKind::Impulse => "",
+    };
+    Err(Invalid::Conflict {
+        field: "physics".into(),
+        reason: format!(
+            "settling the robot of {} bodies could take {needed} body-substeps: at most {MAX_PREPARATION} are allowed; lower \
+             physics.steps_per_second, physics.substeps{finish}{multibody}, or take fewer bodies and boxes",
+            job.robot().bodies.len()
+        ),
+    })
+}
+
+/// Refuses jobs whose evaluations could take longer than anybody wants to wait.
+pub(super) fn validate(spec: &JobSpec, environment: &Environment, physics: &Physics) -> Result<(), Invalid> {
+    let substeps = u64::from(physics.steps_per_second) * u64::from(physics.substeps);
+    let most = u64::from(MAX_SUBSTEPS_PER_SECOND);
+    whole_in_range("physics.steps_per_second * physics.substeps", substeps, (1, most), "")?;
+    let each = steps_per_rollout(spec, physics);
+    let rollouts = match spec.planner.max_rollouts {
+        Some(most) => {
+            // The first expansion takes one rollout a gait.
+            let least = u64::from(spec.gaits.count);
+            whole_in_range("planner.max_rollouts", most, (least, MAX_EVALUATION_STEPS), "")?;
+            most
+        }
+        None => most_rollouts(spec, environment, spec.planner.repeats),
+    };
+    match rollouts.checked_mul(each) {
+        Some(steps) if steps <= MAX_EVALUATION_STEPS => Ok(()),
+        _ => Err(Invalid::Conflict {
+            field: "planner".into(),
+            reason: format!(
+                "an evaluation could take {rollouts} rollouts of {each} physics steps (with their substeps): at most \
+                 {MAX_EVALUATION_STEPS} steps are allowed, here {} rollouts; lower iterations, repeats or gaits.count, or \
+                 set planner.max_rollouts, beyond which an evaluation counts as failed",
+                MAX_EVALUATION_STEPS / each.max(1)
+            ),
+        }),
+    }
+}

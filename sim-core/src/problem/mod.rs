@@ -1,0 +1,349 @@
+//! A job: one optimisation, from its file to everything an evaluation needs.
+
+mod budget;
+mod preparation;
+mod standing;
+
+pub use preparation::{Job, Preparation, Unfit, Unprepared};
+
+use crate::base::digest::Digest;
+use crate::base::error::{Faults, Invalid, name, whole_in_range};
+use crate::base::score::Direction;
+use crate::base::{limits, toml_file};
+use crate::control::{Controller, controller};
+use crate::control::{bounds_of, validate_gaits, whole_steps};
+use crate::engines::known::Known;
+use crate::engines::{Chosen, Why, auto};
+use crate::engines::{Quiet, engine, engine_digest, engines_digest};
+use crate::genotype::Bounds;
+use crate::job::{JobSpec, Reference};
+use crate::model::environment::Environment;
+use crate::model::{Robot, RobotSpec, catalogue};
+use crate::objective::Fitness;
+use crate::physics::{Engine, Physics};
+use crate::physics::{EngineKind, PhysicsSpec};
+use crate::plan::validate_planner;
+use crate::plan::{Metric, Planner, Reuse};
+use crate::procedure::evolve::finish::{Finish, FinishKind, FinishSpec};
+use crate::search::{self, Optimiser};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
+/// to clone. [`Checked::prepare`] and [`Checked::with`] make a [`Job`] of it.
+#[derive(Clone, Debug)]
+pub struct Checked(Arc<Resolved>);
+
+#[derive(Debug)]
+struct Resolved {
+    spec: JobSpec,
+    robot_spec: RobotSpec,
+    environment: Environment,
+    robot: Robot,
+    engine: Chosen,
+    physics: Physics,
+    bounds: Bounds,
+    finish: Option<Finish>,
+    /// The same job on the reference setting, without a finish of its own.
+    reference: Option<Checked>,
+}
+
+impl Checked {
+    /// Reads a self-contained job: one whose robot and environment are written out or ship with evogait.
+    /// Settings that are not given get their defaults, so that [`Checked::to_toml`] tells all of them.
+    pub fn from_toml(text: &str) -> Result<Self, Invalid> {
+        let most = limits::MAX_TOML_LENGTH as u64;
+        whole_in_range("length of the job's text", text.len() as u64, (0, most), "bytes")?;
+        Self::new(toml_file::read(text)?)
+    }
+
+    /// Resolves and validates a job whose robot and environment are written out or ship with evogait. Simulates nothing.
+    pub fn new(mut spec: JobSpec) -> Result<Self, Invalid> {
+        let mut faults = Faults::default();
+        faults.take(name("name", &spec.name));
+        let most = limits::MAX_DESCRIPTION_LENGTH as u64;
+        faults.take(whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes"));
+        faults.take(whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), ""));
+        faults.take(validate_gaits(&spec.gaits));
+        faults.take(validate_planner(&spec.planner));
+        faults.take(spec.optimiser.validate());
+        let finish = faults.take(spec.finish.resolve(spec.physics.scale));
+        let robot_spec = faults.take(resolve_robot(&spec));
+        let environment = faults.take(resolve_environment(&spec.environment));
+        let robot = robot_spec.as_ref().and_then(|robot_spec| faults.take(Robot::compile(robot_spec)));
+        let chosen = match (&robot, &environment) {
+            (Some(robot), Some(environment)) => {
+                faults.take(auto::choose(&spec.physics, robot, environment, Known::shipped()))
+            }
+            _ => None,
+        };
+        if let Some(Why::Measured(setting)) = chosen.map(|chosen| chosen.why) {
+            spec.physics = auto::with_steps(&spec.physics, setting);
+        }
+        // Ranges of physics are the same for both engines.
+        let engine_kind = chosen.map_or(EngineKind::Rapier, |chosen| chosen.engine);
+        let physics = faults.take(Physics::resolve(engine_kind, &spec.physics));
+        faults.end()?;
+        let (Some(robot_spec), Some(environment), Some(robot), Some(chosen), Some(physics), Some(finish)) =
+            (robot_spec, environment, robot, chosen, physics, finish)
+        else {
+            unreachable!("what is not there left a fault")
+        };
+
+        let mut faults = Faults::default();
+        faults.take(whole_steps("gaits.duration", &spec.gaits, physics.steps_per_second));
+        if let Some(finish) = &finish {
+            faults.take(whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second));
+        }
+        let bounds = faults.take(bounds_of(&spec.gaits, robot.hinges.len()));
+        let length = bounds.as_ref().map_or(1, |bounds| bounds.0.len() as u64);
+        let parameters = length * u64::from(spec.optimiser.population());
+        let most = limits::MAX_GENERATION_PARAMETERS as u64;
+        let field = "parameters of a generation (candidates × length of the genome)";
+        faults.take(whole_in_range(field, parameters, (1, most), ""));
+        faults.take(budget::validate(&spec, &environment, &physics));
+        faults.end()?;
+        let Some(bounds) = bounds else { unreachable!("bounds that are not there left a fault") };
+        Fitness::validate(&spec.fitness, &environment)?;
+
+        spec.variant = None;
+        spec.physics = physics.written_out(chosen.engine, &spec.physics);
+        spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
+        spec.environment = Reference::Inline(Box::new(environment.clone()));
+        spec.finish = Finish::written_out(finish.as_ref());
+        let reference = finish.as_ref().map(|finish| on_reference(&spec, finish)).transpose()?;
+        let checked = Self(Arc::new(Resolved {
+            spec,
+            robot_spec,
+            environment,
+            robot,
+            engine: chosen,
+            physics,
+            bounds,
+            finish,
+            reference,
+        }));
+        budget::validate_preparation(&checked)?;
+        Ok(checked)
+    }
+
+    /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
+    /// job with the same digest.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(&self.0.spec).expect("a resolved job can be written as TOML")
+    }
+
+    /// The job digest: resolved job, robot, environment, optimiser and engine; not names or descriptions.
+    pub fn digest(&self) -> Digest {
+        self.digest_on(self.engine_digest())
+    }
+
+    /// The digest that the same job has where its engine has another digest, as in another build of evogait.
+    pub fn digest_on(&self, engine: Digest) -> Digest {
+        #[derive(Serialize)]
+        struct Identity<'a> {
+            spec: &'a JobSpec,
+            engine: Digest,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            fitness: Option<u32>,
+        }
+        let mut spec = self.0.spec.clone();
+        spec.name.clear();
+        spec.description.clear();
+        if let (Reference::Inline(robot), Reference::Inline(environment)) = (&mut spec.robot, &mut spec.environment) {
+            robot.name.clear();
+            robot.description.clear();
+            environment.name.clear();
+            environment.description.clear();
+        }
+        Digest::of("evogait job 1", &Identity { spec: &spec, engine, fitness: spec.fitness.revision() })
+    }
+
+    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or the quiet
+    /// setting of a start is another engine's. A worker must offer the same.
+    pub fn engine_digest(&self) -> Digest {
+        let search = self.chosen().engine;
+        let uses = |job: &Checked, kind| job.chosen().engine == kind || job.quiet_setting(0.0).engine == kind;
+        let [rapier, lockstep] = [EngineKind::Rapier, EngineKind::Lockstep]
+            .map(|kind| uses(self, kind) || self.on_reference().is_some_and(|reference| uses(reference, kind)));
+        if rapier && lockstep {
+            engines_digest(EngineKind::Lockstep, EngineKind::Rapier)
+        } else {
+            engine_digest(search)
+        }
+    }
+
+    /// The setting that its robot is settled on if it trembles at so many mu/s on the job's own.
+    fn quiet_setting(&self, trembling: f32) -> Quiet {
+        Quiet::of(&self.0.robot, &self.0.physics, trembling)
+    }
+
+    /// Which engine the job runs on, and why. [`Self::on_reference`] has one of its own.
+    pub fn chosen(&self) -> Chosen {
+        self.0.engine
+    }
+
+    /// Candidates whose first rollouts fill the engine's lanes on this machine: fewer in a batch take as long. 1 for an
+    /// engine without lanes.
+    pub fn candidates_at_once(&self) -> u32 {
+        (self.engine().lanes() as u32 / self.0.spec.gaits.count).max(1)
+    }
+
+    /// The resolved job as written.
+    pub fn spec(&self) -> &JobSpec {
+        &self.0.spec
+    }
+
+    /// The resolved robot file.
+    pub fn robot_spec(&self) -> &RobotSpec {
+        &self.0.robot_spec
+    }
+
+    /// The compiled robot.
+    pub fn robot(&self) -> &Robot {
+        &self.0.robot
+    }
+
+    /// The environment.
+    pub fn environment(&self) -> &Environment {
+        &self.0.environment
+    }
+
+    /// The physics, every number resolved.
+    pub fn physics(&self) -> &Physics {
+        &self.0.physics
+    }
+
+    /// How the published winner is chosen; `None` if it is the best of the search.
+    pub fn finish(&self) -> Option<&Finish> {
+        self.0.finish.as_ref()
+    }
+
+    /// The same job on the reference setting of its finish, if it has one.
+    pub fn on_reference(&self) -> Option<&Checked> {
+        self.0.reference.as_ref()
+    }
+
+    /// Fresh RRT seeds on which candidates are scored again.
+    pub fn fresh_seeds(&self) -> u32 {
+        Finish::seeds_of(self.finish())
+    }
+
+    /// The box of genomes.
+    pub fn bounds(&self) -> &Bounds {
+        &self.0.bounds
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> &'static dyn Engine {
+        engine(self.0.engine.engine)
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &'static dyn Controller {
+        controller(self.0.spec.gaits.controller)
+    }
+
+    /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
+    /// distance fitness.
+    pub fn planner(&self) -> Planner {
+        let spec = &self.0.spec.planner;
+        Planner {
+            algorithm: spec.algorithm,
+            iterations: spec.iterations,
+            metric: Metric { yaw_weight: spec.yaw_weight, height: !self.0.environment.is_flat() },
+            map: self.0.environment.size,
+            stop_at: None,
+        }
+    }
+
+    /// How transitions are reused.
+    pub fn reuse(&self) -> Reuse {
+        let spec = &self.0.spec.planner;
+        Reuse { tolerance: spec.reuse_tolerance, variants: spec.variants }
+    }
+
+    /// Names of the genome's parameters, such as `gait1.hip-front.omega1`, in order.
+    pub fn parameter_names(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        for gait in 1..=self.0.spec.gaits.count {
+            for hinge in &self.0.robot.hinges {
+                for parameter in self.controller().parameters() {
+                    names.push(format!("gait{gait}.{}.{}", hinge.name, parameter.name));
+                }
+            }
+        }
+        names
+    }
+
+    /// Whether larger or smaller scores are better.
+    pub fn direction(&self) -> Direction {
+        Fitness::direction(&self.0.spec.fitness)
+    }
+
+    /// Name and unit of the score, such as ("coverage", "%").
+    pub fn score_label(&self) -> (&'static str, &'static str) {
+        Fitness::label(&self.0.spec.fitness)
+    }
+
+    /// Least and greatest score that an evaluation can have.
+    pub fn score_range(&self) -> (f64, f64) {
+        Fitness::range(&self.0.spec.fitness)
+    }
+
+    /// A fresh optimiser at generation 0.
+    pub fn optimiser(&self) -> Box<dyn Optimiser> {
+        search::build(&self.0.spec.optimiser, self.0.bounds.clone(), self.direction(), self.0.spec.seed)
+    }
+}
+
+fn resolve_robot(spec: &JobSpec) -> Result<RobotSpec, Invalid> {
+    let mut robot: RobotSpec = match &spec.robot {
+        Reference::Inline(robot) => (**robot).clone(),
+        Reference::Named(name) => toml::from_str(shipped("robot", catalogue::robots(), name)?)?,
+    };
+    if let Some(variant) = &spec.variant {
+        robot = robot.variant(variant)?;
+    }
+    robot.variants.clear();
+    Ok(robot)
+}
+
+fn resolve_environment(reference: &Reference<Environment>) -> Result<Environment, Invalid> {
+    let environment: Environment = match reference {
+        Reference::Inline(environment) => (**environment).clone(),
+        Reference::Named(name) => toml::from_str(shipped("environment", catalogue::environments(), name)?)?,
+    };
+    environment.validate()?;
+    Ok(environment)
+}
+
+fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Result<&'static str, Invalid> {
+    catalogue::find(entries, name).map(|e| e.toml).ok_or_else(|| Invalid::Unknown {
+        field: field.to_owned(),
+        value: name.to_owned(),
+        known: entries.iter().map(|e| e.name.to_owned()).collect(),
+    })
+}
+
+/// A job with other physics and without a finish.
+fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Checked, Invalid> {
+    let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
+    Checked::new(JobSpec { physics, finish, ..spec.clone() })
+}
+
+/// A resolved job on the reference setting of its finish.
+fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Checked, Invalid> {
+    with_physics(spec, finish.physics(&spec.physics)).map_err(|fault| unusable_reference(finish, &fault))
+}
+
+/// The refusal of a job that can't be used on its reference setting.
+fn unusable_reference(finish: &Finish, fault: &Invalid) -> Invalid {
+    Invalid::Conflict {
+        field: "finish".into(),
+        reason: format!(
+            "on its reference setting ({} steps a second, {} substeps) the job can't be used: {fault}",
+            finish.steps_per_second, finish.substeps
+        ),
+    }
+}

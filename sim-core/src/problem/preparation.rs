@@ -1,0 +1,336 @@
+//! The dear part of a job: its robot settled, and all that follows from where it stands.
+
+use super::{Checked, standing, unusable_reference, with_physics};
+use crate::base::encoding::{self, Unreadable};
+use crate::base::error::Invalid;
+use crate::base::math::{Pose, Rotation, Vector};
+use crate::engines::{Quiet, Settled, settle_quietly_until};
+use crate::job::JobSpec;
+use crate::model::{Place, State};
+use crate::objective::Fitness;
+use crate::physics::{PhysicsSpec, Unsettled, settle_until};
+use crate::plan::{Setting, standing_at};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
+
+/// First byte of an encoded preparation.
+const FORMAT: u8 = 0xA1;
+/// A rotation's length may differ from 1 by so much.
+const UNIT: f32 = 1e-3;
+
+/// A checked job with its robot settled: everything that an evaluation needs. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Job(Arc<Prepared>);
+
+#[derive(Debug)]
+struct Prepared {
+    checked: Checked,
+    fitness: Fitness,
+    /// The settled start in the canonical frame.
+    start: State,
+    /// Height of the terrain that the robot starts on, mu; 0 on flat ground.
+    ground: f64,
+    /// The setting that it was settled on, if not the job's own.
+    quiet: Option<Quiet>,
+    /// The same job on the reference setting, without a finish of its own.
+    reference: Option<Job>,
+}
+
+/// Result of settling a job's robot, on the job's own setting and on its reference: bits that no other machine needs to
+/// compute again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Preparation {
+    own: Start,
+    reference: Option<Start>,
+}
+
+/// A settled start as it is stored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Start {
+    /// The pivot's position x, y, z, mu, and its rotation as a unit quaternion x, y, z, w.
+    pivot: [f32; 7],
+    /// Joint angles, rad.
+    joints: Vec<f32>,
+    /// Speed at which the robot trembles on the setting of its rollouts, mu/s, where it was settled on a quiet one.
+    trembling: Option<f32>,
+}
+
+/// A job that has no preparation.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Unprepared {
+    /// The caller gave it up.
+    #[error("stopped before the robot had settled")]
+    Stopped,
+    /// Its robot can't stand, or its start is blocked.
+    #[error(transparent)]
+    Refused(#[from] Invalid),
+}
+
+/// A preparation that is not one of its job.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unfit {
+    /// It can't be read.
+    #[error("the preparation can't be read: {0}")]
+    Unreadable(#[from] Unreadable),
+    /// The job has a reference setting and the preparation none, or the other way round.
+    #[error("the preparation has {found} settled starts, its job {wanted}")]
+    Starts {
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        wanted: usize,
+    },
+    /// Another number of joints than the robot has.
+    #[error("a settled start has {found} joint angles, the robot {wanted} joints")]
+    Joints {
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        wanted: usize,
+    },
+    /// Numbers that no settled robot has.
+    #[error(
+        "a settled start has numbers that it can't have: all must be finite, x and y of the pivot 0, its rotation of length 1, \
+         a speed at least 0"
+    )]
+    Numbers,
+}
+
+impl Preparation {
+    /// The bytes it is stored and sent as.
+    pub fn encode(&self) -> Vec<u8> {
+        encoding::encode(FORMAT, self)
+    }
+
+    /// Reads it from exactly those bytes.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
+        encoding::decode(FORMAT, bytes)
+    }
+}
+
+impl fmt::Display for Preparation {
+    /// Such as "settled with its pivot at a height of 0.52 mu (bits 3f051eb8)".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let height = self.own.pivot[2];
+        write!(f, "settled with its pivot at a height of {height:.2} mu (bits {:08x})", height.to_bits())
+    }
+}
+
+impl Start {
+    fn of(settled: &Settled) -> Self {
+        let State { pivot, joints } = &settled.state;
+        let (p, q) = (pivot.translation, pivot.rotation);
+        Self {
+            pivot: [p.x, p.y, p.z, q.x, q.y, q.z, q.w],
+            joints: joints.clone(),
+            trembling: settled.quiet.map(|quiet| quiet.trembling),
+        }
+    }
+
+    /// The settled start of a job's robot.
+    fn settled(&self, job: &Checked) -> Settled {
+        let [x, y, z, i, j, k, w] = self.pivot;
+        let pivot = Pose::from_parts(Vector::new(x, y, z), Rotation::from_xyzw(i, j, k, w));
+        let state = State { pivot, joints: self.joints.clone() };
+        Settled { state, quiet: self.trembling.map(|trembling| job.quiet_setting(trembling)) }
+    }
+
+    fn fits(&self, job: &Checked) -> Result<(), Unfit> {
+        let joints = job.robot().hinges.len();
+        if self.joints.len() != joints {
+            return Err(Unfit::Joints { found: self.joints.len(), wanted: joints });
+        }
+        let [x, y, _, i, j, k, w] = self.pivot;
+        let finite = self.pivot.iter().chain(&self.joints).chain(&self.trembling).all(|n| n.is_finite());
+        let unit = ((i * i + j * j + k * k + w * w).sqrt() - 1.0).abs() < UNIT;
+        let speed = self.trembling.is_none_or(|speed| speed >= 0.0);
+        if finite && unit && speed && x == 0.0 && y == 0.0 { Ok(()) } else { Err(Unfit::Numbers) }
+    }
+}
+
+impl Checked {
+    /// Settles the robot on the job's setting and on its reference. `stop` is asked before every run of 2 s at least; on
+    /// rapier before every step.
+    ///
+    /// # Errors
+    /// The robot can't stand, its start is blocked, or `stop` says so.
+    pub fn prepare(&self, stop: &dyn Fn() -> bool) -> Result<Preparation, Unprepared> {
+        let own = self.settle(stop)?;
+        let on_reference = |reference: &Checked| match (reference.settle(stop), self.finish()) {
+            (Err(Unprepared::Refused(fault)), Some(finish)) => {
+                Err(Unprepared::Refused(unusable_reference(finish, &fault)))
+            }
+            (settled, _) => settled,
+        };
+        let reference = self.on_reference().map(on_reference).transpose()?;
+        Ok(Preparation { own, reference })
+    }
+
+    /// Whether a preparation can be one of this job. Cheap.
+    pub fn takes(&self, preparation: &Preparation) -> Result<(), Unfit> {
+        let wanted = 1 + usize::from(self.on_reference().is_some());
+        let found = 1 + usize::from(preparation.reference.is_some());
+        if found != wanted {
+            return Err(Unfit::Starts { found, wanted });
+        }
+        preparation.own.fits(self)?;
+        match (&preparation.reference, self.on_reference()) {
+            (Some(start), Some(reference)) => start.fits(reference),
+            _ => Ok(()),
+        }
+    }
+
+    /// The job with its preparation. Simulates nothing.
+    ///
+    /// # Errors
+    /// The preparation is not one of this job.
+    pub fn with(self, preparation: Preparation) -> Result<Job, Invalid> {
+        let unfit = |e: Unfit| Invalid::Conflict { field: "preparation".into(), reason: e.to_string() };
+        self.takes(&preparation).map_err(unfit)?;
+        let reference = self.on_reference().cloned().zip(preparation.reference);
+        let stand = |(job, start): (Checked, Start)| {
+            let settled = start.settled(&job);
+            job.standing(settled, None)
+        };
+        let reference = match (reference.map(stand).transpose(), self.finish()) {
+            (Err(fault), Some(finish)) => return Err(unusable_reference(finish, &fault)),
+            (reference, _) => reference?,
+        };
+        let settled = preparation.own.settled(&self);
+        self.standing(settled, reference)
+    }
+
+    fn settle(&self, stop: &dyn Fn() -> bool) -> Result<Start, Unprepared> {
+        let settled =
+            settle_quietly_until(self.chosen().engine, self.robot(), self.physics(), stop).map_err(unsettled)?;
+        let start = Start::of(&settled);
+        // Refuses a start that is blocked.
+        self.clone().standing(settled, None)?;
+        Ok(start)
+    }
+
+    fn standing(self, settled: Settled, reference: Option<Job>) -> Result<Job, Invalid> {
+        let Settled { state: start, quiet } = settled;
+        let ground = standing::ground_of_start(self.robot(), self.environment(), &start)?;
+        let height = f64::from(start.pivot.translation.z) + ground;
+        let fitness = Fitness::new(&self.spec().fitness, self.environment(), height)?;
+        Ok(Job(Arc::new(Prepared { checked: self, fitness, start, ground, quiet, reference })))
+    }
+}
+
+fn unsettled(error: Unsettled) -> Unprepared {
+    match error {
+        Unsettled::Stopped => Unprepared::Stopped,
+        e => Unprepared::Refused(Invalid::Conflict { field: "robot".into(), reason: e.to_string() }),
+    }
+}
+
+impl Deref for Job {
+    type Target = Checked;
+
+    fn deref(&self) -> &Checked {
+        &self.0.checked
+    }
+}
+
+impl Job {
+    /// Reads, checks and prepares a self-contained job: one whose robot and environment are written out or ship with evogait.
+    pub fn from_toml(text: &str) -> Result<Job, Invalid> {
+        Self::prepared(Checked::from_toml(text)?)
+    }
+
+    /// Checks and prepares a job whose robot and environment are written out or ship with evogait.
+    pub fn new(spec: JobSpec) -> Result<Job, Invalid> {
+        Self::prepared(Checked::new(spec)?)
+    }
+
+    fn prepared(checked: Checked) -> Result<Job, Invalid> {
+        match checked.prepare(&|| false) {
+            Ok(preparation) => checked.with(preparation),
+            Err(Unprepared::Refused(fault)) => Err(fault),
+            Err(Unprepared::Stopped) => unreachable!("nothing stops it"),
+        }
+    }
+
+    /// The same job with other physics, its robot settled there, and without a finish.
+    pub fn with_physics(&self, physics: PhysicsSpec) -> Result<Job, Invalid> {
+        Self::prepared(with_physics(self.spec(), physics)?)
+    }
+
+    /// The same job with other friction and without a finish. A robot that does not come to rest there by itself starts
+    /// as this job's does if it is known to tremble; else it is refused, as it always was: results keep their bits.
+    pub(crate) fn with_friction(
+        &self,
+        friction: f64,
+        trembles: bool,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Job, Unprepared> {
+        let physics = PhysicsSpec { friction: Some(friction), ..self.spec().physics.clone() };
+        let other = with_physics(self.spec(), physics)?;
+        let settled = match settle_until(other.engine(), other.robot(), other.physics(), stop) {
+            Ok(state) => Settled { state, quiet: None },
+            Err(Unsettled::Stopped) => return Err(Unprepared::Stopped),
+            Err(_) if trembles => Settled { state: self.start().clone(), quiet: self.0.quiet },
+            Err(error) => return Err(unsettled(error)),
+        };
+        Ok(other.standing(settled, None)?)
+    }
+
+    /// The part of it that is known without a simulation.
+    pub fn checked(&self) -> &Checked {
+        &self.0.checked
+    }
+
+    /// The setting that the robot was settled on; `None` if it is the job's own.
+    pub fn quiet(&self) -> Option<&Quiet> {
+        self.0.quiet.as_ref()
+    }
+
+    /// The same job on the reference setting of its finish, if it has one.
+    pub fn reference(&self) -> Option<&Job> {
+        self.0.reference.as_ref()
+    }
+
+    /// The fitness.
+    pub fn fitness(&self) -> &Fitness {
+        &self.0.fitness
+    }
+
+    /// The settled start in the canonical frame.
+    pub fn start(&self) -> &State {
+        &self.0.start
+    }
+
+    /// The settled start as rollouts begin from it: in the canonical frame, with [`Place::ORIGIN`]; among terrain in the map,
+    /// with where that is.
+    pub fn start_among_terrain(&self) -> (State, Place) {
+        match self.environment().is_flat() {
+            true => (self.start().clone(), Place::ORIGIN),
+            false => (standing_at(self.start(), &self.root()), self.root()),
+        }
+    }
+
+    /// Where the pivot starts on the map.
+    pub fn root(&self) -> Place {
+        let start = &self.environment().start;
+        Place { x: start.x, y: start.y, z: f64::from(self.0.start.pivot.translation.z) + self.0.ground, yaw: start.yaw }
+    }
+
+    /// The obstacle that the robot, settled and with its pivot at the goal, touches at every heading, if there is one: such a
+    /// goal is no configuration that the robot can reach as it stands.
+    pub fn blocked_goal(&self) -> Option<usize> {
+        standing::blocked_goal(self.robot(), self.environment(), &self.0.start)
+    }
+
+    /// Where trees are grown.
+    pub fn setting(&self) -> Setting<'_> {
+        Setting {
+            robot: self.robot(),
+            environment: self.environment(),
+            gaits: self.spec().gaits.count as usize,
+            height: self.0.start.pivot.translation.z.into(),
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Records of a candidate's motions, tree and path, for people to look at.
+
+mod record;
+
+use crate::base::score::Counts;
+use crate::evaluate::{Stopped, Trial, grow, search_streams};
+use crate::problem::Job;
+use crate::search::Scored;
+use serde::{Deserialize, Serialize};
+
+/// What is recorded of a winner: the part of the report that no score tells.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Traces {
+    /// Each of the winner's gaits, applied at the start.
+    pub gaits: Vec<GaitTrace>,
+    /// The winner's tree, as the search scored it (its first, where a candidate has several).
+    pub tree: TreeRecord,
+    /// The tree's best path, run three ways.
+    pub paths: Vec<PathTrace>,
+}
+
+/// One gait from the settled start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GaitTrace {
+    /// The gait's parameters, in the order of the genome.
+    pub parameters: Vec<f64>,
+    /// Names of the moved joints, the columns of `targets` and `angles`.
+    pub joints: Vec<String>,
+    /// Samples over time, at equal steps, the first at 0. Long gaits have fewer a second: all gaits together at most 8,000.
+    pub samples: Vec<TraceSample>,
+    /// `null` if it completed, else why and when it was found unstable.
+    pub unstable: Option<String>,
+}
+
+/// A moment of a gait.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TraceSample {
+    /// s since the gait's start.
+    pub time: f64,
+    /// Commanded joint angles, rad.
+    pub targets: Vec<f32>,
+    /// Joint angles, rad.
+    pub angles: Vec<f32>,
+    /// Pivot position x, y, z, mu, in the map.
+    pub position: [f64; 3],
+    /// Pivot rotation as a unit quaternion x, y, z, w.
+    pub rotation: [f64; 4],
+    /// Heading, rad.
+    pub yaw: f64,
+}
+
+/// A planner's tree.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TreeRecord {
+    /// Nodes; the first is the root.
+    pub nodes: Vec<NodeRecord>,
+    /// Node indexes from the root to the path's end: the node nearest to the goal, or without a goal the farthest.
+    pub best_path: Vec<usize>,
+}
+
+/// A node and the edge that leads to it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NodeRecord {
+    /// mu.
+    pub x: f64,
+    /// mu.
+    pub y: f64,
+    /// Height of the pivot, mu.
+    pub z: f64,
+    /// Heading, rad.
+    pub yaw: f64,
+    /// Parent node; `null` for the root.
+    pub parent: Option<usize>,
+    /// Gait from the parent, from 0; `null` for the root.
+    pub gait: Option<usize>,
+    /// The pivot's way from the parent, (x, y) in the map, sampled about once a second, ends included; more seldom in
+    /// a tree whose ways would have more than 50,000 points.
+    pub way: Vec<[f64; 2]>,
+}
+
+/// A path, run in one of three ways.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PathTrace {
+    /// How.
+    pub mode: PathMode,
+    /// The pivot's way, (x, y) in the map.
+    pub way: Vec<[f64; 2]>,
+    /// Planar distance of its end from where the tree says it ends, mu.
+    pub end_error: f64,
+}
+
+/// The three ways to run a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PathMode {
+    /// As the tree has it: transitions laid end to end.
+    Tree,
+    /// Every gait simulated from the exact end of the one before, velocities zeroed.
+    Resimulated,
+    /// One simulation without a stop: velocities are kept between gaits.
+    Continuous,
+}
+
+/// A candidate's gaits, its tree and the tree's best path, with what that took. `stop` is asked now and then.
+///
+/// # Panics
+/// If the genome's length does not fit the job.
+pub fn traces(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(Traces, Counts), Stopped> {
+    let trial = grown(job, candidate, stop)?;
+    let mut counts = trial.counts();
+    let tree = record::tree(job, &trial);
+    let paths = record::paths(job, &trial, &tree.best_path, &mut counts);
+    let gaits = record::gaits(job, candidate, &trial.targets, &mut counts);
+    Ok((Traces { gaits, tree, paths }, counts))
+}
+
+/// Each gait of a candidate, applied at the start: what [`Traces::gaits`] holds.
+///
+/// # Panics
+/// If the genome's length does not fit the job.
+pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
+    let trial = Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, []);
+    record::gaits(job, candidate, &trial.targets, &mut Counts::default())
+}
+
+/// A candidate's tree as the search scored it, and its best path run three ways: what [`Traces::tree`] and
+/// [`Traces::paths`] hold.
+///
+/// # Panics
+/// If the genome's length does not fit the job.
+pub fn plan(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(TreeRecord, Vec<PathTrace>), Stopped> {
+    let trial = grown(job, candidate, stop)?;
+    let tree = record::tree(job, &trial);
+    let paths = record::paths(job, &trial, &tree.best_path, &mut Counts::default());
+    Ok((tree, paths))
+}
+
+/// A candidate's trees as the search scored them.
+fn grown(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<Trial, Stopped> {
+    let streams = search_streams(job, candidate.generation, candidate.candidate);
+    let mut trials = [Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, streams)];
+    grow(job, &mut trials, stop)?;
+    let [trial] = trials;
+    Ok(trial)
+}

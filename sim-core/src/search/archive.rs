@@ -1,0 +1,181 @@
+//! The best of a whole search: what the finish chooses the published winner from, and what it audits.
+
+use crate::base::score::Direction;
+use crate::search::Scored;
+
+/// Most global bests that are kept; from then on a new one replaces the newest.
+pub const MAX_BESTS: usize = 1000;
+
+/// The best distinct genomes of a search, best first, and every global best it ever had.
+///
+/// Genomes are told apart by their bits. One that was scored several times (an elite of a genetic algorithm) counts with
+/// its best score, the earliest of them if there are several. Equal scores stand in the order of generation and
+/// candidate. What is kept does not depend on the order of the offers of one generation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Archive {
+    direction: Direction,
+    capacity: usize,
+    entries: Vec<Scored>,
+    bests: Vec<Scored>,
+}
+
+impl Archive {
+    /// An empty one that keeps up to `capacity` genomes.
+    pub fn new(direction: Direction, capacity: u32) -> Self {
+        Self { direction, capacity: capacity as usize, entries: Vec::new(), bests: Vec::new() }
+    }
+
+    /// Takes up stored [`Archive::entries`] and [`Archive::bests`].
+    pub fn restore(direction: Direction, capacity: u32, entries: Vec<Scored>, bests: Vec<Scored>) -> Self {
+        let mut archive = Self { bests, ..Self::new(direction, capacity) };
+        entries.into_iter().for_each(|entry| archive.keep(entry));
+        archive
+    }
+
+    /// Takes in a generation: its candidates that did not fail, by index.
+    pub fn generation(&mut self, candidates: impl IntoIterator<Item = Scored>) {
+        let mut best: Option<Scored> = None;
+        for scored in candidates.into_iter().filter(|s| !s.score.is_nan()) {
+            if best.as_ref().is_none_or(|b| self.before(&scored, b)) {
+                best = Some(scored.clone());
+            }
+            self.keep(scored);
+        }
+        if let Some(best) = best
+            && self.direction.better(Some(best.score), self.bests.last().map(|b| b.score))
+        {
+            self.bests.truncate(MAX_BESTS - 1);
+            self.bests.push(best);
+        }
+    }
+
+    /// The best genomes, best first.
+    pub fn entries(&self) -> &[Scored] {
+        &self.entries
+    }
+
+    /// Every global best, generation by generation: each strictly better than the one before.
+    pub fn bests(&self) -> &[Scored] {
+        &self.bests
+    }
+
+    fn keep(&mut self, scored: Scored) {
+        if let Some(at) = self.entries.iter().position(|e| same_genome(e, &scored)) {
+            if !self.before(&scored, &self.entries[at]) {
+                return;
+            }
+            self.entries.remove(at);
+        }
+        let at = self.entries.partition_point(|e| self.before(e, &scored));
+        self.entries.insert(at, scored);
+        self.entries.truncate(self.capacity);
+    }
+
+    /// Whether `a` ranks before `b`: better, or as good and earlier.
+    fn before(&self, a: &Scored, b: &Scored) -> bool {
+        if a.score == b.score {
+            (a.generation, a.candidate) < (b.generation, b.candidate)
+        } else {
+            self.direction.better(Some(a.score), Some(b.score))
+        }
+    }
+}
+
+fn same_genome(a: &Scored, b: &Scored) -> bool {
+    a.genome.len() == b.genome.len() && a.genome.iter().zip(&b.genome).all(|(a, b)| a.to_bits() == b.to_bits())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Few scores and few genomes, so that ties and repeats are common.
+    fn search() -> impl Strategy<Value = Vec<Vec<Scored>>> {
+        let candidate = (0u8..6, 0u8..9).prop_map(|(score, genome)| (f64::from(score) - 3.0, f64::from(genome) - 1.0));
+        prop::collection::vec(prop::collection::vec(candidate, 1..6), 0..8).prop_map(|generations| {
+            let scored = |(g, c, &(score, gene)): (usize, usize, &(f64, f64))| Scored {
+                generation: g as u32,
+                candidate: c as u32,
+                score,
+                genome: vec![gene * 0.0, gene],
+            };
+            let generation = |(g, candidates): (usize, &Vec<_>)| {
+                candidates.iter().enumerate().map(|(c, it)| scored((g, c, it))).collect()
+            };
+            generations.iter().enumerate().map(generation).collect()
+        })
+    }
+
+    /// Everything that was scored, best first, each genome once; then cut.
+    fn oracle(direction: Direction, capacity: usize, search: &[Vec<Scored>]) -> Vec<Scored> {
+        let mut all: Vec<Scored> = search.iter().flatten().cloned().collect();
+        // Stable: earlier stays before later.
+        all.sort_by(|a, b| match direction {
+            Direction::Maximise => b.score.total_cmp(&a.score),
+            Direction::Minimise => a.score.total_cmp(&b.score),
+        });
+        let mut distinct: Vec<Scored> = Vec::new();
+        for scored in all {
+            if !distinct.iter().any(|d| same_genome(d, &scored)) {
+                distinct.push(scored);
+            }
+        }
+        distinct.truncate(capacity);
+        distinct
+    }
+
+    proptest! {
+        #[test]
+        fn it_holds_the_best_distinct_genomes_of_all_that_was_scored(
+            search in search(), capacity in 1u32..8, maximise in any::<bool>(), crash in 0usize..8, backwards in any::<bool>(),
+        ) {
+            let direction = if maximise { Direction::Maximise } else { Direction::Minimise };
+            let mut archive = Archive::new(direction, capacity);
+            for (i, generation) in search.iter().enumerate() {
+                let mut generation = generation.clone();
+                if backwards {
+                    generation.reverse();
+                }
+                archive.generation(generation);
+                if i == crash {
+                    let (entries, bests) = (archive.entries().to_vec(), archive.bests().to_vec());
+                    archive = Archive::restore(direction, capacity, entries, bests);
+                }
+            }
+            prop_assert_eq!(archive.entries(), oracle(direction, capacity as usize, &search));
+
+            // The best of all is the newest global best; each one was better than all before it.
+            prop_assert_eq!(archive.bests().last(), archive.entries().first());
+            for best in archive.bests() {
+                let until: Vec<_> = search[..=best.generation as usize].to_vec();
+                prop_assert_eq!(oracle(direction, 1, &until), std::slice::from_ref(best));
+            }
+            let firsts = (0..search.len()).filter_map(|g| oracle(direction, 1, &search[..=g]).pop());
+            let mut expected: Vec<Scored> = firsts.collect();
+            expected.dedup();
+            prop_assert_eq!(archive.bests(), expected);
+        }
+    }
+
+    #[test]
+    fn minus_zero_is_another_genome_and_nan_no_score() {
+        let scored = |candidate, score, gene| Scored { generation: 0, candidate, score, genome: vec![gene] };
+        let mut archive = Archive::new(Direction::Maximise, 9);
+        archive.generation([scored(0, 1.0, 0.0), scored(1, 1.0, -0.0), scored(2, f64::NAN, 5.0)]);
+        assert_eq!(archive.entries().iter().map(|e| e.candidate).collect::<Vec<_>>(), [0, 1]);
+        assert_eq!(archive.bests().len(), 1);
+    }
+
+    #[test]
+    fn bests_have_a_limit_and_the_newest_is_always_there() {
+        let mut archive = Archive::new(Direction::Minimise, 1);
+        for generation in 0..2000 {
+            let score = -f64::from(generation);
+            archive.generation([Scored { generation, candidate: 0, score, genome: vec![score] }]);
+        }
+        assert_eq!(archive.bests().len(), MAX_BESTS);
+        assert_eq!((archive.bests()[0].generation, archive.bests()[MAX_BESTS - 1].generation), (0, 1999));
+        assert_eq!(archive.entries()[0].generation, 1999);
+    }
+}

@@ -1,0 +1,216 @@
+//! A genetic algorithm on real vectors: tournament selection, simulated binary crossover (K. Deb and R. B. Agrawal,
+//! *Simulated binary crossover for continuous search space*, Complex Systems 9, 1995), Gaussian mutation, elitism.
+//!
+//! A gene that would leave its bounds is reflected at them, so that bounds do not gather genes. Elites pass on unchanged
+//! and are scored again like everyone else: where scores have luck in them, an elite has to earn its place anew. A failed
+//! evaluation is never an elite, and wins a tournament against other failures only.
+
+use crate::base::random::{Purpose, Stream};
+use crate::base::score::Direction;
+use crate::genotype::{Bounds, Genome};
+use crate::search::state::{Owner, Reader, Writer};
+use crate::search::{BadState, Optimiser, random_genome};
+use std::cmp::Ordering;
+
+/// How children are made. The words are those of [`super::OptimiserSpec::Ga`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::search) struct Breeding {
+    pub tournament: u32,
+    pub crossover_rate: f64,
+    pub crossover_eta: f64,
+    pub mutation_rate: f64,
+    pub mutation_scale: f64,
+    pub elite: u32,
+}
+
+#[derive(Clone, Debug)]
+pub(in crate::search) struct GeneticAlgorithm {
+    breeding: Breeding,
+    bounds: Bounds,
+    direction: Direction,
+    seed: u64,
+    generation: u32,
+    population: Vec<Genome>,
+}
+
+impl GeneticAlgorithm {
+    pub fn new(size: u32, breeding: Breeding, bounds: Bounds, direction: Direction, seed: u64) -> Self {
+        let population = (0..size).map(|i| random_genome(&bounds, seed, i)).collect();
+        Self { breeding, bounds, direction, seed, generation: 0, population }
+    }
+
+    /// The next generation: elites first, then children, two by two. A pair draws from the stream of its first child.
+    fn breed(&self, scores: &[Option<f64>]) -> Vec<Genome> {
+        let order = ranking(self.direction, scores);
+        let scored = order.iter().filter(|&&i| scores[i].is_some_and(|s| !s.is_nan()));
+        let mut next: Vec<Genome> =
+            scored.take(self.breeding.elite as usize).map(|&i| self.population[i].clone()).collect();
+        while next.len() < self.population.len() {
+            let mut random = Stream::new(self.seed, Purpose::Breeding, self.generation + 1, next.len() as u32, 0);
+            let mut children = [self.parent(&order, &mut random).clone(), self.parent(&order, &mut random).clone()];
+            if random.unit() < self.breeding.crossover_rate {
+                self.cross(&mut children, &mut random);
+            }
+            for mut child in children {
+                self.mutate(&mut child, &mut random);
+                next.push(child);
+            }
+        }
+        next.truncate(self.population.len());
+        next
+    }
+
+    /// The best of `tournament` individuals, drawn with replacement.
+    fn parent(&self, order: &[usize], random: &mut Stream) -> &Genome {
+        let draws = (0..self.breeding.tournament).map(|_| random.below(order.len() as u32) as usize);
+        // `order` is sorted, so the best drawn is the first one in it.
+        &self.population[order[draws.min().unwrap_or(0)]]
+    }
+
+    /// Simulated binary crossover, a gene crossed with chance 1/2. Keeps each gene's mean over the two.
+    fn cross(&self, [a, b]: &mut [Genome; 2], random: &mut Stream) {
+        for ((a, b), &bound) in a.iter_mut().zip(b).zip(&self.bounds.0) {
+            let (crossed, u) = (random.unit() < 0.5, random.unit());
+            if crossed {
+                let (one, other) = spread(*a, *b, u, self.breeding.crossover_eta);
+                (*a, *b) = (reflect(one, bound), reflect(other, bound));
+            }
+        }
+    }
+
+    fn mutate(&self, genome: &mut Genome, random: &mut Stream) {
+        for (gene, &bound) in genome.iter_mut().zip(&self.bounds.0) {
+            if random.unit() < self.breeding.mutation_rate {
+                let deviation = self.breeding.mutation_scale * (bound.1 - bound.0);
+                *gene = reflect(*gene + deviation * random.normal(), bound);
+            }
+        }
+    }
+
+    fn owner(&self) -> Owner {
+        Owner { kind: b'g', seed: self.seed, population: self.population.len(), genome: self.bounds.0.len() }
+    }
+
+    fn numbers(&self) -> usize {
+        self.population.len() * self.bounds.0.len()
+    }
+}
+
+/// Indexes from the best to the worst score, ties by index.
+fn ranking(direction: Direction, scores: &[Option<f64>]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..scores.len()).collect();
+    order.sort_by(|&a, &b| {
+        if direction.better(scores[a], scores[b]) {
+            Ordering::Less
+        } else if direction.better(scores[b], scores[a]) {
+            Ordering::Greater
+        } else {
+            a.cmp(&b)
+        }
+    });
+    order
+}
+
+/// Two children's values, placed symmetrically about the parents' mean: nearer than the parents for u < 1/2.
+fn spread(a: f64, b: f64, u: f64, eta: f64) -> (f64, f64) {
+    let base = if u <= 0.5 { 2.0 * u } else { 0.5 / (1.0 - u) };
+    let beta = libm::pow(base, 1.0 / (eta + 1.0));
+    let (mean, half) = (0.5 * (a + b), 0.5 * beta * (a - b));
+    (mean + half, mean - half)
+}
+
+/// Folds a value back at its bounds as often as needed.
+fn reflect(value: f64, (low, high): (f64, f64)) -> f64 {
+    if value >= low && value <= high {
+        return value;
+    }
+    let range = high - low;
+    let folded = (value - low).rem_euclid(2.0 * range);
+    let inside = if folded > range { 2.0 * range - folded } else { folded };
+    // Rounding, or a range of 0, may still lead out.
+    if inside.is_nan() { low } else { (low + inside).clamp(low, high) }
+}
+
+impl Optimiser for GeneticAlgorithm {
+    fn ask(&self) -> Vec<Genome> {
+        self.population.clone()
+    }
+
+    fn tell(&mut self, scores: &[Option<f64>]) {
+        assert_eq!(scores.len(), self.population.len(), "one score an individual");
+        self.population = self.breed(scores);
+        self.generation += 1;
+    }
+
+    fn generation(&self) -> u32 {
+        self.generation
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let mut writer = Writer::new(self.owner(), self.generation, self.numbers());
+        self.population.iter().for_each(|genome| writer.numbers(genome));
+        writer.finish()
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), BadState> {
+        let (mut reader, generation) = Reader::new(state, self.owner(), self.numbers())?;
+        let population = (0..self.population.len()).map(|_| reader.genome(&self.bounds)).collect::<Result<_, _>>()?;
+        (self.generation, self.population) = (generation, population);
+        Ok(())
+    }
+
+    fn direction(&self) -> Direction {
+        self.direction
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crossover_keeps_the_mean_and_contracts_below_one_half() {
+        for u in [0.0, 0.2, 0.499, 0.501, 0.9, 0.999] {
+            let (c, d) = spread(1.0, 3.0, u, 10.0);
+            assert!((c + d - 4.0).abs() < 1e-12);
+            assert_eq!((d - c).abs() < 2.0, u < 0.5, "u = {u}");
+        }
+        let (c, d) = spread(1.0, 3.0, 0.5, 10.0);
+        assert_eq!((c, d), (1.0, 3.0));
+    }
+
+    #[test]
+    fn reflection_folds_back_as_often_as_needed() {
+        let at = |v| reflect(v, (1.0, 3.0));
+        assert_eq!([at(1.0), at(2.5), at(3.0)], [1.0, 2.5, 3.0]);
+        assert_eq!([at(0.5), at(3.25), at(5.5), at(-1.5)], [1.5, 2.75, 1.5, 2.5]);
+        assert_eq!(reflect(7.0, (2.0, 2.0)), 2.0);
+    }
+
+    #[test]
+    fn ranking_puts_failures_last_and_ties_in_order() {
+        let scores = [None, Some(2.0), Some(f64::NAN), Some(5.0), Some(2.0)];
+        assert_eq!(ranking(Direction::Maximise, &scores), [3, 1, 4, 0, 2]);
+        assert_eq!(ranking(Direction::Minimise, &scores), [1, 4, 3, 0, 2]);
+    }
+
+    #[test]
+    fn elites_pass_on_unchanged_and_failures_are_none() {
+        let breeding = Breeding {
+            tournament: 2,
+            crossover_rate: 1.0,
+            crossover_eta: 5.0,
+            mutation_rate: 1.0,
+            mutation_scale: 0.1,
+            elite: 2,
+        };
+        let mut ga = GeneticAlgorithm::new(5, breeding, Bounds(vec![(0.0, 1.0); 3]), Direction::Maximise, 9);
+        let first = ga.ask();
+        ga.tell(&[Some(1.0), None, Some(3.0), Some(2.0), None]);
+        assert_eq!(ga.ask()[..2], [first[2].clone(), first[3].clone()]);
+        let second = ga.ask();
+        ga.tell(&[None, None, None, Some(1.0), None]);
+        assert_eq!(ga.ask()[0], second[3]);
+        assert!(ga.ask()[1..].iter().all(|g| !second.contains(g)));
+    }
+}

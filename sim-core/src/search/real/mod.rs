@@ -1,0 +1,4 @@
+//! Searches over real vectors.
+
+pub(super) mod ga;
+pub(super) mod pso;

@@ -1,0 +1,248 @@
+//! Particle swarm optimisation: Eq. 1 and Algorithm 2 of V. Vonásek and J. Faigl, *Evolution of multiple gaits for
+//! modular robots*, IEEE SSCI 2016; and its constricted form, M. Clerc and J. Kennedy, *The particle swarm: explosion,
+//! stability, and convergence in a multidimensional complex space*, IEEE Trans. Evol. Comp. 6(1), 2002.
+//!
+//! Where the paper is silent: the swarm is synchronous (everyone is scored before anyone moves); first velocities are
+//! uniform in ± half a parameter's range; a particle that would leave the bounds stops at them, with that component of
+//! its velocity set to 0; bests are replaced by strictly better ones only, ties go to the lowest index; a failed
+//! evaluation is never a best, and who has no best yet is not pulled to one.
+
+use crate::base::random::{Purpose, Stream};
+use crate::base::score::Direction;
+use crate::genotype::{Bounds, Genome};
+use crate::search::state::{Owner, Reader, Writer};
+use crate::search::{BadState, Optimiser, random_genome};
+
+/// The coefficients of v ← χ (w v + φ₁ r₁ (x̄ − x) + φ₂ r₂ (x̂ − x)); Eq. 1 has χ = 1, the constricted form w = 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::search) struct Coefficients {
+    /// χ.
+    pub constriction: f64,
+    /// w.
+    pub inertia_weight: f64,
+    /// φ₁, the pull to the particle's own best.
+    pub cognitive: f64,
+    /// φ₂, the pull to the swarm's best.
+    pub social: f64,
+}
+
+impl Coefficients {
+    /// Clerc and Kennedy's: χ = 2 / |2 − φ − √(φ² − 4φ)| with φ = φ₁ + φ₂, which must be greater than 4.
+    pub fn constricted(cognitive: f64, social: f64) -> Self {
+        let phi = cognitive + social;
+        let constriction = 2.0 / (2.0 - phi - (phi * phi - 4.0 * phi).sqrt()).abs();
+        Self { constriction, inertia_weight: 1.0, cognitive, social }
+    }
+}
+
+/// A position that was scored.
+#[derive(Clone, Debug, PartialEq)]
+struct Best {
+    position: Genome,
+    score: f64,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Particle {
+    /// x, the candidate.
+    position: Genome,
+    /// v.
+    velocity: Vec<f64>,
+    /// x̄, the best of its own history.
+    best: Option<Best>,
+}
+
+/// The swarm.
+#[derive(Clone, Debug)]
+pub(in crate::search) struct Swarm {
+    coefficients: Coefficients,
+    bounds: Bounds,
+    direction: Direction,
+    seed: u64,
+    generation: u32,
+    particles: Vec<Particle>,
+    /// x̂, the best of all particles' histories.
+    best: Option<Best>,
+}
+
+impl Swarm {
+    /// Line 3 of Algorithm 2: particles at random places in the bounds.
+    pub fn new(size: u32, coefficients: Coefficients, bounds: Bounds, direction: Direction, seed: u64) -> Self {
+        let particle = |i| {
+            let mut random = Stream::new(seed, Purpose::InitialVelocity, 0, i, 0);
+            let half_range = |&(low, high): &(f64, f64)| (high - low) / 2.0;
+            Particle {
+                position: random_genome(&bounds, seed, i),
+                velocity: bounds.0.iter().map(|b| random.uniform(-half_range(b), half_range(b))).collect(),
+                best: None,
+            }
+        };
+        let particles = (0..size).map(particle).collect();
+        Self { coefficients, bounds, direction, seed, generation: 0, particles, best: None }
+    }
+
+    /// Lines 9 and 10 of Algorithm 2.
+    fn update_bests(&mut self, scores: &[Option<f64>]) {
+        for (particle, &score) in self.particles.iter_mut().zip(scores) {
+            let beats = |best: &Option<Best>| self.direction.better(score, best.as_ref().map(|b| b.score));
+            let Some(value) = score else { continue };
+            if beats(&particle.best) {
+                particle.best = Some(Best { position: particle.position.clone(), score: value });
+            }
+            if beats(&self.best) {
+                self.best = Some(Best { position: particle.position.clone(), score: value });
+            }
+        }
+    }
+
+    /// Line 11 of Algorithm 2: Eq. 1, to the positions of `self.generation`.
+    fn fly(&mut self) {
+        let Coefficients { constriction, inertia_weight, cognitive, social } = self.coefficients;
+        for (i, particle) in self.particles.iter_mut().enumerate() {
+            let mut random = Stream::new(self.seed, Purpose::SwarmUpdate, self.generation, i as u32, 0);
+            for (j, &(low, high)) in self.bounds.0.iter().enumerate() {
+                let (r1, r2) = (random.unit(), random.unit());
+                let x = particle.position[j];
+                let toward = |best: &Option<Best>| best.as_ref().map_or(0.0, |b| b.position[j] - x);
+                let v = constriction
+                    * (inertia_weight * particle.velocity[j]
+                        + cognitive * r1 * toward(&particle.best)
+                        + social * r2 * toward(&self.best));
+                let moved = x + v;
+                let inside = moved.clamp(low, high);
+                particle.position[j] = inside;
+                particle.velocity[j] = if inside == moved { v } else { 0.0 };
+            }
+        }
+    }
+
+    fn owner(&self) -> Owner {
+        Owner { kind: b'p', seed: self.seed, population: self.particles.len(), genome: self.bounds.0.len() }
+    }
+
+    /// Numbers in a stored state: the best of all, and position, velocity and best of every particle.
+    fn numbers(&self) -> usize {
+        let (best, vector) = (2 + self.bounds.0.len(), self.bounds.0.len());
+        best + self.particles.len() * (2 * vector + best)
+    }
+
+    fn write_best(&self, writer: &mut Writer, best: Option<&Best>) {
+        writer.number(if best.is_some() { 1.0 } else { 0.0 });
+        writer.number(best.map_or(0.0, |b| b.score));
+        match best {
+            Some(best) => writer.numbers(&best.position),
+            // Any place within the bounds does: it is not read back as a best.
+            None => self.bounds.0.iter().for_each(|b| writer.number(b.0)),
+        }
+    }
+
+    fn read_best(&self, reader: &mut Reader) -> Result<Option<Best>, BadState> {
+        let there = reader.number()?;
+        let score = reader.number()?;
+        let position = reader.genome(&self.bounds)?;
+        match there {
+            0.0 => Ok(None),
+            1.0 => Ok(Some(Best { position, score })),
+            other => Err(BadState(format!("{other} stands where 0 or 1 was written"))),
+        }
+    }
+}
+
+impl Optimiser for Swarm {
+    fn ask(&self) -> Vec<Genome> {
+        self.particles.iter().map(|p| p.position.clone()).collect()
+    }
+
+    fn tell(&mut self, scores: &[Option<f64>]) {
+        assert_eq!(scores.len(), self.particles.len(), "one score a particle");
+        self.update_bests(scores);
+        self.generation += 1;
+        self.fly();
+    }
+
+    fn generation(&self) -> u32 {
+        self.generation
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let mut writer = Writer::new(self.owner(), self.generation, self.numbers());
+        self.write_best(&mut writer, self.best.as_ref());
+        for particle in &self.particles {
+            writer.numbers(&particle.position);
+            writer.numbers(&particle.velocity);
+            self.write_best(&mut writer, particle.best.as_ref());
+        }
+        writer.finish()
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), BadState> {
+        let (mut reader, generation) = Reader::new(state, self.owner(), self.numbers())?;
+        let best = self.read_best(&mut reader)?;
+        let particles = (0..self.particles.len())
+            .map(|_| {
+                let position = reader.genome(&self.bounds)?;
+                let velocity = reader.vector()?;
+                Ok(Particle { position, velocity, best: self.read_best(&mut reader)? })
+            })
+            .collect::<Result<_, BadState>>()?;
+        (self.generation, self.best, self.particles) = (generation, best, particles);
+        Ok(())
+    }
+
+    fn direction(&self) -> Direction {
+        self.direction
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn constriction_is_the_published_one() {
+        // Clerc and Kennedy, and all who use it since: φ = 4.1 gives χ ≈ 0.7298.
+        let c = Coefficients::constricted(2.05, 2.05);
+        assert!((c.constriction - 0.7298).abs() < 5e-5, "{}", c.constriction);
+    }
+
+    #[test]
+    fn eq_1_by_hand() {
+        let coefficients = Coefficients { constriction: 1.0, inertia_weight: 0.1, cognitive: 2.0, social: 2.0 };
+        let mut swarm = Swarm::new(2, coefficients, Bounds(vec![(-10.0, 10.0)]), Direction::Maximise, 3);
+        let best = |at: f64| Some(Best { position: vec![at], score: 0.0 });
+        swarm.particles[1] = Particle { position: vec![1.0], velocity: vec![0.5], best: best(1.5) };
+        swarm.best = best(2.0);
+        swarm.generation = 7;
+        let mut random = Stream::new(3, Purpose::SwarmUpdate, 7, 1, 0);
+        let (r1, r2) = (random.unit(), random.unit());
+        swarm.fly();
+        let v = 0.1 * 0.5 + 2.0 * r1 * (1.5 - 1.0) + 2.0 * r2 * (2.0 - 1.0);
+        assert_eq!(swarm.particles[1].velocity, [v]);
+        assert_eq!(swarm.particles[1].position, [1.0 + v]);
+    }
+
+    #[test]
+    fn a_particle_stops_at_a_bound() {
+        let coefficients = Coefficients { constriction: 1.0, inertia_weight: 1.0, cognitive: 0.0, social: 0.0 };
+        let mut swarm = Swarm::new(1, coefficients, Bounds(vec![(0.0, 1.0), (0.0, 1.0)]), Direction::Maximise, 3);
+        swarm.particles[0].position = vec![0.75, 0.5];
+        swarm.particles[0].velocity = vec![0.5, 0.25];
+        swarm.tell(&[Some(1.0)]);
+        assert_eq!(swarm.particles[0].position, [1.0, 0.75]);
+        assert_eq!(swarm.particles[0].velocity, [0.0, 0.25]);
+    }
+
+    #[test]
+    fn bests_need_strict_improvement_and_ties_go_to_the_lowest_index() {
+        let coefficients = Coefficients::constricted(2.05, 2.05);
+        let mut swarm = Swarm::new(3, coefficients, Bounds(vec![(0.0, 1.0); 2]), Direction::Minimise, 3);
+        let first = swarm.ask();
+        swarm.tell(&[None, Some(4.0), Some(4.0)]);
+        assert_eq!(swarm.particles[0].best, None);
+        assert_eq!(swarm.best.as_ref().map(|b| &b.position), Some(&first[1]));
+        swarm.tell(&[Some(f64::NAN), Some(4.0), Some(5.0)]);
+        assert_eq!(swarm.particles[0].best, None);
+        assert_eq!(swarm.particles[1].best.as_ref().map(|b| &b.position), Some(&first[1]));
+        assert_eq!(swarm.particles[2].best.as_ref().map(|b| &b.position), Some(&first[2]));
+    }
+}

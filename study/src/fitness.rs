@@ -1,0 +1,169 @@
+//! Whether two engine settings agree on what a genome is worth: the same genomes, on the same random trees, scored with each.
+
+use crate::fidelity::disturbed;
+use crate::statistics::{Estimate, bootstrap, spearman};
+use serde::{Deserialize, Serialize};
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::base::statistics::{median, quantile};
+use sim_core::evaluate::{Stopped, Trial, grow};
+use sim_core::genotype::Genome;
+use sim_core::plan::Transitions;
+use sim_core::problem::Job;
+
+/// What scoring a genome on many trees gave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// The score of each tree.
+    pub scores: Vec<f64>,
+    /// Rollouts of all of them: they share a table of transitions.
+    pub rollouts: u64,
+    /// Of these, unstable.
+    pub unstable: u64,
+}
+
+impl Measured {
+    /// The mean of the trees' scores.
+    pub fn mean(&self) -> f64 {
+        self.scores.iter().sum::<f64>() / self.scores.len() as f64
+    }
+}
+
+/// How the scores that a setting gives compare with those of a reference. Differences in the score's unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Agreement {
+    /// Spearman's rank correlation, with a 95 % bootstrap interval over the genomes. `null` if all scores of a side are equal.
+    pub spearman: Option<Estimate>,
+    /// Mean of the setting's scores over mean of the reference's: what is kept. `null` where that is 0.
+    pub ratio: Option<Estimate>,
+    /// Median |difference|.
+    pub median_difference: f64,
+    /// 95th percentile of |difference|.
+    pub p95_difference: f64,
+}
+
+/// Scores genomes on the job's setting, the first being the `first`-th of a study, each on so many trees. Random streams
+/// follow from the job's seed, the index and the tree alone, so the same genome's trees grow towards the same random
+/// places with every setting. `off`: from starts whose joint angles are off by a millionth rad, which shows what a
+/// setting's scores are worth by themselves.
+///
+/// # Panics
+/// If a genome's length does not fit the job.
+pub fn measure(
+    job: &Job,
+    first: u32,
+    genomes: &[&Genome],
+    trees: u32,
+    off: bool,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<Measured>, Stopped> {
+    let gaits = job.spec().gaits.count as usize;
+    let trial = |(index, genome): (u32, &&Genome)| {
+        let streams = (0..trees).map(|tree| Stream::new(job.spec().seed, Purpose::Rescore, 0, index, tree));
+        let mut trial = Trial::with_reuse(job, genome, job.reuse(), streams);
+        if off {
+            trial.table = Transitions::new(gaits, job.reuse(), &disturbed(job.start(), index));
+        }
+        trial
+    };
+    let mut trials: Vec<Trial> = (first..).zip(genomes).map(trial).collect();
+    grow(job, &mut trials, stop)?;
+    let measured = |t: &Trial| {
+        let counts = t.counts();
+        Measured { scores: t.scores(job), rollouts: counts.rollouts, unstable: counts.unstable }
+    };
+    Ok(trials.iter().map(measured).collect())
+}
+
+/// Compares a setting's scores with the reference's, genome by genome.
+///
+/// # Panics
+/// If the two are not of the same length.
+pub fn compare(reference: &[f64], setting: &[f64]) -> Agreement {
+    assert_eq!(reference.len(), setting.len(), "the same genomes are compared");
+    let apart: Vec<f64> = reference.iter().zip(setting).map(|(r, s)| (r - s).abs()).collect();
+    let estimate = |statistic: fn(&[f64], &[f64]) -> Option<f64>| {
+        // Every estimate is made from the same resamples: differences between settings are not those of luck.
+        bootstrap(reference.len() as u32, &mut Stream::new(0, Purpose::Bootstrap, 0, 0, 0), |members| {
+            let picked = |values: &[f64]| members.iter().map(|&i| values[i]).collect::<Vec<f64>>();
+            statistic(&picked(reference), &picked(setting))
+        })
+    };
+    let ratio = |r: &[f64], s: &[f64]| {
+        let sum = r.iter().sum::<f64>();
+        (sum != 0.0).then(|| s.iter().sum::<f64>() / sum)
+    };
+    Agreement {
+        spearman: estimate(spearman),
+        ratio: estimate(ratio),
+        median_difference: median(&apart).unwrap_or(f64::NAN),
+        p95_difference: quantile(&apart, 0.95).unwrap_or(f64::NAN),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_core::physics::{EngineKind, PhysicsSpec};
+
+    fn job(engine: EngineKind) -> Job {
+        let job = Job::from_toml(
+            r#"
+            name = "scored"
+            robot = "quadropod"
+            environment = "empty-goal"
+            gaits = { count = 2, duration = 2.0 }
+            planner = { iterations = 12 }
+            fitness = { kind = "distance" }
+            optimiser = { kind = "pso", particles = 4, generations = 3 }
+            "#,
+        );
+        job.unwrap().with_physics(PhysicsSpec { engine: engine.into(), ..PhysicsSpec::default() }).unwrap()
+    }
+
+    #[test]
+    fn what_a_genome_scores_depends_on_its_index_alone_not_on_whom_it_is_measured_with() {
+        for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
+            let job = job(engine);
+            let genomes = job.optimiser().ask();
+            let genomes: Vec<&Genome> = genomes.iter().collect();
+            let together = measure(&job, 0, &genomes[..3], 4, false, &|| false).unwrap();
+            let alone = measure(&job, 2, &genomes[2..3], 4, false, &|| false).unwrap();
+            assert_eq!(alone, together[2..]);
+            assert_eq!(alone[0].scores.len(), 4);
+            let fewer = measure(&job, 2, &genomes[2..3], 2, false, &|| false).unwrap();
+            assert_eq!(fewer[0].scores, alone[0].scores[..2], "more trees begin alike");
+            assert!(measure(&job, 0, &genomes[..1], 4, false, &|| true).is_err());
+        }
+    }
+
+    #[test]
+    fn a_disturbed_start_is_another_start() {
+        let job = job(EngineKind::Rapier);
+        let genomes = job.optimiser().ask();
+        let genomes: Vec<&Genome> = genomes.iter().collect();
+        let trial = |off| measure(&job, 0, &genomes, 3, off, &|| false).unwrap();
+        let (settled, off) = (trial(false), trial(true));
+        let scores = |m: &[Measured]| m.iter().map(Measured::mean).collect::<Vec<f64>>();
+        assert_ne!(settled, off, "a millionth rad leads elsewhere on some tree");
+        assert!(compare(&scores(&settled), &scores(&off)).median_difference < 1.0, "but not far");
+    }
+
+    #[test]
+    fn a_setting_that_keeps_nine_tenths_ranks_alike() {
+        let reference: Vec<f64> = (1..=20).map(f64::from).collect();
+        let setting: Vec<f64> = reference.iter().map(|r| 0.9 * r).collect();
+        let found = compare(&reference, &setting);
+        assert_eq!(found.spearman.unwrap(), Estimate { value: 1.0, low: 1.0, high: 1.0 });
+        let ratio = found.ratio.unwrap();
+        assert!([ratio.low, ratio.value, ratio.high].iter().all(|v| (v - 0.9).abs() < 1e-12), "{ratio:?}");
+        // 0.1 · 10.5; 0.1 · 19.05.
+        assert!((found.median_difference - 1.05).abs() < 1e-12 && (found.p95_difference - 1.905).abs() < 1e-12);
+    }
+
+    #[test]
+    fn scores_that_are_all_the_same_have_no_order() {
+        let found = compare(&[0.0, 0.0, 0.0], &[1.0, 2.0, 3.0]);
+        assert_eq!((found.spearman, found.ratio), (None, None));
+        assert_eq!(found.median_difference, 2.0);
+    }
+}

@@ -1,0 +1,8 @@
+//! Studies: what `evogait bench` measures of engines, planners and objectives. They change no result of a job.
+
+pub mod fidelity;
+pub mod fitness;
+pub mod genomes;
+pub mod reuse;
+pub mod soundness;
+pub mod statistics;
