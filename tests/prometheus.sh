@@ -46,7 +46,7 @@ generations=$(sed -n 's/^generations *= *\([0-9]*\).*/\1/p' scenarios/jobs/quadr
 until_is 'evogait_generations_sealed_total' "$generations"
 until_is 'evogait_generation_seconds_count' "$generations"
 [ "$(ask 'histogram_quantile(0.5, evogait_commit_seconds_bucket) > 0')" ] || fail "the histogram of commits is empty"
-[ "$(ask 'evogait_worker_evaluations_total > 0')" ] || fail "the worker counts nothing"
+[ "$(ask 'evogait_worker_tasks_total > 0')" ] || fail "the worker counts nothing"
 # Every series that an alarm looks at is there.
 for name in $(grep -o 'evogait_[a-z_]*' deploy/prometheus/alerts.yml | sort -u); do
     [ "$(ask "count($name)")" ] || fail "an alarm looks at $name, which nobody serves"

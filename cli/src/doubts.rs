@@ -2,16 +2,22 @@
 
 use crate::console;
 use sim_core::model::Robot;
+use sim_core::problem::Checked;
 use sim_core::problem::Job;
 
-/// Warnings about a job that need no evaluation.
-pub fn of(job: &Job) -> Vec<String> {
+/// Warnings about a job that need no simulation.
+pub fn of(job: &Checked) -> Vec<String> {
     let mut doubts = job.robot().doubts();
     doubts.extend(of_unit(job.robot(), "FILE"));
-    doubts.extend(job.blocked_goal().map(|i| {
-        format!("at the goal the robot touches environment.obstacle[{i}] at every heading: it can't stand there")
-    }));
     doubts
+}
+
+/// The warning about a goal at which the settled robot can't stand.
+pub fn of_goal(job: &Job) -> Option<String> {
+    let obstacle = job.blocked_goal()?;
+    Some(format!(
+        "at the goal the robot touches environment.obstacle[{obstacle}] at every heading: it can't stand there"
+    ))
 }
 
 /// A remark on a robot whose lengths may not be in mu, with the command that writes it with other ones.

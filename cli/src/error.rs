@@ -188,6 +188,16 @@ pub enum Error {
         /// How and why.
         how: String,
     },
+    /// The job's robot can't stand, or its start is blocked.
+    #[error("job \"{name}\" ({id}) failed: {reason}")]
+    Unprepared {
+        /// Its name.
+        name: String,
+        /// Its id.
+        id: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A job that has no winner, where one is needed.
     #[error("{folder} has no winner: every evaluation of the job failed", folder = .folder.display())]
     NoWinner {

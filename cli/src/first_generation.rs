@@ -2,10 +2,11 @@
 
 use crate::console;
 use crate::progress::Label;
-use proto::v1::GenerationSealed;
+use crate::values::{self, Generation};
+use proto::v1::JobEvent;
 use sim_core::base::score::Counts;
 use sim_core::objective::FitnessSpec;
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 
 /// Scores of a first generation, or of those of its candidates that were evaluated.
 #[derive(Clone, Copy, Debug)]
@@ -31,11 +32,14 @@ enum Useless {
 }
 
 impl Scores {
-    /// Those of a sealed generation of so many candidates; `None` if it is not the first.
-    pub fn of_event(sealed: &GenerationSealed, population: u32) -> Option<Self> {
-        let GenerationSealed { generation, min, max, failed, counts, .. } = *sealed;
-        let counts = counts.map(Counts::from);
-        (generation == 0).then_some(Self { candidates: population, failed, min, max, counts })
+    /// Those of the first generation, if an event is its seal.
+    pub fn of_event(event: &JobEvent) -> Option<Self> {
+        let Generation { generation: 0, min, max, failed, counts, .. } = Generation::sealed(event)? else {
+            return None;
+        };
+        let progress = values::progress(event.job.as_ref()?);
+        let candidates = values::count(&progress.values, "evaluations") as u32;
+        Some(Self { candidates, failed, min, max, counts: Some(counts) })
     }
 
     /// Those that were measured here.
@@ -57,7 +61,7 @@ impl Scores {
 
 /// The warning about such scores, with likely causes and remedies; `None` where there is nothing to warn of. Without a job,
 /// one of a version that this one can't read, the causes are general.
-pub fn warning(job: Option<&Job>, scores: &Scores) -> Option<String> {
+pub fn warning(job: Option<&Checked>, scores: &Scores) -> Option<String> {
     let what = match scores.judge()? {
         Useless::AllFailed => {
             return Some(
@@ -84,7 +88,7 @@ pub fn warning(job: Option<&Job>, scores: &Scores) -> Option<String> {
 }
 
 /// Likely causes in a job, each with a remedy.
-fn causes(job: &Job, counts: Option<Counts>) -> Vec<String> {
+fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
     let mut causes = Vec::new();
     if counts.is_some_and(|counts| counts.edges > 0 && counts.rejected == counts.edges) {
         causes.push(
@@ -142,7 +146,7 @@ fn causes(job: &Job, counts: Option<Counts>) -> Vec<String> {
 
 /// Greatest extent of the robot's parts along an axis in the neutral configuration, mu; somewhat too large where parts are
 /// turned.
-fn length(job: &Job) -> f64 {
+fn length(job: &Checked) -> f64 {
     let extent = |axis: usize| {
         let reach = |half: &[f64; 3], rotation: &[f64; 4]| match rotation {
             [0.0, 0.0, 0.0, _] => half[axis],
@@ -159,18 +163,20 @@ fn length(job: &Job) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::v1;
+    use proto::v1::job_event::Event;
 
     fn scores(candidates: u32, failed: u32, min: f64, max: f64) -> Scores {
         Scores { candidates, failed, min, max, counts: None }
     }
 
-    fn job(more: &str) -> Job {
+    fn job(more: &str) -> Checked {
         let text =
             "name = \"a\"\nrobot = \"quadropod\"\n[gaits]\ncount = 2\nduration = 1.0\n[optimiser]\nkind = \"pso\"\n";
-        Job::from_toml(&format!("{text}{more}")).unwrap()
+        Checked::from_toml(&format!("{text}{more}")).unwrap()
     }
 
-    fn on_map(side: f64, x: f64, cell: f64) -> Job {
+    fn on_map(side: f64, x: f64, cell: f64) -> Checked {
         let at =
             format!("[environment]\nname = \"b\"\nsize = [{side:?}, {side:?}]\nstart = {{ x = {x:?}, y = 0.3 }}\n");
         job(&format!("{at}[fitness]\nkind = \"coverage\"\ncell = {cell:?}\n"))
@@ -207,15 +213,26 @@ mod tests {
 
     #[test]
     fn later_generation_is_not_judged() {
-        let sealed = |generation| GenerationSealed { generation, min: 1.0, max: 1.0, ..GenerationSealed::default() };
-        assert!(Scores::of_event(&sealed(0), 5).is_some_and(|scores| scores.judge() == Some(Useless::Same(1.0))));
-        assert!(Scores::of_event(&sealed(1), 5).is_none());
+        let value = |name: &str, value| v1::Value { name: name.to_owned(), unit: String::new(), value: Some(value) };
+        let sealed = |index| {
+            let values = vec![value("min", 1.0), value("max", 1.0)];
+            let row = Some(v1::Row { series: "generations".to_owned(), index, values });
+            let values = vec![value("evaluations", 5.0)];
+            let progress = Some(v1::Progress { values, ..v1::Progress::default() });
+            JobEvent {
+                event: Some(Event::RoundSealed(v1::RoundSealed { row, ..v1::RoundSealed::default() })),
+                job: Some(v1::Job { progress, ..v1::Job::default() }),
+                ..JobEvent::default()
+            }
+        };
+        assert!(Scores::of_event(&sealed(0)).is_some_and(|scores| scores.judge() == Some(Useless::Same(1.0))));
+        assert!(Scores::of_event(&sealed(1)).is_none());
     }
 
     #[test]
     fn causes_follow_from_sizes_start_and_rejections() {
         let same = scores(5, 0, 0.0, 0.0);
-        let said = |job: &Job| warning(Some(job), &same).unwrap();
+        let said = |job: &Checked| warning(Some(job), &same).unwrap();
         let large_cells = said(&on_map(48.0, 0.3, 16.0));
         assert!(large_cells.contains("a cell 16.00 mu wide") && !large_cells.contains("border"), "{large_cells}");
         let border = said(&on_map(48.0, 0.0, 2.0));

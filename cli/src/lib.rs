@@ -24,6 +24,7 @@ mod setting;
 mod signals;
 mod standing;
 mod summary;
+mod values;
 mod view;
 mod watch;
 

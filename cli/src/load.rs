@@ -10,6 +10,7 @@ use sim_core::job::{JobSpec, Reference};
 use sim_core::model::RobotSpec;
 use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
+use sim_core::problem::Checked;
 use sim_core::problem::Job;
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -24,14 +25,23 @@ struct Source {
     folder: Option<PathBuf>,
 }
 
-/// Reads a job, its robot and its environment, and checks all of it.
+/// Reads a job, its robot and its environment, checks all of it, and lets the robot settle.
 pub fn job(file: &JobFile) -> Result<Job, Error> {
+    read(file, Job::new)
+}
+
+/// The same without a simulation: a robot that can't stand is not found out.
+pub fn checked(file: &JobFile) -> Result<Checked, Error> {
+    read(file, Checked::new)
+}
+
+fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result<T, Error> {
     let source = find("job", &file.job, catalogue::jobs(), None)?;
     let mut spec: JobSpec = parse(&source, toml_file::read)?;
     if let Some(seed) = file.seed {
         spec.seed = seed;
     }
-    // What Job::new finds wrong in a part that came from a file of its own is told of that file.
+    // What is wrong in a part that came from a file of its own is told of that file.
     let mut robot_label = source.label.clone();
     let mut environment_label = source.label.clone();
     if let Reference::Named(name) = &spec.robot {
@@ -50,7 +60,7 @@ pub fn job(file: &JobFile) -> Result<Job, Error> {
         Part::Environment => environment_label.clone(),
         Part::Job => source.label.clone(),
     };
-    Job::new(spec).map_err(|invalid| told_of_files(invalid, file_of))
+    resolve(spec).map_err(|invalid| told_of_files(invalid, file_of))
 }
 
 /// An error about one file, or about several with the name of each.
@@ -69,10 +79,10 @@ fn told_of_files(invalid: Invalid, file_of: impl Fn(&Invalid) -> String) -> Erro
     Error::Invalid { file, source }
 }
 
-/// Reads a job that is written out in full, such as the job.toml of an output folder.
-pub fn resolved_job(path: &Path) -> Result<(Job, String), Error> {
+/// Reads a job that is written out in full, such as the job.toml of an output folder, as [`Checked`] or as [`Job`].
+pub fn resolved<T>(path: &Path, read: fn(&str) -> Result<T, Invalid>) -> Result<(T, String), Error> {
     let text = text_of(path)?;
-    let job = Job::from_toml(&text).map_err(|source| Error::Invalid { file: path.display().to_string(), source })?;
+    let job = read(&text).map_err(|source| Error::Invalid { file: path.display().to_string(), source })?;
     Ok((job, text))
 }
 

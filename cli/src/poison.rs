@@ -1,34 +1,83 @@
-//! The task that ended a job by failing too often: what it was, and how to see it happen on this machine.
+//! The task that ended a job by failing too often: the commands that do it again on this machine.
 
 use crate::console::quoted;
 use crate::view::question;
 use proto::v1::Poisoned;
+use sim_core::procedure::evolve::Task;
+use sim_core::procedure::evolve::finish::Question;
+use sim_core::search::Scored;
 use std::path::Path;
 
-/// The task, for people.
-pub fn what(poisoned: &Poisoned) -> String {
-    let asked = question(poisoned.question()).map_or_else(String::new, |q| format!("the question {q} about "));
-    format!("{asked}candidate {} of generation {}", poisoned.candidate, poisoned.generation)
+/// A candidate, and what is to be found out about it.
+pub struct Subject {
+    /// The candidate; its score counts for a question only.
+    pub candidate: Scored,
+    /// `None`: its evaluation in the search.
+    pub question: Option<Question>,
 }
 
-/// Numbers as `--genome` takes them, each with all its bits.
-pub fn genome(poisoned: &Poisoned) -> String {
-    poisoned.genome.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+impl Subject {
+    /// That of a task; `None` for a preparation, and for tasks that this build can't read.
+    pub fn of(poisoned: &Poisoned) -> Option<Self> {
+        match Task::decode(&poisoned.task).ok().filter(|_| poisoned.round > 0)? {
+            Task::Evaluate { generation, candidate, genome } => {
+                Some(Self { candidate: Scored { generation, candidate, score: 0.0, genome }, question: None })
+            }
+            Task::Examine(asked) => Some(Self { candidate: asked.candidate, question: Some(asked.question) }),
+        }
+    }
+
+    /// Numbers as `--genome` takes them, each with all its bits.
+    pub fn genome(&self) -> String {
+        self.candidate.genome.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+    }
 }
 
 /// The command for a job of a coordinator.
-pub fn command_there(id: &str) -> String {
-    format!("evogait evaluate {}", quoted(id))
+pub fn command_there(id: &str, poisoned: &Poisoned) -> String {
+    let id = quoted(id);
+    match poisoned.round {
+        0 => format!("evogait show {id} --toml > job.toml; evogait validate job.toml"),
+        _ => format!("evogait evaluate {id}"),
+    }
 }
 
 /// The command for a job file.
 pub fn command_here(file: &Path, poisoned: &Poisoned) -> String {
-    let asked = question(poisoned.question()).map_or_else(String::new, |q| format!(" --question {q}"));
+    let file = quoted(file.display());
+    let Some(subject) = Subject::of(poisoned) else { return format!("evogait validate {file}") };
+    let asked = subject.question.map_or_else(String::new, |q| format!(" --question {}", question(q)));
+    let Scored { generation, candidate, .. } = subject.candidate;
     format!(
-        "evogait evaluate {} --generation {} --candidate {}{asked} --genome={}",
-        quoted(file.display()),
-        poisoned.generation,
-        poisoned.candidate,
-        genome(poisoned)
+        "evogait evaluate {file} --generation {generation} --candidate {candidate}{asked} --genome={}",
+        subject.genome()
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_core::procedure::evolve::finish::Examination;
+
+    fn poisoned(round: u32, task: &Task) -> Poisoned {
+        Poisoned { round, task: task.encode(), ..Poisoned::default() }
+    }
+
+    #[test]
+    fn command_of_a_task_names_its_candidate_and_question() {
+        let candidate = Scored { generation: 3, candidate: 4, score: 1.0, genome: vec![0.1, -2.0] };
+        let evaluate = Task::Evaluate { generation: 3, candidate: 4, genome: vec![0.1, -2.0] };
+        let examine = Task::Examine(Examination::new(Question::WithoutReuse, &candidate));
+        let here = |task| command_here(Path::new("job.toml"), &poisoned(4, task));
+        let (start, genome) = ("evogait evaluate job.toml --generation 3 --candidate 4", "--genome=0.1,-2");
+        assert_eq!(here(&evaluate), format!("{start} {genome}"));
+        assert_eq!(here(&examine), format!("{start} --question without-reuse {genome}"));
+    }
+
+    #[test]
+    fn command_of_a_preparation_is_validate() {
+        let preparation = Poisoned::default();
+        assert_eq!(command_here(Path::new("job.toml"), &preparation), "evogait validate job.toml");
+        assert!(command_there("j1-abc", &preparation).ends_with("evogait validate job.toml"));
+    }
 }

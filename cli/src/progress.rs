@@ -1,15 +1,19 @@
 //! How a run gets on, on standard error: a bar on a terminal, plain lines elsewhere, nothing with `--quiet`.
 
+use crate::values::{self, Generation};
 use crate::{console, watch};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::v1::job_event::Event;
-use proto::v1::{self, JobEvent, JobState};
+use proto::v1::{self, JobEvent};
+use sim_core::problem::Checked;
 use std::io::IsTerminal as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Where there is no bar, a line is printed at most so often.
 const LINE_EVERY: Duration = Duration::from_secs(2);
+/// Steps of the bar in a generation.
+const STEPS: u64 = 1000;
 
 /// A score's name and unit.
 #[derive(Clone, Debug)]
@@ -23,14 +27,14 @@ pub struct Label {
 impl Label {
     /// That of a job; "score" for a job of another version, which this one can't read.
     pub fn of_toml(job_toml: &str) -> Self {
-        match sim_core::problem::Job::from_toml(job_toml) {
+        match Checked::from_toml(job_toml) {
             Ok(job) => Self::of_job(&job),
             Err(_) => Self { name: "score".to_owned(), unit: String::new() },
         }
     }
 
     /// That of a job.
-    pub fn of_job(job: &sim_core::problem::Job) -> Self {
+    pub fn of_job(job: &Checked) -> Self {
         let (name, unit) = job.score_label();
         Self { name: name.to_owned(), unit: unit.to_owned() }
     }
@@ -41,12 +45,14 @@ pub struct Progress {
     display: Display,
     unit: String,
     started: Instant,
-    /// Evaluations done when we began to watch: they don't count for the speed.
-    done_before: u64,
-    done: u64,
-    total: u64,
-    population: u64,
+    /// Generations that are done, with the share of the one at hand.
+    done: f64,
+    /// Those that were done when we began to watch: they don't count for the speed.
+    done_before: f64,
+    /// Generations of the search.
     generations: u32,
+    /// Evaluations of a generation, once they are known.
+    population: f64,
     best: Option<f64>,
     mean: f64,
 }
@@ -128,51 +134,60 @@ impl Drop for Pieces {
 impl Progress {
     /// Begins at a job as it stands.
     pub fn new(job: &v1::Job, label: &Label, quiet: bool) -> Self {
-        let population = u64::from(job.population);
-        let total = u64::from(job.generations_total) * population;
-        let done = u64::from(job.generations_done) * population;
+        let v1::Progress { phase, done, total, values, .. } = values::progress(job);
+        let display = Display::new(u64::from(total) * STEPS, quiet);
+        if let Display::Bar(bar) = &display {
+            bar.set_message(phase);
+        }
         Self {
-            display: Display::new(total, quiet),
+            display,
             unit: label.unit.clone(),
             started: Instant::now(),
-            done_before: done,
-            done,
-            total,
-            population,
-            generations: job.generations_total,
-            best: watch::best(job),
+            done: done.into(),
+            done_before: done.into(),
+            generations: total,
+            population: 0.0,
+            best: values::number(&values, "best"),
             mean: f64::NAN,
         }
     }
 
     /// Takes in an event.
     pub fn observe(&mut self, event: &JobEvent) {
+        let job = event.job.clone().unwrap_or_default();
+        let v1::Progress { phase, done, total, values, .. } = values::progress(&job);
         match &event.event {
-            Some(Event::GenerationSealed(sealed)) => {
-                self.done = (u64::from(sealed.generation) + 1) * self.population;
-                self.best = sealed.best_so_far;
-                self.mean = sealed.mean;
-                // What was done before we came is history, not progress.
-                if self.done > self.done_before {
-                    self.draw(self.done == self.total);
+            Some(Event::RoundSealed(sealed)) => {
+                if let Some(generation) = Generation::sealed(event) {
+                    self.done = f64::from(generation.generation + 1);
+                    self.population = values::count(&values, "evaluations") as f64 / self.done;
+                    (self.best, self.mean) = (generation.best_so_far, generation.mean);
+                    // What was done before we came is history, not progress.
+                    if self.done > self.done_before {
+                        self.draw(done == total);
+                    }
+                }
+                if sealed.phase == "preparing" {
+                    self.started = Instant::now();
+                }
+                match phase.as_str() {
+                    same if same == sealed.phase => {}
+                    "finishing" => self.say(
+                        "search done: scoring its best on the reference setting, auditing its bests without reuse",
+                    ),
+                    "reporting" => self.say("winner chosen: scoring it on fresh seeds, tracing its gaits"),
+                    _ => {}
                 }
             }
-            Some(Event::Progress(progress)) if progress.generation >= self.generations => {
-                let state = event.job.as_ref().map(|job| job.state()).unwrap_or_default();
-                self.examined(&watch::phase(state, progress.done, progress.total), (progress.done, progress.total));
-            }
-            Some(Event::Progress(progress)) => {
-                let before = u64::from(progress.generation) * self.population;
-                self.done = (before + u64::from(progress.done)).max(self.done);
+            Some(Event::TasksDone(tasks)) if phase == "searching" => {
+                self.population = tasks.total.into();
+                self.done = self.done.max(f64::from(done) + f64::from(tasks.done) / f64::from(tasks.total.max(1)));
                 if matches!(self.display, Display::Bar(_)) {
                     self.draw(false);
                 }
             }
-            Some(Event::StateChanged(state)) if *state == i32::from(JobState::Finishing) => {
-                self.say("search done: scoring its best on the reference setting, auditing its bests without reuse");
-            }
-            Some(Event::StateChanged(state)) if *state == i32::from(JobState::Reporting) => {
-                self.say("winner chosen: scoring it on fresh seeds, tracing its gaits");
+            Some(Event::TasksDone(tasks)) if phase != "preparing" => {
+                self.examined(&watch::phase(&phase, tasks.done, tasks.total), (tasks.done, tasks.total));
             }
             Some(Event::Waits(reason)) => self.say(reason),
             _ => {}
@@ -193,7 +208,7 @@ impl Progress {
         self.display.finish();
     }
 
-    /// Examinations after the search: (done, of how many).
+    /// Tasks of a round after the search: (done, of how many).
     fn examined(&mut self, text: &str, (done, total): (u32, u32)) {
         match &mut self.display {
             Display::Hidden => {}
@@ -221,12 +236,12 @@ impl Progress {
 
     fn draw(&mut self, last_line: bool) {
         let text = self.line();
-        self.display.show(self.done, text, last_line);
+        self.display.show((self.done * STEPS as f64) as u64, text, last_line);
     }
 
     /// Such as "gen 12/150  best 34.29 %  mean 12.13 %  41.3 eval/s  ETA 2 min 3 s": with the bar, 80 columns hold it.
     fn line(&self) -> String {
-        let sealed = self.done.checked_div(self.population).unwrap_or(0);
+        let sealed = self.done as u32;
         let mean = Some(self.mean).filter(|m| m.is_finite());
         let mut text = format!(
             "gen {sealed}/{}  best {}  mean {}",
@@ -235,11 +250,11 @@ impl Progress {
             console::score_with(mean, &self.unit),
         );
         let elapsed = self.started.elapsed().as_secs_f64();
-        let fresh = self.done.saturating_sub(self.done_before);
-        if fresh > 0 && elapsed > 0.0 {
-            let rate = fresh as f64 / elapsed;
-            let left = self.total.saturating_sub(self.done) as f64 / rate;
-            text += &format!("  {} eval/s  ETA {}", console::score(rate), console::seconds(left));
+        let fresh = self.done - self.done_before;
+        if fresh > 0.0 && elapsed > 0.0 {
+            let rate = fresh / elapsed;
+            let left = (f64::from(self.generations) - self.done).max(0.0) / rate;
+            text += &format!("  {} eval/s  ETA {}", console::score(rate * self.population), console::seconds(left));
         }
         text
     }

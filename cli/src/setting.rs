@@ -3,7 +3,7 @@
 
 use serde::{Serialize, Serializer};
 use sim_core::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Scale};
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 use std::fmt;
 use std::str::FromStr;
 
@@ -22,7 +22,7 @@ pub struct Setting {
 
 impl Setting {
     /// That of a job's search.
-    pub fn of(job: &Job) -> Self {
+    pub fn of(job: &Checked) -> Self {
         Self::from_physics(job.chosen().engine, job.physics())
     }
 

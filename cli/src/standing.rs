@@ -1,7 +1,7 @@
 //! Where a job stands at this moment, as words and as JSON: who works on it, what waits, what went wrong, how long it
 //! will take.
 
-use crate::console;
+use crate::{console, values};
 use proto::v1;
 use serde::Serialize;
 use std::time::Duration;
@@ -23,10 +23,10 @@ pub struct StandingView {
     /// Workers that could get work of it, and their slots.
     workers: u32,
     slots: u32,
-    /// `null` while it is not known.
-    evaluation_seconds: Option<f64>,
-    /// Median over the newest generations; `null` while it is not known.
-    generation_seconds: Option<f64>,
+    /// A task of the phase on a slot; `null` while it is not known.
+    task_seconds: Option<f64>,
+    /// Median over the newest rounds; `null` while it is not known.
+    round_seconds: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -64,8 +64,8 @@ impl StandingView {
             max_attempts: standing.max_attempts,
             workers: standing.workers,
             slots: standing.slots,
-            evaluation_seconds: seconds(standing.evaluation_ms),
-            generation_seconds: seconds(standing.generation_ms),
+            task_seconds: seconds(standing.task_ms),
+            round_seconds: seconds(standing.round_ms),
         }
     }
 }
@@ -75,7 +75,7 @@ pub fn lines(job: &v1::Job, standing: &v1::Standing) -> Vec<String> {
     let v1::Standing { held, held_total, pending, attempts, max_attempts, workers, slots, .. } = standing;
     let mut lines = vec![format!("  could work     {} with {}", many(*workers, "worker"), many(*slots, "slot"))];
     let mut out =
-        format!("  out            {}, {pending} of {} tasks wait", many(*held_total, "range"), job.round_total);
+        format!("  out            {}, {pending} of {} tasks wait", many(*held_total, "range"), job.tasks_total);
     for held in held.iter().take(TOLD) {
         let range = match held.count {
             1 => held.first.to_string(),
@@ -98,16 +98,17 @@ pub fn lines(job: &v1::Job, standing: &v1::Standing) -> Vec<String> {
     lines
 }
 
-/// How long a generation and the rest of the search take; nothing while that is not known.
+/// How long a task, a round and the rest of the search take; nothing while that is not known.
 fn pace(job: &v1::Job, standing: &v1::Standing) -> Option<String> {
     let mut parts = Vec::new();
-    if standing.evaluation_ms > 0.0 {
-        parts.push(format!("{} an evaluation", ms(standing.evaluation_ms)));
+    if standing.task_ms > 0.0 {
+        parts.push(format!("{} a task", ms(standing.task_ms)));
     }
-    let left = job.generations_total.saturating_sub(job.generations_done);
-    if standing.generation_ms > 0.0 && left > 0 {
-        parts.push(format!("{} a generation", ms(standing.generation_ms)));
-        parts.push(format!("about {} to the end of the search", ms(standing.generation_ms * f64::from(left))));
+    let progress = values::progress(job);
+    let left = progress.total.saturating_sub(progress.done);
+    if standing.round_ms > 0.0 && left > 0 {
+        parts.push(format!("{} a round", ms(standing.round_ms)));
+        parts.push(format!("about {} to the end of the search", ms(standing.round_ms * f64::from(left))));
     }
     (!parts.is_empty()).then(|| format!("  pace           {}", parts.join(", ")))
 }
@@ -141,14 +142,13 @@ mod tests {
             max_attempts: 3,
             workers: 1,
             slots: 2,
-            evaluation_ms: 1200.0,
-            generation_ms: 2500.0,
+            task_ms: 1200.0,
+            round_ms: 2500.0,
         };
         let job = v1::Job {
-            generations_done: 4,
-            generations_total: 10,
-            round_done: 3,
-            round_total: 20,
+            progress: Some(v1::Progress { done: 4, total: 10, ..v1::Progress::default() }),
+            tasks_done: 3,
+            tasks_total: 20,
             ..v1::Job::default()
         };
         let text = lines(&job, &standing).join("\n");
@@ -158,7 +158,7 @@ mod tests {
             "0 to 9 at node7:4711 for 12 s",
             "17 at node7:4711 for 0.42 s",
             "task 17: 2 of 3",
-            "1.20 s an evaluation, 2.50 s a generation, about 15 s to the end of the search",
+            "1.20 s a task, 2.50 s a round, about 15 s to the end of the search",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }

@@ -1,9 +1,12 @@
 //! A job and a worker of a coordinator as JSON and as words: the names that scripts rely on.
 
 use crate::console;
-use crate::watch::word;
+use crate::poison::Subject;
+use crate::values::{self, count, number};
+use crate::watch::{has_ended, word};
 use proto::v1;
 use serde::Serialize;
+use sim_core::procedure::evolve::finish::Question;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A job.
@@ -12,13 +15,16 @@ pub struct JobView {
     id: String,
     name: String,
     state: &'static str,
+    /// Such as "evolve".
+    procedure: String,
+    /// What it does, such as "searching"; `null` once the job has ended.
+    phase: Option<String>,
     job_digest: String,
     engine_digest: String,
     generations_done: u32,
     generations_total: u32,
-    /// Tasks of the round at hand, a generation or the examinations of the finish; `null` once the job has ended.
+    /// Tasks of the round at hand; `null` once the job has ended.
     round: Option<RoundView>,
-    population: u32,
     best: Option<BestView>,
     evaluations: u64,
     failed_evaluations: u64,
@@ -51,7 +57,7 @@ struct RoundView {
 struct BestView {
     generation: u32,
     candidate: u32,
-    score: Option<f64>,
+    score: f64,
 }
 
 #[derive(Serialize)]
@@ -64,7 +70,7 @@ struct OriginView {
 /// A task of which workers gave different bits.
 #[derive(Serialize)]
 pub struct DisputeView {
-    /// The generation, or the round after the search, and the task's index in it.
+    /// The round, and the task's index in it.
     round: u32,
     index: u32,
     what: String,
@@ -78,9 +84,8 @@ pub struct DisputeView {
 struct ClaimView {
     worker_id: String,
     worker: String,
-    scores: Vec<Option<f64>>,
-    /// The scores' bits in hexadecimal digits; "failed" where there is no score.
-    bits: Vec<String>,
+    /// The result for people; empty where only its digest is known.
+    what: String,
     digest: String,
 }
 
@@ -99,12 +104,10 @@ impl DisputeView {
 
 impl ClaimView {
     fn new(claim: &v1::Claim) -> Self {
-        let scores: Vec<Option<f64>> = claim.scores.iter().map(|s| s.score).collect();
         Self {
             worker_id: claim.worker_id.clone(),
             worker: claim.worker_name.clone(),
-            bits: scores.iter().map(|s| bits(*s)).collect(),
-            scores,
+            what: claim.what.clone(),
             digest: hex(&claim.digest),
         }
     }
@@ -127,61 +130,71 @@ pub fn bits(score: Option<f64>) -> String {
 
 #[derive(Serialize)]
 struct PoisonedView {
-    generation: u32,
-    candidate: u32,
-    /// What was asked about the candidate once the search was over; `null` for an evaluation of the search.
-    question: Option<&'static str>,
+    round: u32,
+    index: u32,
+    what: String,
     attempts: u32,
-    genome: Vec<f64>,
+    /// The candidate; all four are `null` for the preparation.
+    generation: Option<u32>,
+    candidate: Option<u32>,
+    /// `null` for an evaluation of the search.
+    question: Option<&'static str>,
+    genome: Option<Vec<f64>>,
 }
 
 impl PoisonedView {
     fn new(poisoned: &v1::Poisoned) -> Self {
+        let subject = Subject::of(poisoned);
+        let candidate = subject.as_ref().map(|subject| &subject.candidate);
         Self {
-            generation: poisoned.generation,
-            candidate: poisoned.candidate,
-            question: question(poisoned.question()),
+            round: poisoned.round,
+            index: poisoned.index,
+            what: poisoned.what.clone(),
             attempts: poisoned.attempts,
-            genome: poisoned.genome.clone(),
+            generation: candidate.map(|c| c.generation),
+            candidate: candidate.map(|c| c.candidate),
+            question: subject.as_ref().and_then(|subject| subject.question.map(question)),
+            genome: candidate.map(|c| c.genome.clone()),
         }
     }
 }
 
 /// A question as `evogait evaluate --question` takes it.
-pub fn question(question: v1::Question) -> Option<&'static str> {
-    Some(match question {
-        v1::Question::Unspecified => return None,
-        v1::Question::Fresh => "fresh",
-        v1::Question::Reference => "reference",
-        v1::Question::LessFriction => "less-friction",
-        v1::Question::MoreFriction => "more-friction",
-        v1::Question::WithoutReuse => "without-reuse",
-        v1::Question::Traces => "traces",
-    })
+pub fn question(question: Question) -> &'static str {
+    match question {
+        Question::Fresh => "fresh",
+        Question::Reference => "reference",
+        Question::LessFriction => "less-friction",
+        Question::MoreFriction => "more-friction",
+        Question::WithoutReuse => "without-reuse",
+        Question::Traces => "traces",
+    }
 }
 
 impl JobView {
     /// As the coordinator tells it.
     pub fn new(job: &v1::Job) -> Self {
-        let counts = job.counts.unwrap_or_default();
+        let v1::Progress { phase, done, total, values, .. } = values::progress(job);
+        let counts = values::counts(&values);
         let moment = |ms: i64| (ms > 0).then_some(ms);
         Self {
             id: job.id.clone(),
             name: job.name.clone(),
             state: word(job.state()),
+            procedure: job.procedure.clone(),
+            phase: (!has_ended(job.state())).then_some(phase),
             job_digest: hex(&job.job_digest),
             engine_digest: hex(&job.engine_digest),
-            generations_done: job.generations_done,
-            generations_total: job.generations_total,
-            round: (job.round_total > 0).then_some(RoundView { done: job.round_done, total: job.round_total }),
-            population: job.population,
-            best: job.best.as_ref().map(|b| BestView {
-                generation: b.generation,
-                candidate: b.candidate,
-                score: b.score,
+            generations_done: done,
+            generations_total: total,
+            round: (job.tasks_total > 0).then_some(RoundView { done: job.tasks_done, total: job.tasks_total }),
+            best: number(&values, "best").map(|score| BestView {
+                generation: count(&values, "best_generation") as u32,
+                candidate: count(&values, "best_candidate") as u32,
+                score,
             }),
-            evaluations: job.evaluations,
-            failed_evaluations: job.failed_evaluations,
+            evaluations: count(&values, "evaluations"),
+            failed_evaluations: count(&values, "failed"),
             rollouts: counts.rollouts,
             simulated_seconds: counts.simulated_ms as f64 / 1000.0,
             priority: job.priority,
@@ -189,7 +202,7 @@ impl JobView {
             restarted_from: job
                 .restarted_from
                 .as_ref()
-                .map(|o| OriginView { job: o.job_id.clone(), generations: o.generations }),
+                .map(|origin| OriginView { job: origin.job_id.clone(), generations: generations(origin) }),
             disputes: job.disputes.iter().map(DisputeView::new).collect(),
             poisoned: job.poisoned.as_ref().map(PoisonedView::new),
             reason: job.reason.clone(),
@@ -200,6 +213,11 @@ impl JobView {
     }
 }
 
+/// Generations that a restart takes over: the first round is the preparation.
+pub fn generations(origin: &v1::Origin) -> u32 {
+    origin.rounds.saturating_sub(1)
+}
+
 /// A worker.
 #[derive(Serialize)]
 pub struct WorkerView {
@@ -208,7 +226,7 @@ pub struct WorkerView {
     address: String,
     slots: u32,
     busy: u32,
-    evaluations: u64,
+    tasks: u64,
     engine_digests: Vec<String>,
     connected_at_ms: i64,
     /// Why it gets no work.
@@ -226,7 +244,7 @@ impl WorkerView {
             address: worker.address.clone(),
             slots: worker.slots,
             busy: worker.busy,
-            evaluations: worker.evaluations,
+            tasks: worker.tasks,
             engine_digests: worker.engine_digests.iter().map(|digest| hex(digest)).collect(),
             connected_at_ms: worker.connected_at_ms,
             reason: worker.reason.clone(),

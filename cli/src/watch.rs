@@ -4,6 +4,7 @@ use crate::client::{Client, is_connection};
 use crate::console;
 use crate::error::Error;
 use crate::signals::Interrupt;
+use crate::values;
 use proto::dial::Backoff;
 use proto::v1::{self, JobEvent, JobState};
 use std::time::{Duration, Instant};
@@ -105,8 +106,7 @@ pub fn word(state: JobState) -> &'static str {
         JobState::Unspecified => "unknown",
         JobState::Queued => "queued",
         JobState::Running => "running",
-        JobState::Finishing => "finishing",
-        JobState::Reporting => "reporting",
+        JobState::Waiting => "waiting",
         JobState::Succeeded => "succeeded",
         JobState::Failed => "failed",
         JobState::Cancelled => "cancelled",
@@ -114,23 +114,23 @@ pub fn word(state: JobState) -> &'static str {
     }
 }
 
-/// A job's state and how far it is in the round at hand, such as "finishing 7/24" or "running 3/20, paused".
+/// A job's state and how far it is in the round at hand, such as "running, finishing 7/24" or "queued, paused".
 pub fn standing(job: &v1::Job) -> String {
-    let paused = if job.paused { ", paused" } else { "" };
-    phase(job.state(), job.round_done, job.round_total) + paused
+    let mut text = word(job.state()).to_owned();
+    if job.state() == JobState::Running && job.tasks_total > 0 {
+        text += &format!(", {}", phase(&values::progress(job).phase, job.tasks_done, job.tasks_total));
+    }
+    text + if job.paused { ", paused" } else { "" }
 }
 
-/// How far a job is in the round at hand, such as "finishing 7/24"; the state alone where it has none.
-pub fn phase(state: JobState, done: u32, total: u32) -> String {
-    match total {
-        0 => word(state).to_owned(),
-        _ => format!("{} {done}/{total}", word(state)),
-    }
+/// How far a job is in a round of a phase, such as "finishing 7/24".
+pub fn phase(phase: &str, done: u32, total: u32) -> String {
+    format!("{phase} {done}/{total}")
 }
 
 /// The best score that a job has so far.
 pub fn best(job: &v1::Job) -> Option<f64> {
-    job.best.as_ref()?.score
+    values::number(&job.progress.as_ref()?.values, "best")
 }
 
 /// Refuses a job that ended without a result.

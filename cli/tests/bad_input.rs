@@ -29,6 +29,21 @@ fn failure(folder: &Path, code: i32, arguments: &[&str]) -> String {
 
 /// What `validate`, and `run` just so, say to the small job after some replacements.
 fn refused_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String {
+    let (said, ran) = validated_and_run(files, replacements);
+    assert_eq!(ran, said);
+    said
+}
+
+/// What `validate` says to the small job after some replacements, and a run's worker just so once the robot has settled.
+fn unprepared_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String {
+    let (said, ran) = validated_and_run(files, replacements);
+    let (_, reason) = said.strip_prefix("error: ").and_then(|text| text.split_once(": ")).expect("a file and a reason");
+    assert!(ran.contains("error: job \"small\" (j1-") && ran.ends_with(&format!(") failed: {reason}")), "{said}{ran}");
+    said
+}
+
+/// What `validate` and `run` say to the small job after some replacements.
+fn validated_and_run(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> (String, String) {
     let mut job = SMALL_JOB.to_owned();
     for (from, to) in replacements {
         assert!(job.contains(from), "{from}");
@@ -37,8 +52,7 @@ fn refused_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String
     let folder = folder(files);
     fs::write(folder.path().join("job.toml"), job).unwrap();
     let said = failure(folder.path(), 1, &["validate", "job.toml"]);
-    assert_eq!(failure(folder.path(), 1, &["run", "job.toml", "--out", "out"]), said);
-    said
+    (said, failure(folder.path(), 1, &["run", "job.toml", "--out", "out"]))
 }
 
 fn refused(replacements: &[(&str, &str)]) -> String {
@@ -85,12 +99,21 @@ top = 1.0
 "#;
 
 fn environment_refused(replacements: &[(&str, &str)]) -> String {
+    refused_with(&[("yard.toml", &environment(replacements))], &[("\"empty\"", "\"yard.toml\"")])
+}
+
+/// The same of what only the settled robot shows.
+fn start_refused(replacements: &[(&str, &str)]) -> String {
+    unprepared_with(&[("yard.toml", &environment(replacements))], &[("\"empty\"", "\"yard.toml\"")])
+}
+
+fn environment(replacements: &[(&str, &str)]) -> String {
     let mut environment = ENVIRONMENT.to_owned();
     for (from, to) in replacements {
         assert!(environment.contains(from), "{from}");
         environment = environment.replace(from, to);
     }
-    refused_with(&[("yard.toml", &environment)], &[("\"empty\"", "\"yard.toml\"")])
+    environment
 }
 
 #[test]
@@ -223,7 +246,7 @@ fn faults_of_several_tables_and_files_are_listed_together() {
 fn places_that_are_not_free() {
     let said = [
         environment_refused(&[("start = { x = -5.0", "start = { x = 0.5")]),
-        environment_refused(&[("start = { x = -5.0", "start = { x = -1.5")]),
+        start_refused(&[("start = { x = -5.0", "start = { x = -1.5")]),
         environment_refused(&[("start = { x = -5.0", "start = { x = -50.0")]),
         environment_refused(&[("goal = { x = 5.0", "goal = { x = 50.0")]),
         environment_refused(&[("goal = { x = 5.0", "goal = { x = 0.0")]),

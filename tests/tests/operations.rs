@@ -108,7 +108,7 @@ impl SlowWorker {
         let coordinator = sandbox.coordinator_with(&["--metrics", &of_coordinator]);
         let way = Proxy::to(&sandbox.url());
         let mut command = sandbox.worker_command(&way.url(), 1);
-        command.args(["--metrics", &of_worker]).env("EVOGAIT_FAULT", "slow@ms=2000,candidate=0");
+        command.args(["--metrics", &of_worker]).env("EVOGAIT_FAULT", "slow@ms=2000,round=1,index=0");
         let worker = Process::start(&mut command);
         until(&of_coordinator, |s| s["evogait_slots"] == 1.0);
         let job = sandbox.submit("r", &tiny_job(38, 1)).await;
@@ -122,7 +122,7 @@ impl SlowWorker {
         let (taken, done) = (scrape(&self.of_coordinator), scrape(&self.of_worker));
         assert_eq!(taken["evogait_evaluations_total"], 5.0);
         let needed = 5.0 + taken["evogait_examinations_total"];
-        assert_eq!(done["evogait_worker_evaluations_total"], needed, "{done:#?}");
+        assert_eq!(done["evogait_worker_tasks_total"], needed, "{done:#?}");
         assert_eq!(self.worker.terminate(), Some(0));
     }
 }
@@ -142,7 +142,7 @@ async fn a_worker_computes_on_while_it_is_cut_off_and_delivers_late() {
     slow.way.block(Direction::Up, true);
     slow.way.block(Direction::Down, true);
     until(&slow.of_coordinator, |s| s["evogait_leases_ended_total{why=\"lost\"}"] > 0.0);
-    until(&slow.of_worker, |s| s["evogait_worker_evaluations_total"] > 0.0);
+    until(&slow.of_worker, |s| s["evogait_worker_tasks_total"] > 0.0);
     assert_eq!(slow.sandbox.job(&slow.job.id).await.generations_done, 0);
     slow.way.heal();
     slow.computed_once().await;
@@ -195,7 +195,7 @@ async fn what_happens_is_counted_and_can_be_scraped() {
     assert_eq!(done["evogait_jobs{state=\"running\"}"], 0.0);
 
     let theirs = until(&worker_metrics, |s| s["evogait_worker_results_total{verdict=\"accepted\"}"] == results);
-    assert_eq!(theirs["evogait_worker_evaluations_total"], 10.0 + examinations);
+    assert_eq!(theirs["evogait_worker_tasks_total"], 10.0 + examinations);
     assert_eq!((theirs["evogait_worker_slots"], theirs["evogait_worker_connected"]), (2.0, 1.0));
 
     // A worker that dies with work in hand.

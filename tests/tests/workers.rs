@@ -142,7 +142,7 @@ async fn a_worker_whose_time_is_limited_is_gone_before_its_end() {
 async fn a_panic_costs_the_candidate_an_attempt_and_not_the_worker() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
-    let mut worker = Process::start(&mut faulty(&sandbox, 2, "panic@generation=0,candidate=4"));
+    let mut worker = Process::start(&mut faulty(&sandbox, 2, "panic@round=1,index=4"));
     let poisoned = sandbox.submit("r", &cheap_job(23, 2)).await;
     let job = ended(&sandbox, &poisoned.id).await;
     assert_eq!(job.state(), JobState::Failed);
@@ -159,7 +159,7 @@ async fn a_panic_costs_the_candidate_an_attempt_and_not_the_worker() {
 async fn a_candidate_that_kills_workers_takes_down_few_and_is_named() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
-    let start = || Process::start(faulty(&sandbox, 1, "abort@generation=0,candidate=3").stderr(Stdio::null()));
+    let start = || Process::start(faulty(&sandbox, 1, "abort@round=1,index=3").stderr(Stdio::null()));
     let job = sandbox.submit("r", &cheap_job(24, 2)).await;
     let (mut worker, mut deaths) = (start(), 0);
     let ended = loop {
@@ -181,7 +181,7 @@ async fn a_candidate_that_kills_workers_takes_down_few_and_is_named() {
 async fn a_stuck_slot_is_found_and_replaced() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
-    let mut worker = faulty(&sandbox, 1, "stall@generation=0,candidate=4");
+    let mut worker = faulty(&sandbox, 1, "stall@round=1,index=4");
     let mut worker = Process::start(worker.args(["--stuck-after", "1"]));
     let poisoned = sandbox.submit("r", &cheap_job(25, 2)).await;
     let job = ended(&sandbox, &poisoned.id).await;
@@ -196,7 +196,7 @@ async fn a_stuck_slot_is_found_and_replaced() {
 async fn a_slot_that_is_stuck_in_what_nobody_needs_any_more_is_replaced() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
-    let mut worker = faulty(&sandbox, 1, "stall@generation=0,candidate=4");
+    let mut worker = faulty(&sandbox, 1, "stall@round=1,index=4");
     let mut worker = Process::start(worker.args(["--stuck-after", "3"]));
     let hangs = sandbox.submit("r", &cheap_job(29, 2)).await;
     busy(&sandbox, 1).await;

@@ -1,21 +1,36 @@
 //! What this worker is working on, from the moment it is assigned until its result is answered.
 
 use proto::v1::{Heartbeat, RunningAssignment};
-use sim_core::genotype::Genome;
-use sim_core::problem::Job;
-use sim_core::procedure::evolve::finish::Examination;
+use sim_core::procedure::Bench;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
-/// What is to be done.
-#[derive(Debug)]
-pub(crate) enum Task {
-    /// Score candidates: (index in the generation, genome).
-    Evaluate { generation: u32, first: u32, candidates: Vec<(u32, Genome)> },
-    /// Answer a question about a candidate.
-    Examine { round: u32, index: u32, examination: Examination },
+/// Tasks of one round of a job.
+pub(crate) struct Work {
+    /// The job.
+    pub bench: Arc<Bench>,
+    /// The round's number.
+    pub round: u32,
+    /// The tasks, each with its index in the round; at least one, without gaps.
+    pub tasks: Vec<(u32, Vec<u8>)>,
+    /// What all tasks of the round share.
+    pub shared: Arc<[u8]>,
+    /// Shows that the tasks were assigned to this worker: goes back with the result.
+    pub permit: Vec<u8>,
+}
+
+impl Work {
+    /// Index of the first task.
+    pub fn first(&self) -> u32 {
+        self.tasks.first().map_or(0, |(index, _)| *index)
+    }
+
+    /// Number of tasks.
+    pub fn count(&self) -> u32 {
+        self.tasks.len() as u32
+    }
 }
 
 /// Where an assignment stands. A slot takes it from `WAITING` to `COMPUTING` and to `DONE`; the watchdog from `COMPUTING`
@@ -26,21 +41,19 @@ const DONE: u8 = 2;
 const ABANDONED: u8 = 3;
 
 /// Work for one slot.
-#[derive(Debug)]
 pub(crate) struct Assignment {
     pub id: u64,
     pub job_id: String,
-    pub job: Arc<Job>,
-    pub task: Task,
+    pub work: Work,
     stop: AtomicBool,
     stage: AtomicU8,
     progress: AtomicU64,
 }
 
 impl Assignment {
-    pub fn new(id: u64, job_id: String, job: Arc<Job>, task: Task) -> Self {
+    pub fn new(id: u64, job_id: String, work: Work) -> Self {
         let (stop, stage, progress) = (AtomicBool::new(false), AtomicU8::new(WAITING), AtomicU64::new(0));
-        Self { id, job_id, job, task, stop, stage, progress }
+        Self { id, job_id, work, stop, stage, progress }
     }
 
     /// Whether nobody needs it any more.
@@ -89,16 +102,19 @@ impl Assignment {
     }
 
     fn to_wire(&self) -> RunningAssignment {
-        let (generation, first, count) = match &self.task {
-            Task::Evaluate { generation, first, candidates } => (*generation, *first, candidates.len() as u32),
-            Task::Examine { round, index, .. } => (*round, *index, 1),
-        };
-        RunningAssignment { assignment_id: self.id, job_id: self.job_id.clone(), generation, first, count }
+        RunningAssignment {
+            assignment_id: self.id,
+            job_id: self.job_id.clone(),
+            round: self.work.round,
+            first: self.work.first(),
+            count: self.work.count(),
+            permit: self.work.permit.clone(),
+        }
     }
 }
 
 /// All of them.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Assignments {
     all: Mutex<BTreeMap<u64, Arc<Assignment>>>,
     /// Those that nobody needs any more, and a slot still has in hand.

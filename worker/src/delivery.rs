@@ -2,13 +2,14 @@
 
 use crate::assignments::Assignments;
 use crate::metrics::Metrics;
+use crate::work::Finished;
 use prost::Message as _;
 use proto::dial::{Backoff, Way};
 use proto::limits::MAX_MESSAGE;
-use proto::v1::complete_request::Result as Outcome;
+use proto::v1::CompleteRequest;
+use proto::v1::complete_request::Outcome;
 use proto::v1::complete_response::Verdict;
 use proto::v1::worker_service_client::WorkerServiceClient;
-use proto::v1::{CompleteRequest, EvaluateResult};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc::UnboundedReceiver;
@@ -37,14 +38,14 @@ impl Courier {
     }
 
     /// Delivers all that comes, until the slots have ended and everything is answered.
-    pub async fn run(self, mut finished: UnboundedReceiver<CompleteRequest>) {
+    pub async fn run(self, mut finished: UnboundedReceiver<Finished>) {
         let mut under_way = JoinSet::new();
         loop {
             tokio::select! {
-                result = finished.recv() => match result {
-                    Some(result) => {
-                        self.metrics.worked(&result);
-                        under_way.spawn(self.clone().deliver(result));
+                next = finished.recv() => match next {
+                    Some(next) => {
+                        self.metrics.worked(&next);
+                        under_way.spawn(self.clone().deliver(next));
                     }
                     None => break,
                 },
@@ -54,39 +55,54 @@ impl Courier {
         while under_way.join_next().await.is_some() {}
     }
 
-    /// Delivers one result.
-    pub async fn deliver(mut self, mut result: CompleteRequest) {
-        result.worker_id = self.worker_id.clone();
-        let id = result.assignment_id;
-        if let Some(reason) = too_large(&result) {
-            tracing::error!(assignment = id, reason);
-            result.result = Some(Outcome::Failure(reason));
-        }
-        let on_its_way = Duration::from_secs((result.encoded_len() / SLOWEST) as u64);
+    async fn deliver(mut self, finished: Finished) {
+        let Finished { assignment, outcome, compute_us } = finished;
+        let (id, work) = (assignment.id, &assignment.work);
+        let mut request = CompleteRequest {
+            worker_id: self.worker_id.clone(),
+            assignment_id: id,
+            job_id: assignment.job_id.clone(),
+            engine_digest: work.bench.engine_digest().0.to_vec(),
+            round: work.round,
+            first: work.first(),
+            count: work.count(),
+            permit: work.permit.clone(),
+            outcome: Some(outcome),
+            compute_us,
+            tasks: Vec::new(),
+        };
         let mut backoff = Backoff::new();
         loop {
-            let mut request = tonic::Request::new(result.clone());
-            request.set_timeout(ANSWER_WITHIN + on_its_way);
-            match self.client.complete(request).await {
+            if let Some(reason) = too_large(&request) {
+                tracing::error!(assignment = id, reason);
+                request.outcome = Some(Outcome::Failure(reason));
+            }
+            let on_its_way = Duration::from_secs((request.encoded_len() / SLOWEST) as u64);
+            let mut call = tonic::Request::new(request.clone());
+            call.set_timeout(ANSWER_WITHIN + on_its_way);
+            match self.client.complete(call).await {
                 Ok(answer) => {
                     let verdict = answer.into_inner().verdict();
                     self.metrics.result(verdict);
-                    log(id, &result, verdict);
-                    break;
+                    log(id, &request, verdict);
+                    if verdict != Verdict::NeedsTasks || !request.tasks.is_empty() {
+                        break;
+                    }
+                    request.tasks = work.tasks.iter().map(|(_, task)| task.clone()).collect();
                 }
                 Err(status) if retryable(status.code()) => {
                     self.metrics.retries.inc();
-                    tracing::debug!(assignment = id, job = result.job_id, %status, "delivered later");
+                    tracing::debug!(assignment = id, job = request.job_id, %status, "delivered later");
                     backoff.wait().await;
                 }
                 // The coordinator will never take this one: it has to know, or it would wait for it.
-                Err(status) if !matches!(result.result, Some(Outcome::Failure(_))) => {
+                Err(status) if !matches!(request.outcome, Some(Outcome::Failure(_))) => {
                     let reason = format!("the coordinator refuses the result: {}", status.message());
                     tracing::error!(assignment = id, reason);
-                    result.result = Some(Outcome::Failure(reason));
+                    request.outcome = Some(Outcome::Failure(reason));
                 }
                 Err(status) => {
-                    tracing::error!(assignment = id, %status, "the coordinator refuses to hear of a failure");
+                    tracing::error!(assignment = id, %status, "the coordinator refuses a failure");
                     break;
                 }
             }
@@ -108,38 +124,32 @@ fn retryable(code: Code) -> bool {
     !matches!(code, Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange)
 }
 
-fn log(assignment: u64, result: &CompleteRequest, verdict: Verdict) {
-    match (&result.result, verdict) {
+fn log(assignment: u64, request: &CompleteRequest, verdict: Verdict) {
+    let CompleteRequest { job_id: job, round, first, count, .. } = request;
+    match (&request.outcome, verdict) {
         (_, Verdict::Conflict) => tracing::error!(
             assignment,
-            job = result.job_id,
+            job,
             "the coordinator has another result for the same work: this machine or another one computes wrongly"
         ),
-        (Some(Outcome::Failure(reason)), _) => tracing::error!(assignment, job = result.job_id, reason, "work failed"),
-        (Some(Outcome::Evaluate(EvaluateResult { generation, first, evaluations })), verdict) => {
-            let (job, count) = (&result.job_id, evaluations.len());
-            tracing::debug!(assignment, job, generation, first, count, ?verdict, "delivered");
-        }
-        (_, verdict) => tracing::debug!(assignment, job = result.job_id, ?verdict, "delivered"),
+        (Some(Outcome::Failure(reason)), _) => tracing::error!(assignment, job, reason, "work failed"),
+        (_, verdict) => tracing::debug!(assignment, job, round, first, count, ?verdict, "delivered"),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proto::v1::ExamineResult;
+    use proto::v1::Results;
 
     #[test]
-    fn a_result_beyond_what_can_be_sent_is_a_failure_that_tells_the_limit() {
-        let result = |bytes| CompleteRequest {
-            result: Some(Outcome::Examine(ExamineResult {
-                traces_json: vec![b' '; bytes],
-                ..ExamineResult::default()
-            })),
+    fn result_too_large_to_send_is_a_failure() {
+        let request = |bytes| CompleteRequest {
+            outcome: Some(Outcome::Results(Results { results: vec![vec![b' '; bytes]] })),
             ..CompleteRequest::default()
         };
-        assert_eq!(too_large(&result(MAX_MESSAGE / 2)), None);
-        let reason = too_large(&result(MAX_MESSAGE)).expect("it does not fit");
+        assert_eq!(too_large(&request(MAX_MESSAGE / 2)), None);
+        let reason = too_large(&request(MAX_MESSAGE)).expect("it does not fit");
         assert!(reason.contains("at most 67108864"), "{reason}");
     }
 }

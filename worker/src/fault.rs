@@ -1,11 +1,13 @@
 //! Faults on demand, for tests across processes; not part of release builds (feature `faults` puts them there).
 //!
 //! The environment variable `EVOGAIT_FAULT` holds any number of them, separated by `;`: `KIND` or
-//! `KIND@generation=G,candidate=C`, which strikes only there. Kinds: `panic`; `abort`, the end of the whole process; `stall`,
-//! which never gets on; `wrong`, the lowest bit of the score turned over; `slow@ms=N`, so many ms more a candidate.
+//! `KIND@round=R,index=I`, which strikes only that task of that round: round 0 is a job's preparation, round G + 1 generation
+//! G of its search. Kinds: `panic`; `abort`, the end of the whole process; `stall`, which never gets on; `wrong`, the lowest
+//! bit of the (first) score turned over; `slow@ms=N`, so many ms more a task.
 
-use crate::assignments::Task;
-use sim_core::evaluate::{Evaluation, Stopped};
+use crate::assignments::Work;
+use sim_core::procedure::evolve::TaskResult;
+use sim_core::procedure::{Hooks, NotRun};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
@@ -31,8 +33,8 @@ enum Kind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Fault {
     kind: Kind,
-    generation: Option<u32>,
-    candidate: Option<u32>,
+    round: Option<u32>,
+    index: Option<u32>,
     ms: u64,
 }
 
@@ -47,14 +49,14 @@ impl Fault {
             "slow" => Kind::Slow,
             _ => return Err(format!("{VARIABLE}: there is no fault '{kind}'")),
         };
-        let mut fault = Self { kind, generation: None, candidate: None, ms: 0 };
+        let mut fault = Self { kind, round: None, index: None, ms: 0 };
         for place in places.split(',').filter(|place| !place.is_empty()) {
-            let wrong = || format!("{VARIABLE}: '{place}' is no generation=N, candidate=N or ms=N");
+            let wrong = || format!("{VARIABLE}: '{place}' is no round=N, index=N or ms=N");
             let (key, value) = place.split_once('=').ok_or_else(wrong)?;
             let number: u32 = value.parse().map_err(|_| wrong())?;
             match key {
-                "generation" => fault.generation = Some(number),
-                "candidate" => fault.candidate = Some(number),
+                "round" => fault.round = Some(number),
+                "index" => fault.index = Some(number),
                 "ms" => fault.ms = number.into(),
                 _ => return Err(wrong()),
             }
@@ -62,8 +64,8 @@ impl Fault {
         Ok(fault)
     }
 
-    fn is_at(&self, generation: u32, candidate: u32) -> bool {
-        self.generation.is_none_or(|g| g == generation) && self.candidate.is_none_or(|c| c == candidate)
+    fn is_at(&self, round: u32, index: u32) -> bool {
+        self.round.is_none_or(|r| r == round) && self.index.is_none_or(|i| i == index)
     }
 }
 
@@ -72,43 +74,54 @@ pub(crate) fn check() -> Result<(), String> {
     FAULTS.clone().map(|_| ())
 }
 
-/// Does what the variable asks for, before the work itself. An examination is in its round and has its index.
-pub(crate) fn strike(task: &Task, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
-    let places: Vec<(u32, u32)> = match task {
-        Task::Evaluate { generation, candidates, .. } => candidates.iter().map(|(c, _)| (*generation, *c)).collect(),
-        Task::Examine { round, index, .. } => vec![(*round, *index)],
-    };
+/// Does what the variable asks for, before the work itself.
+pub(crate) fn strike(work: &Work, hooks: &dyn Hooks) -> Result<(), NotRun> {
     for fault in FAULTS.iter().flatten() {
-        for (generation, candidate) in places.iter().filter(|(g, c)| fault.is_at(*g, *c)) {
+        for (index, _) in work.tasks.iter().filter(|(index, _)| fault.is_at(work.round, *index)) {
             match fault.kind {
-                Kind::Panic => panic!("{VARIABLE} at candidate {candidate} of generation {generation}"),
+                Kind::Panic => panic!("{VARIABLE} at task {index} of round {}", work.round),
                 Kind::Abort => std::process::abort(),
                 Kind::Stall => loop {
                     std::thread::sleep(NAP);
                 },
                 Kind::Wrong => {}
-                Kind::Slow => wait(Duration::from_millis(fault.ms), stop)?,
+                Kind::Slow => wait(Duration::from_millis(fault.ms), hooks)?,
             }
         }
     }
     Ok(())
 }
 
-/// Turns the bits that `wrong` asks for.
-pub(crate) fn falsified(generation: u32, mut evaluations: Vec<Evaluation>) -> Vec<Evaluation> {
-    for fault in FAULTS.iter().flatten().filter(|fault| fault.kind == Kind::Wrong) {
-        for evaluation in evaluations.iter_mut().filter(|e| fault.is_at(generation, e.candidate)) {
-            evaluation.score = evaluation.score.map(|score| f64::from_bits(score.to_bits() ^ 1));
+/// Turns the bits that `wrong` asks for. A preparation has no score.
+pub(crate) fn falsified(work: &Work, mut results: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+    for fault in FAULTS.iter().flatten().filter(|fault| fault.kind == Kind::Wrong && work.round > 0) {
+        for ((index, _), result) in work.tasks.iter().zip(&mut results) {
+            if fault.is_at(work.round, *index) {
+                *result = turned(result);
+            }
         }
     }
-    evaluations
+    results
 }
 
-fn wait(time: Duration, stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+/// The result with the lowest bit of its first score turned over.
+fn turned(result: &[u8]) -> Vec<u8> {
+    let Ok(mut content) = TaskResult::decode(result) else { return result.to_owned() };
+    let score = match &mut content {
+        TaskResult::Evaluated { score, .. } => score.as_mut(),
+        TaskResult::Examined { scores, .. } => scores.iter_mut().flatten().next(),
+    };
+    if let Some(score) = score {
+        *score = f64::from_bits(score.to_bits() ^ 1);
+    }
+    content.encode()
+}
+
+fn wait(time: Duration, hooks: &dyn Hooks) -> Result<(), NotRun> {
     let start = Instant::now();
     while start.elapsed() < time {
-        if stop() {
-            return Err(Stopped);
+        if hooks.stop() {
+            return Err(NotRun::Stopped);
         }
         std::thread::sleep(NAP);
     }
@@ -120,13 +133,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fault_strikes_where_it_says_and_nonsense_is_refused() {
-        let fault = Fault::read("panic@generation=1,candidate=3").unwrap();
+    fn fault_strikes_its_place_and_nonsense_is_refused() {
+        let fault = Fault::read("panic@round=1,index=3").unwrap();
         assert!(fault.is_at(1, 3) && !fault.is_at(1, 2) && !fault.is_at(0, 3));
         assert!(Fault::read("abort").unwrap().is_at(7, 7));
         assert_eq!(Fault::read("slow@ms=20").unwrap().ms, 20);
-        for nonsense in ["", "explode", "panic@generation", "panic@candidate=x", "slow@s=1"] {
+        for nonsense in ["", "explode", "panic@round", "panic@index=x", "slow@s=1", "wrong@generation=1"] {
             assert!(Fault::read(nonsense).is_err(), "{nonsense}");
         }
+    }
+
+    #[test]
+    fn wrong_turns_the_lowest_bit_of_the_first_score() {
+        let evaluated = |score| TaskResult::Evaluated {
+            genotype: None,
+            score,
+            descriptors: Vec::new(),
+            counts: Default::default(),
+        };
+        let examined = |scores| TaskResult::Examined { scores, counts: Default::default(), traces: None };
+        let next = f64::from_bits(2.0f64.to_bits() ^ 1);
+        for (right, wrong) in [
+            (evaluated(Some(2.0)), evaluated(Some(next))),
+            (evaluated(None), evaluated(None)),
+            (examined(vec![None, Some(2.0), Some(2.0)]), examined(vec![None, Some(next), Some(2.0)])),
+        ] {
+            assert_eq!(turned(&right.encode()), wrong.encode());
+        }
+        assert_eq!(turned(&[255; 3]), [255; 3]);
     }
 }

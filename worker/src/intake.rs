@@ -1,57 +1,47 @@
-//! Takes assignments in: reads the job if need be, checks that this worker can do them, and puts them into the queue.
+//! Takes assignments in: opens the job if need be, checks that this worker can do them, and puts them into the queue.
 
-use crate::assignments::{Assignment, Assignments, Task};
-use crate::delivery::Courier;
+use crate::assignments::{Assignment, Assignments, Work};
 use crate::engines::Engines;
-use crate::jobs::Jobs;
+use crate::jobs::{Forgotten, Jobs};
 use crate::slots::Slots;
-use proto::ConvertError;
-use proto::v1::{Assign, CompleteRequest, Heartbeat, Reject, assign, complete_request};
-use sim_core::problem::Job;
+use proto::v1::{Assign, Heartbeat, Reject};
+use sim_core::procedure::Bench;
 use std::sync::Arc;
-
-/// A job was told before and is not known any more. Connecting again brings it.
-pub(crate) struct Forgotten;
 
 pub(crate) struct Intake {
     pub engines: Arc<Engines>,
     pub assignments: Arc<Assignments>,
     pub queue: Slots,
-    pub courier: Courier,
     pub jobs: Jobs,
-    /// Those whose job is being read.
+    /// Those whose job is being opened.
     pub waiting: Vec<Assign>,
 }
 
 impl Intake {
     /// Takes work on, or says why not.
-    pub fn assigned(&mut self, assign: Assign) -> Result<Option<Reject>, Forgotten> {
-        if let Some(job) = self.jobs.get(&assign.job_id) {
-            return Ok(self.take(assign, job));
-        }
-        if !self.jobs.is_read(&assign.job_id) {
-            if assign.job_toml.is_empty() {
-                return Err(Forgotten);
+    pub fn assigned(&mut self, mut assign: Assign) -> Result<Option<Reject>, Forgotten> {
+        self.jobs.receive(&mut assign)?;
+        match self.jobs.get(&assign.job_id) {
+            Some(bench) => Ok(self.take(assign, bench)),
+            None => {
+                self.waiting.push(assign);
+                Ok(None)
             }
-            self.jobs.read(assign.job_id.clone(), assign.job_toml.clone());
         }
-        self.waiting.push(assign);
-        Ok(None)
     }
 
-    /// Goes on with what waited for a job that was read.
-    pub fn read(&mut self, id: &str, read: Result<Arc<Job>, String>) -> Vec<Reject> {
-        let (ready, waiting) = std::mem::take(&mut self.waiting).into_iter().partition(|a| a.job_id == id);
+    /// Goes on with what waited for a job that was opened.
+    pub fn opened(&mut self, id: &str, opened: Result<Arc<Bench>, String>) -> Vec<Reject> {
+        let (ready, waiting): (Vec<_>, _) = std::mem::take(&mut self.waiting).into_iter().partition(|a| a.job_id == id);
         self.waiting = waiting;
-        let ready: Vec<Assign> = ready;
-        let take = |assign: Assign| match &read {
-            Ok(job) => self.take(assign, job.clone()),
+        let take = |assign: Assign| match &opened {
+            Ok(bench) => self.take(assign, bench.clone()),
             Err(problem) => Some(reject(assign.assignment_id, format!("this worker can't read the job: {problem}"))),
         };
         ready.into_iter().filter_map(take).collect()
     }
 
-    /// Nobody needs these any more.
+    /// Drops assignments that are not needed any more.
     pub fn stop(&mut self, ids: &[u64]) {
         self.waiting.retain(|assign| !ids.contains(&assign.assignment_id));
         self.assignments.stop(ids);
@@ -63,7 +53,7 @@ impl Intake {
         self.assignments.stop_waiting();
     }
 
-    /// What there is to be told of everything that was taken in.
+    /// A heartbeat about everything that was taken in.
     pub fn heartbeat(&self) -> Heartbeat {
         let mut heartbeat = self.assignments.heartbeat();
         heartbeat.running.extend(self.waiting.iter().map(|assign| assign.assignment_id));
@@ -71,52 +61,38 @@ impl Intake {
         heartbeat
     }
 
-    fn take(&self, assign: Assign, job: Arc<Job>) -> Option<Reject> {
-        let Assign { assignment_id: id, job_id, task, .. } = assign;
-        if !self.engines.has(&job.engine_digest()) {
-            return Some(reject(id, format!("this worker has no engine {}", job.engine_digest().short())));
+    fn take(&self, assign: Assign, bench: Arc<Bench>) -> Option<Reject> {
+        let id = assign.assignment_id;
+        match self.assignment(assign, bench) {
+            Ok(assignment) => {
+                let assignment = Arc::new(assignment);
+                self.assignments.insert(assignment.clone());
+                self.queue.push(assignment);
+                None
+            }
+            Err(reason) => Some(reject(id, reason)),
         }
-        let task = match task_of(task) {
-            Ok(task) => task,
-            Err(problem) => return Some(reject(id, problem.to_string())),
-        };
-        // A genome that does not fit would be a panic later on.
-        let parameters = job.bounds().0.len();
-        let fits = match &task {
-            Task::Evaluate { candidates, .. } => candidates.iter().all(|(_, genome)| genome.len() == parameters),
-            Task::Examine { examination, .. } => examination.candidate.genome.len() == parameters,
-        };
-        if !fits {
-            let result = Some(complete_request::Result::Failure(format!(
-                "its genomes do not have the {parameters} parameters that the job asks for"
-            )));
-            let engine_digest = job.engine_digest().0.to_vec();
-            let failure =
-                CompleteRequest { assignment_id: id, job_id, engine_digest, result, ..CompleteRequest::default() };
-            tokio::spawn(self.courier.clone().deliver(failure));
-            return None;
+    }
+
+    fn assignment(&self, assign: Assign, bench: Arc<Bench>) -> Result<Assignment, String> {
+        let Assign { assignment_id, job_id, round, first, tasks, shared_digest, permit, .. } = assign;
+        if !self.engines.has(&bench.engine_digest()) {
+            return Err(format!("this worker has no engine {}", bench.engine_digest().short()));
         }
-        let assignment = Arc::new(Assignment::new(id, job_id, job, task));
-        self.assignments.insert(assignment.clone());
-        self.queue.push(assignment);
-        None
+        let count = u32::try_from(tasks.len()).ok().filter(|count| *count > 0);
+        if count.and_then(|count| first.checked_add(count)).is_none() {
+            return Err(format!("{} tasks from {first} on are no range of tasks: it has at least one", tasks.len()));
+        }
+        // A preparation shares nothing, and the digest of nothing is sent without bytes.
+        let shared = match round == 0 || shared_digest.is_empty() {
+            true => Arc::default(),
+            false => self.jobs.shared(&job_id, &shared_digest).ok_or("what its tasks share was not sent")?,
+        };
+        let tasks = (first..).zip(tasks).collect();
+        Ok(Assignment::new(assignment_id, job_id, Work { bench, round, tasks, shared, permit }))
     }
 }
 
 fn reject(assignment_id: u64, reason: String) -> Reject {
     Reject { assignment_id, reason }
-}
-
-fn task_of(task: Option<assign::Task>) -> Result<Task, ConvertError> {
-    match task.ok_or(ConvertError::Missing { field: "task" })? {
-        assign::Task::Evaluate(evaluate) => {
-            proto::range_length(evaluate.first, evaluate.genomes.len())?;
-            let candidates = (evaluate.first..).zip(evaluate.genomes.into_iter().map(|g| g.values)).collect();
-            Ok(Task::Evaluate { generation: evaluate.generation, first: evaluate.first, candidates })
-        }
-        assign::Task::Examine(task) => {
-            let (round, index) = (task.round, task.index);
-            Ok(Task::Examine { round, index, examination: proto::examination(task)? })
-        }
-    }
 }

@@ -1,59 +1,89 @@
-//! Jobs that were read, by id. Reading one compiles its robot and lets it settle, so it is done beside the connection, which
-//! needs its heartbeats meanwhile.
+//! Jobs by id, with the bytes that tasks of their rounds share. Opening a job compiles its robot, so it is done beside the
+//! connection, which needs its heartbeats meanwhile.
 
-use sim_core::problem::Job;
-use std::collections::{BTreeSet, VecDeque};
+use proto::v1::Assign;
+use sim_core::procedure::Bench;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use tokio::task::JoinSet;
 
-/// How many are kept: some more than a coordinator has active ones.
+/// Jobs that are kept: some more than a coordinator has active ones.
 const KEPT: usize = 1024;
+/// Shared bytes that are kept of a job: those of its newest rounds.
+const KEPT_SHARED: usize = 4;
 
-/// The jobs used last, and those that are being read.
+/// A job was sent before and is not kept any more. Connecting again brings it.
+#[derive(Debug)]
+pub(crate) struct Forgotten;
+
+/// The jobs used last, and those that are being opened.
 #[derive(Default)]
 pub(crate) struct Jobs {
-    kept: VecDeque<(String, Arc<Job>)>,
-    ids: BTreeSet<String>,
-    reading: JoinSet<(String, Result<Job, String>)>,
+    kept: VecDeque<Kept>,
+    opening: JoinSet<(String, Result<Bench, String>)>,
+}
+
+struct Kept {
+    id: String,
+    /// `None` while it is being opened.
+    bench: Option<Arc<Bench>>,
+    /// Digest and bytes, the newest first.
+    shared: VecDeque<(Vec<u8>, Arc<[u8]>)>,
 }
 
 impl Jobs {
-    /// The job with this id, if it was read.
-    pub fn get(&mut self, id: &str) -> Option<Arc<Job>> {
-        let at = self.kept.iter().position(|(known, _)| known == id)?;
-        let found = self.kept.remove(at)?;
-        let job = found.1.clone();
-        self.kept.push_front(found);
-        Some(job)
-    }
-
-    /// Whether it is being read.
-    pub fn is_read(&self, id: &str) -> bool {
-        self.ids.contains(id)
-    }
-
-    /// Starts to read a job from its TOML.
-    pub fn read(&mut self, id: String, text: String) {
-        if self.ids.insert(id.clone()) {
-            self.reading.spawn_blocking(move || {
-                let read = std::panic::catch_unwind(|| Job::from_toml(&text));
-                let read = read.map_err(|_| "it panicked".to_owned()).and_then(|read| read.map_err(|e| e.to_string()));
-                (id, read)
-            });
+    /// Takes out of an assignment what it brings for later ones: a job's text, which it begins to open, and shared bytes.
+    pub fn receive(&mut self, assign: &mut Assign) -> Result<(), Forgotten> {
+        let (text, shared) = (std::mem::take(&mut assign.job_toml), std::mem::take(&mut assign.shared));
+        let mut kept = match self.kept.iter().position(|kept| kept.id == assign.job_id) {
+            Some(at) => self.kept.remove(at).ok_or(Forgotten)?,
+            None if text.is_empty() => return Err(Forgotten),
+            None => {
+                let id = assign.job_id.clone();
+                self.opening.spawn_blocking(move || (id, open(&text)));
+                Kept { id: assign.job_id.clone(), bench: None, shared: VecDeque::new() }
+            }
+        };
+        if !shared.is_empty() {
+            kept.shared.retain(|(digest, _)| *digest != assign.shared_digest);
+            kept.shared.push_front((assign.shared_digest.clone(), shared.into()));
+            kept.shared.truncate(KEPT_SHARED);
         }
+        self.kept.push_front(kept);
+        self.kept.truncate(KEPT);
+        Ok(())
     }
 
-    /// The next job whose reading ends, or why this build can't read it; `None` if none is being read. May be dropped and
+    /// The job with this id, if it is open.
+    pub fn get(&self, id: &str) -> Option<Arc<Bench>> {
+        self.kept.iter().find(|kept| kept.id == id)?.bench.clone()
+    }
+
+    /// The bytes with this digest that tasks of a job share, if they are kept.
+    pub fn shared(&self, id: &str, digest: &[u8]) -> Option<Arc<[u8]>> {
+        let kept = self.kept.iter().find(|kept| kept.id == id)?;
+        kept.shared.iter().find(|(own, _)| own == digest).map(|(_, bytes)| bytes.clone())
+    }
+
+    /// The next job whose opening ends, or why this build can't open it; `None` if none is being opened. May be dropped and
     /// called again.
-    pub async fn next(&mut self) -> Option<(String, Result<Arc<Job>, String>)> {
-        // A panic is caught inside, and nobody aborts these tasks.
-        let (id, read) = self.reading.join_next().await?.ok()?;
-        self.ids.remove(&id);
-        let read = read.map(Arc::new);
-        if let Ok(job) = &read {
-            self.kept.push_front((id.clone(), job.clone()));
-            self.kept.truncate(KEPT);
+    pub async fn next(&mut self) -> Option<(String, Result<Arc<Bench>, String>)> {
+        // A panic is caught inside, and these tasks are never aborted.
+        let (id, opened) = self.opening.join_next().await?.ok()?;
+        let opened = opened.map(Arc::new);
+        if let Some(at) = self.kept.iter().position(|kept| kept.id == id) {
+            match &opened {
+                Ok(bench) => self.kept[at].bench = Some(bench.clone()),
+                Err(_) => drop(self.kept.remove(at)),
+            }
         }
-        Some((id, read))
+        Some((id, opened))
+    }
+}
+
+fn open(text: &str) -> Result<Bench, String> {
+    match std::panic::catch_unwind(|| Bench::open(text)) {
+        Ok(opened) => opened.map_err(|error| error.to_string()),
+        Err(_) => Err("it panicked".to_owned()),
     }
 }

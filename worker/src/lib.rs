@@ -1,4 +1,4 @@
-//! The worker: pulls evaluations from a coordinator, runs them on its cores, reports.
+//! The worker: takes tasks from a coordinator, carries them out on its cores, delivers their results.
 //!
 //! `session` keeps the connection, `intake` takes assignments in, `assignments` knows what is being worked on, `slots` are
 //! the threads that compute, `watchdog` finds those that are stuck, `delivery` brings results home. Computing goes on while
@@ -47,7 +47,7 @@ const DELIVER_WITHIN: Duration = Duration::from_secs(3);
 const LAST_WORDS: Duration = Duration::from_secs(1);
 /// A worker whose time is limited starts to drain its grace time and this before its end, so that it is gone by then.
 pub const MARGIN: Duration = Duration::from_secs(5);
-/// With so many stuck slots a worker drains and ends: each may hold a core. One poisoned candidate makes at most 4, alone
+/// With so many stuck slots a worker drains and ends: each may hold a core. One poisoned task makes at most 4, alone
 /// and as part of a range.
 pub const MAX_STUCK: usize = 5;
 
@@ -147,7 +147,7 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
     let (done, finished) = mpsc::unbounded_channel();
     let queue = Slots::start(config.slots, done).map_err(|e| Error::System(e.to_string()))?;
     let courier = Courier::new(dial.way(), id.clone(), assignments.clone(), metrics.clone());
-    let delivering = tokio::spawn(courier.clone().run(finished));
+    let delivering = tokio::spawn(courier.run(finished));
     let (stage, stages) = watch::channel(Stage::Working);
     let mut session = Session {
         way: dial.way(),
@@ -160,7 +160,6 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
             engines: Arc::new(engines),
             assignments: assignments.clone(),
             queue: queue.clone(),
-            courier,
             jobs: Jobs::default(),
             waiting: Vec::new(),
         },
@@ -227,7 +226,7 @@ async fn leave(
         else => assignments.ids().is_empty(),
     };
     if !delivered {
-        tracing::warn!("some results could not be delivered: their evaluations will be done again elsewhere");
+        tracing::warn!("some results could not be delivered: their tasks will be done again elsewhere");
     }
     assignments.stop_all();
     stage.send_replace(Stage::Leaving);

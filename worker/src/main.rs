@@ -12,7 +12,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use worker::{Config, Error, Hangup};
 
-/// Runs evaluations for a coordinator.
+/// Carries out tasks for a coordinator.
 ///
 /// A worker holds nothing that matters: start as many as there are machines, stop or kill them at any time. It waits for
 /// its coordinator, keeps computing while the connection is down, and delivers when it is back.
@@ -53,7 +53,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
 
-    /// Evaluations at once [default: one a core]
+    /// Assignments at once [default: one a core]
     #[arg(long, value_name = "N", value_parser = slots)]
     slots: Option<usize>,
 

@@ -1,14 +1,14 @@
 //! The worker's numbers, for Prometheus.
 
 use crate::assignments::Assignments;
+use crate::work::Finished;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
-use proto::v1::CompleteRequest;
-use proto::v1::complete_request::Result as Outcome;
+use proto::v1::complete_request::Outcome;
 use proto::v1::complete_response::Verdict;
 use std::sync::Arc;
 use std::time::Duration;
@@ -27,8 +27,8 @@ pub(crate) struct Metrics {
     pub connected: Gauge,
     /// Sessions that were opened.
     pub sessions: Counter,
-    /// Evaluations and examinations carried out.
-    evaluations: Counter,
+    /// Tasks carried out.
+    tasks: Counter,
     assignment_seconds: Histogram,
     /// Deliveries that had to be tried again.
     pub retries: Counter,
@@ -43,7 +43,7 @@ impl Metrics {
             busy: Gauge::default(),
             connected: Gauge::default(),
             sessions: Counter::default(),
-            evaluations: Counter::default(),
+            tasks: Counter::default(),
             assignment_seconds: Histogram::new(exponential_buckets(0.001, 4.0, 12)),
             retries: Counter::default(),
             results: Family::default(),
@@ -51,11 +51,11 @@ impl Metrics {
         };
         metrics.slots.set(slots as i64);
         let r = &mut registry;
-        r.register("slots", "Evaluations at once", metrics.slots.clone());
+        r.register("slots", "Assignments at once", metrics.slots.clone());
         r.register("slots_busy", "Slots that have work", metrics.busy.clone());
         r.register("connected", "1 while the coordinator is connected", metrics.connected.clone());
         r.register("sessions", "Sessions that were opened", metrics.sessions.clone());
-        r.register("evaluations", "Evaluations and examinations carried out", metrics.evaluations.clone());
+        r.register("tasks", "Tasks carried out", metrics.tasks.clone());
         let seconds = metrics.assignment_seconds.clone();
         r.register_with_unit("assignment", "Time that an assignment kept its slot busy", Unit::Seconds, seconds);
         r.register("delivery_retries", "Deliveries that had to be tried again", metrics.retries.clone());
@@ -70,20 +70,19 @@ impl Metrics {
             Verdict::Obsolete,
             Verdict::Unknown,
             Verdict::Quarantined,
+            Verdict::NeedsTasks,
         ] {
             metrics.results.get_or_create_owned(&[("verdict", word(verdict))]);
         }
         Self { registry, ..metrics }
     }
 
-    /// An assignment was worked off.
-    pub fn worked(&self, result: &CompleteRequest) {
-        self.assignment_seconds.observe(Duration::from_micros(result.compute_us).as_secs_f64());
-        self.evaluations.inc_by(match &result.result {
-            Some(Outcome::Evaluate(result)) => result.evaluations.len() as u64,
-            Some(Outcome::Examine(_)) => 1,
-            Some(Outcome::Failure(_)) | None => 0,
-        });
+    /// Counts an assignment that a slot is done with.
+    pub fn worked(&self, finished: &Finished) {
+        self.assignment_seconds.observe(Duration::from_micros(finished.compute_us).as_secs_f64());
+        if let Outcome::Results(done) = &finished.outcome {
+            self.tasks.inc_by(done.results.len() as u64);
+        }
     }
 
     /// The coordinator answered.
@@ -102,6 +101,7 @@ fn word(verdict: Verdict) -> &'static str {
         Verdict::Obsolete => "obsolete",
         Verdict::Unknown => "unknown",
         Verdict::Quarantined => "quarantined",
+        Verdict::NeedsTasks => "needs_tasks",
     }
 }
 

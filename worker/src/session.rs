@@ -1,7 +1,8 @@
 //! The connection to the coordinator: made again and again, and nothing is lost in between.
 
 use crate::Error;
-use crate::intake::{Forgotten, Intake};
+use crate::intake::Intake;
+use crate::jobs::Forgotten;
 use crate::metrics::Metrics;
 use proto::PROTOCOL;
 use proto::dial::{Backoff, Way};
@@ -153,8 +154,8 @@ impl Session {
                     say(&said, worker_message::Message::Heartbeat(self.intake.heartbeat()));
                     continue;
                 }
-                Some((id, read)) = self.intake.jobs.next() => {
-                    for reject in self.intake.read(&id, read) {
+                Some((id, opened)) = self.intake.jobs.next() => {
+                    for reject in self.intake.opened(&id, opened) {
                         say(&said, worker_message::Message::Reject(reject));
                     }
                     continue;

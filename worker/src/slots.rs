@@ -1,8 +1,7 @@
 //! The threads that compute: one a slot. They end when the queue does.
 
 use crate::assignments::Assignment;
-use crate::work::{carry_out, gave_up};
-use proto::v1::CompleteRequest;
+use crate::work::{Finished, carry_out, gave_up};
 use std::io;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -19,7 +18,7 @@ pub(crate) struct Slots {
 
 struct Shared {
     queue: Mutex<Receiver<Arc<Assignment>>>,
-    done: UnboundedSender<CompleteRequest>,
+    done: UnboundedSender<Finished>,
     /// Threads ever started.
     started: AtomicUsize,
     /// Threads that were given up and have not come back.
@@ -28,7 +27,7 @@ struct Shared {
 
 impl Slots {
     /// Starts the threads. `done` gets every result.
-    pub fn start(slots: usize, done: UnboundedSender<CompleteRequest>) -> io::Result<Self> {
+    pub fn start(slots: usize, done: UnboundedSender<Finished>) -> io::Result<Self> {
         let (queue, receiver) = channel();
         let (started, stuck) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let shared = Arc::new(Shared { queue: Mutex::new(receiver), done, started, stuck });
@@ -43,7 +42,7 @@ impl Slots {
 
     /// Gives a stuck slot up: its work has failed, if anybody still needs it, and a fresh thread takes its place. The old one
     /// can't be ended from outside; should it come back it ends by itself. Returns how many there are of those.
-    pub fn replace(&self, assignment: &Assignment, stuck_after: Duration) -> usize {
+    pub fn replace(&self, assignment: &Arc<Assignment>, stuck_after: Duration) -> usize {
         let needed = !assignment.stopped();
         if assignment.abandon() {
             self.shared.stuck.fetch_add(1, Ordering::SeqCst);
@@ -73,13 +72,13 @@ impl Shared {
             if !assignment.start() {
                 continue;
             }
-            let result = carry_out(&assignment);
+            let finished = carry_out(&assignment);
             if !assignment.finish() {
                 self.stuck.fetch_sub(1, Ordering::SeqCst);
                 return;
             }
-            if let Some(result) = result
-                && self.done.send(result).is_err()
+            if let Some(finished) = finished
+                && self.done.send(finished).is_err()
             {
                 return;
             }

@@ -1,76 +1,59 @@
 //! One assignment, carried out on the thread that calls.
 
-use crate::assignments::{Assignment, Task};
+use crate::assignments::Assignment;
 #[cfg(any(debug_assertions, feature = "faults"))]
 use crate::fault;
-use proto::v1::complete_request::Result as Outcome;
-use proto::v1::{CompleteRequest, EvaluateResult, ExamineResult};
-use sim_core::evaluate::{Stopped, evaluate};
-use sim_core::procedure::evolve::finish::{Answer, examine};
+use proto::v1::Results;
+use proto::v1::complete_request::Outcome;
+use sim_core::procedure::{Hooks, NotRun};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What came of it, ready to be sent; `None` if it was stopped. A panic is a result like any other: it says that this
-/// work can't be done, and the worker lives on.
-pub(crate) fn carry_out(assignment: &Assignment) -> Option<CompleteRequest> {
+/// An assignment that a slot is done with.
+pub(crate) struct Finished {
+    pub assignment: Arc<Assignment>,
+    pub outcome: Outcome,
+    /// Time that the slot was busy with it, µs.
+    pub compute_us: u64,
+}
+
+/// Carries tasks out; `None` if they were stopped. A panic is a failure of these tasks, not the end of the worker.
+pub(crate) fn carry_out(assignment: &Arc<Assignment>) -> Option<Finished> {
     let start = Instant::now();
     let outcome = match catch_unwind(AssertUnwindSafe(|| compute(assignment))) {
-        Ok(Ok(outcome)) => outcome,
-        Ok(Err(Stopped)) => return None,
+        Ok(Ok(results)) => Outcome::Results(Results { results }),
+        Ok(Err(NotRun::Stopped)) => return None,
+        Ok(Err(error @ NotRun::Task(_))) => Outcome::Failure(error.to_string()),
         Err(panic) => Outcome::Failure(format!("it panicked: {}", message(&*panic))),
     };
     let compute_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
-    Some(CompleteRequest { compute_us, ..result(assignment, outcome) })
+    Some(Finished { assignment: assignment.clone(), outcome, compute_us })
 }
 
-/// What is said of work whose slot makes no progress.
-pub(crate) fn gave_up(assignment: &Assignment, stuck_after: Duration) -> CompleteRequest {
+/// The failure of an assignment whose slot makes no progress.
+pub(crate) fn gave_up(assignment: &Arc<Assignment>, stuck_after: Duration) -> Finished {
     let reason = format!("it was stuck: no batch of rollouts came to its end within {} s", stuck_after.as_secs_f64());
-    result(assignment, Outcome::Failure(reason))
+    Finished { assignment: assignment.clone(), outcome: Outcome::Failure(reason), compute_us: 0 }
 }
 
-fn result(assignment: &Assignment, outcome: Outcome) -> CompleteRequest {
-    CompleteRequest {
-        // The courier knows it.
-        worker_id: String::new(),
-        assignment_id: assignment.id,
-        job_id: assignment.job_id.clone(),
-        engine_digest: assignment.job.engine_digest().0.to_vec(),
-        result: Some(outcome),
-        compute_us: 0,
+/// The flag and the progress of an assignment.
+impl Hooks for Assignment {
+    fn stop(&self) -> bool {
+        self.advance();
+        self.stopped()
     }
 }
 
-fn compute(assignment: &Assignment) -> Result<Outcome, Stopped> {
-    // Asked before every batch of rollouts, so it counts them, too.
-    let stop = || {
-        assignment.advance();
-        assignment.stopped()
-    };
+fn compute(assignment: &Assignment) -> Result<Vec<Vec<u8>>, NotRun> {
+    let work = &assignment.work;
     #[cfg(any(debug_assertions, feature = "faults"))]
-    fault::strike(&assignment.task, &stop)?;
-    match &assignment.task {
-        Task::Evaluate { generation, first, candidates } => {
-            let evaluations = evaluate(&assignment.job, *generation, candidates, &stop)?;
-            #[cfg(any(debug_assertions, feature = "faults"))]
-            let evaluations = fault::falsified(*generation, evaluations);
-            Ok(Outcome::Evaluate(EvaluateResult {
-                generation: *generation,
-                first: *first,
-                evaluations: evaluations.iter().map(Into::into).collect(),
-            }))
-        }
-        Task::Examine { round, index, examination } => {
-            let Answer { scores, counts, traces } = examine(&assignment.job, examination, &stop)?;
-            let traces_json = match traces.as_ref().map(serde_json::to_vec).transpose() {
-                Ok(json) => json.unwrap_or_default(),
-                Err(error) => return Ok(Outcome::Failure(format!("the traces can't be written as JSON: {error}"))),
-            };
-            let (round, index, scores) = (*round, *index, proto::scores(&scores));
-            Ok(Outcome::Examine(ExamineResult { round, index, scores, counts: Some(counts.into()), traces_json }))
-        }
-    }
+    fault::strike(work, assignment)?;
+    let results = work.bench.run(work.round, &work.shared, &work.tasks, assignment)?;
+    #[cfg(any(debug_assertions, feature = "faults"))]
+    let results = fault::falsified(work, results);
+    Ok(results)
 }
 
 fn message(panic: &(dyn Any + Send)) -> &str {
@@ -81,49 +64,85 @@ fn message(panic: &(dyn Any + Send)) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_core::problem::Job;
-    use sim_core::procedure::evolve::finish::{Examination, Question};
-    use sim_core::search::Scored;
-    use std::sync::Arc;
+    use crate::assignments::Work;
+    use sim_core::problem::Checked;
+    use sim_core::procedure::{self, Bench, Procedure};
 
-    fn assignment(candidates: Vec<(u32, Vec<f64>)>) -> Assignment {
-        assigned(Task::Evaluate { generation: 0, first: 3, candidates })
+    const JOB: &str = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
+                       [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\n\
+                       particles = 3\n[finish]\nkind = \"none\"\n";
+
+    /// The assignment of some tasks of the round at hand.
+    fn assignment(procedure: &dyn Procedure, tasks: std::ops::Range<u32>) -> Arc<Assignment> {
+        let round = procedure.round();
+        let tasks = tasks.map(|index| (index, procedure.task(index))).collect();
+        assigned(JOB, round.number, tasks, round.shared)
     }
 
-    fn assigned(task: Task) -> Assignment {
-        let text = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
-                    [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\n[finish]\nseeds = 2\n";
-        let job = Arc::new(Job::from_toml(text).expect("a valid job"));
-        Assignment::new(7, "j".to_owned(), job, task)
+    fn assigned(job: &str, round: u32, tasks: Vec<(u32, Vec<u8>)>, shared: Arc<[u8]>) -> Arc<Assignment> {
+        let bench = Arc::new(Bench::open(job).expect("a valid job"));
+        let work = Work { bench, round, tasks, shared, permit: Vec::new() };
+        Arc::new(Assignment::new(7, "j".to_owned(), work))
     }
 
-    #[test]
-    fn evaluations_come_back_in_order_with_the_time_they_took() {
-        let genomes = assignment(Vec::new()).job.optimiser().ask();
-        let candidates = (3..).zip(genomes.into_iter().skip(3).take(2)).collect();
-        let done = carry_out(&assignment(candidates)).expect("nobody stopped it");
-        let Some(Outcome::Evaluate(result)) = done.result else { panic!("{:?}", done.result) };
-        assert_eq!((result.first, result.evaluations.len(), done.assignment_id), (3, 2, 7));
-        assert!(done.compute_us > 0);
+    fn start() -> Box<dyn Procedure> {
+        procedure::start(&Checked::from_toml(JOB).expect("a valid job")).expect("it can start")
     }
 
-    #[test]
-    fn an_examination_brings_a_score_a_tree_and_traces_where_they_are_asked_for() {
-        let genome = assignment(Vec::new()).job.optimiser().ask().remove(0);
-        let candidate = Scored { generation: 0, candidate: 0, score: 1.0, genome };
-        for (question, scores) in [(Question::Reference, 2), (Question::WithoutReuse, 1), (Question::Traces, 0)] {
-            let examination = Examination::new(question, &candidate);
-            let done = carry_out(&assigned(Task::Examine { round: 9, index: 4, examination })).expect("not stopped");
-            let Some(Outcome::Examine(result)) = done.result else { panic!("{:?}", done.result) };
-            assert_eq!((result.round, result.index, result.scores.len()), (9, 4, scores));
-            assert_eq!(result.traces_json.is_empty(), question != Question::Traces);
+    fn results(assignment: &Arc<Assignment>) -> Vec<Arc<[u8]>> {
+        let finished = carry_out(assignment).expect("it was not stopped");
+        assert!(finished.compute_us > 0);
+        match finished.outcome {
+            Outcome::Results(done) => done.results.into_iter().map(Into::into).collect(),
+            Outcome::Failure(reason) => panic!("{reason}"),
         }
     }
 
     #[test]
-    fn a_panic_is_a_failure_with_its_message_not_the_end_of_the_worker() {
-        let done = carry_out(&assignment(vec![(3, vec![0.0])])).expect("nobody stopped it");
-        let Some(Outcome::Failure(reason)) = done.result else { panic!("{:?}", done.result) };
-        assert!(reason.starts_with("it panicked: ") && reason.len() > 20, "{reason}");
+    fn results_come_in_order_of_their_tasks() {
+        let mut procedure = start();
+        let prepared = results(&assignment(&*procedure, 0..1));
+        procedure.check(0, &prepared[0]).expect("a preparation");
+        procedure.tell(&prepared);
+        let both = results(&assignment(&*procedure, 1..3));
+        let each: Vec<_> = (1..3).flat_map(|index| results(&assignment(&*procedure, index..index + 1))).collect();
+        assert_eq!(both, each);
+        assert_ne!(both[0], both[1]);
+        for (index, result) in (1..).zip(&both) {
+            procedure.check(index, result).expect("the result of its task");
+        }
+    }
+
+    #[test]
+    fn preparation_ends_when_it_is_stopped() {
+        // Settling takes minutes with so fine steps.
+        let job = format!("{JOB}[physics]\nengine = \"rapier\"\nsteps_per_second = 10000\n");
+        let assignment = assigned(&job, 0, vec![(0, start().task(0))], Arc::default());
+        let assignments = crate::assignments::Assignments::default();
+        assignments.insert(assignment.clone());
+        assert!(assignment.start());
+        let slot = std::thread::spawn({
+            let assignment = assignment.clone();
+            move || carry_out(&assignment).is_none()
+        });
+        while assignment.progress() < 10 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(!slot.is_finished());
+        assignments.stop_all();
+        let stopped = Instant::now();
+        assert!(slot.join().expect("it does not panic"));
+        assert!(stopped.elapsed() < Duration::from_secs(1), "it took {:?}", stopped.elapsed());
+    }
+
+    #[test]
+    fn task_that_can_not_be_read_is_a_failure() {
+        let mut procedure = start();
+        let prepared = results(&assignment(&*procedure, 0..1));
+        procedure.tell(&prepared);
+        let shared = procedure.round().shared;
+        let finished = carry_out(&assigned(JOB, 1, vec![(0, vec![255; 9])], shared)).expect("it was not stopped");
+        let Outcome::Failure(reason) = finished.outcome else { panic!("it has a result") };
+        assert!(reason.len() > 20, "{reason}");
     }
 }

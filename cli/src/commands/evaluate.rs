@@ -5,6 +5,7 @@ use crate::client::Client;
 use crate::console::{self, count};
 use crate::error::Error;
 use crate::load;
+use crate::poison::Subject;
 use crate::progress::Label;
 use crate::view::{bits, hex, question};
 use proto::v1;
@@ -12,7 +13,7 @@ use serde::Serialize;
 use sim_core::base::score::Counts;
 use sim_core::evaluate::evaluate;
 use sim_core::problem::Job;
-use sim_core::procedure::evolve::finish::{Examination, Question, examine};
+use sim_core::procedure::evolve::finish::{Examination, examine};
 use sim_core::search::Scored;
 use std::time::Instant;
 
@@ -33,15 +34,6 @@ struct View {
     seconds: f64,
 }
 
-/// What is evaluated.
-struct Subject {
-    generation: u32,
-    candidate: u32,
-    question: Option<Question>,
-    genome: Vec<f64>,
-    score: f64,
-}
-
 /// Evaluates and tells.
 pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
     let (job, poisoned) = match &args.what {
@@ -59,25 +51,26 @@ pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
     };
     let subject = subject(&args, poisoned)?;
     let parameters = job.bounds().0.len();
-    if subject.genome.len() != parameters {
+    let Scored { generation, candidate, ref genome, .. } = subject.candidate;
+    if genome.len() != parameters {
         return Err(Error::Usage {
             message: format!(
                 "the genome has {} numbers, and a candidate of this job has {parameters} parameters",
-                subject.genome.len()
+                genome.len()
             ),
         });
     }
     if args.genome.is_some() {
-        check_numbers(&job, &subject.genome)?;
+        check_numbers(&job, genome)?;
     }
     let start = Instant::now();
     let (scores, counts) = carry_out(&job, &subject)?;
     let view = View {
         job_digest: hex(&job.digest().0),
         engine_digest: hex(&job.engine_digest().0),
-        generation: subject.generation,
-        candidate: subject.candidate,
-        question: subject.question.and_then(|q| question(q.into())),
+        generation,
+        candidate,
+        question: subject.question.map(question),
         bits: scores.iter().map(|s| bits(*s)).collect(),
         scores,
         rollouts: counts.rollouts,
@@ -90,35 +83,18 @@ pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
 
 fn subject(args: &Evaluate, poisoned: Option<v1::Poisoned>) -> Result<Subject, Error> {
     let usage = |message: &str| Err(Error::Usage { message: message.to_owned() });
-    match (&args.genome, poisoned) {
-        (Some(genome), _) => Ok(Subject {
-            generation: args.generation,
-            candidate: args.candidate,
-            question: args.question,
-            genome: genome.clone(),
-            score: 0.0,
-        }),
-        (None, Some(poisoned)) => {
-            let asked = poisoned.question();
-            let candidate = v1::ScoredCandidate {
-                generation: poisoned.generation,
-                candidate: poisoned.candidate,
-                score: Some(poisoned.score.unwrap_or(0.0)),
-                genome: poisoned.genome.clone(),
-            };
-            let task = v1::ExamineTask { question: asked.into(), candidate: Some(candidate), ..Default::default() };
-            Ok(Subject {
-                generation: poisoned.generation,
-                candidate: poisoned.candidate,
-                question: proto::examination(task).ok().map(|e| e.question),
-                genome: poisoned.genome,
-                score: poisoned.score.unwrap_or(0.0),
-            })
-        }
-        (None, None) if matches!(args.what, EvaluateWhat::Stored { .. }) => {
+    if let Some(genome) = args.genome.clone() {
+        let (generation, candidate) = (args.generation, args.candidate);
+        let candidate = Scored { generation, candidate, score: 0.0, genome };
+        return Ok(Subject { candidate, question: args.question });
+    }
+    match (poisoned.map(|poisoned| Subject::of(&poisoned)), &args.what) {
+        (Some(Some(subject)), _) => Ok(subject),
+        (Some(None), _) => usage("what failed too often is no evaluation: `evogait show` says how to see it happen"),
+        (None, EvaluateWhat::Stored { .. }) => {
             usage("this job has no candidate that failed too often: tell one with --genome or --genome-file")
         }
-        (None, None) => usage("tell the candidate with --genome or --genome-file"),
+        (None, _) => usage("tell the candidate with --genome or --genome-file"),
     }
 }
 
@@ -135,19 +111,17 @@ fn check_numbers(job: &Job, genome: &[f64]) -> Result<(), Error> {
 }
 
 /// What a worker does.
-fn carry_out(job: &Job, subject: &Subject) -> Result<(Vec<Option<f64>>, Counts), Error> {
-    let Subject { generation, candidate, question, genome, score } = subject;
+fn carry_out(job: &Job, Subject { candidate, question }: &Subject) -> Result<(Vec<Option<f64>>, Counts), Error> {
     let never = || false;
     let stopped = |_| Error::Interrupted { hint: String::new() };
     match question {
         None => {
-            let done = evaluate(job, *generation, &[(*candidate, genome.clone())], &never).map_err(stopped)?;
+            let one = (candidate.candidate, candidate.genome.clone());
+            let done = evaluate(job, candidate.generation, &[one], &never).map_err(stopped)?;
             Ok((done.iter().map(|e| e.score).collect(), done.first().map(|e| e.counts).unwrap_or_default()))
         }
         Some(question) => {
-            let (generation, candidate) = (*generation, *candidate);
-            let candidate = Scored { generation, candidate, score: *score, genome: genome.clone() };
-            let answer = examine(job, &Examination::new(*question, &candidate), &never).map_err(stopped)?;
+            let answer = examine(job, &Examination::new(*question, candidate), &never).map_err(stopped)?;
             Ok((answer.scores, answer.counts))
         }
     }

@@ -5,7 +5,7 @@ use crate::client::Client;
 use crate::error::Error;
 use crate::output::{self, Folder};
 use crate::{console, summary, watch};
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 
 /// Fetches and writes, or says why there is no result.
 pub async fn run(args: Fetch, quiet: bool) -> Result<(), Error> {
@@ -13,7 +13,7 @@ pub async fn run(args: Fetch, quiet: bool) -> Result<(), Error> {
     let (status, _) = client.get(&args.id).await?;
     watch::succeeded(&status)?;
     let answer = client.result(&args.id).await?;
-    let job = Job::from_toml(&answer.job_toml)
+    let job = Checked::from_toml(&answer.job_toml)
         .map_err(|source| Error::Invalid { file: format!("the job of {}", args.on), source })?;
     let digest = job.digest();
     let path = args.out.unwrap_or_else(|| Folder::default_path(&job.spec().name, &digest));

@@ -4,6 +4,7 @@ use crate::arguments::{List, State};
 use crate::client::Client;
 use crate::console::{self, table};
 use crate::error::Error;
+use crate::values;
 use crate::view::{JobView, running_time};
 use crate::watch::{best, standing};
 use proto::v1::JobState;
@@ -22,11 +23,12 @@ pub async fn run(args: List) -> Result<(), Error> {
     let rows: Vec<Vec<String>> = jobs
         .iter()
         .map(|job| {
+            let progress = values::progress(job);
             vec![
                 job.id.clone(),
                 job.name.clone(),
                 standing(job),
-                format!("{}/{}", job.generations_done, job.generations_total),
+                format!("{}/{}", progress.done, progress.total),
                 console::score_with(best(job), ""),
                 running_time(job),
                 console::moment(job.submitted_at_ms),
@@ -41,8 +43,7 @@ fn wire(state: State) -> JobState {
     match state {
         State::Queued => JobState::Queued,
         State::Running => JobState::Running,
-        State::Finishing => JobState::Finishing,
-        State::Reporting => JobState::Reporting,
+        State::Waiting => JobState::Waiting,
         State::Succeeded => JobState::Succeeded,
         State::Failed => JobState::Failed,
         State::Cancelled => JobState::Cancelled,

@@ -4,7 +4,7 @@ use crate::arguments::Restart;
 use crate::client::Client;
 use crate::console;
 use crate::error::Error;
-use crate::view::JobView;
+use crate::view::{JobView, generations};
 use crate::watch::word;
 use proto::v1;
 use sim_core::base::digest::Digest;
@@ -18,14 +18,15 @@ pub async fn run(args: Restart, quiet: bool) -> Result<(), Error> {
     let request = v1::RestartJobRequest {
         request_id: name.to_string(),
         id: args.job.id.clone(),
-        from_generation: args.from_generation,
+        // The first round is the preparation.
+        from_round: args.from_generation.map(|generation| generation.saturating_add(1)),
     };
     let (job, created) = client.restart(request).await?;
     if args.job.json {
         return console::say_json(&JobView::new(&job));
     }
     if !quiet {
-        let taken_over = job.restarted_from.as_ref().map_or(0, |origin| origin.generations);
+        let taken_over = job.restarted_from.as_ref().map_or(0, generations);
         console::note(&match created {
             true => format!(
                 "\"{}\" is done again from generation {taken_over} on: {}",

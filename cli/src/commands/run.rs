@@ -12,14 +12,15 @@ use crate::poison;
 use crate::progress::{Label, Progress};
 use crate::setting::Setting;
 use crate::signals::Interrupt;
+use crate::values::{self, Generation};
 use crate::watch::{self, Watched};
 use crate::{load, summary};
-use proto::v1;
-use sim_core::problem::Job;
+use proto::v1::{self, JobState};
+use sim_core::problem::Checked;
 
 /// Evolves, or says that it is done already.
 pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
-    let job = load::job(&args.file)?;
+    let job = load::checked(&args.file)?;
     let digest = job.digest();
     let path = args.out.unwrap_or_else(|| Folder::default_path(&job.spec().name, &digest));
     let mut folder = Folder::open(&path, &digest)?;
@@ -29,8 +30,17 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
         }
         Stored::read(&path)?.result
     } else {
+        let fresh = !folder.has_job();
         let job_toml = folder.keep_job(job.to_toml())?.to_owned();
-        super::with_runtime(evolve(&job, job_toml, &folder, &args.place, quiet))?
+        match super::with_runtime(evolve(&job, job_toml, &folder, &args.place, quiet)) {
+            Ok(result) => result,
+            Err(error) => {
+                if fresh && matches!(error, Error::Unprepared { .. }) {
+                    folder.discard();
+                }
+                return Err(error);
+            }
+        }
     };
     if args.json {
         console::say_json(&result)
@@ -41,7 +51,13 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
     }
 }
 
-async fn evolve(job: &Job, job_toml: String, folder: &Folder, place: &Place, quiet: bool) -> Result<ResultFile, Error> {
+async fn evolve(
+    job: &Checked,
+    job_toml: String,
+    folder: &Folder,
+    place: &Place,
+    quiet: bool,
+) -> Result<ResultFile, Error> {
     let interrupt = Interrupt::listen();
     match place {
         Place::There { url, from_environment } => {
@@ -78,13 +94,14 @@ async fn evolve(job: &Job, job_toml: String, folder: &Folder, place: &Place, qui
 
 /// Submits, watches, fetches. Repeating it takes up the same job, which is known by its digest.
 async fn finish(
-    job: &Job,
+    job: &Checked,
     job_toml: String,
     folder: &Folder,
     url: &Url,
     quiet: bool,
     interrupt: &Interrupt,
 ) -> Result<ResultFile, Error> {
+    let optimiser = &job.spec().optimiser;
     let mut client = Client::connect(url).await?;
     let request = v1::SubmitJobRequest { request_id: job.digest().to_string(), job_toml, priority: 0 };
     let (status, created) = client.submit(request).await?;
@@ -94,28 +111,23 @@ async fn finish(
             "{how} \"{}\" in {}: {} generations of {} candidates on {} ({})",
             status.name,
             folder.path().display(),
-            status.generations_total,
-            status.population,
+            optimiser.generations(),
+            optimiser.population(),
             Setting::of(job),
             job.chosen()
         ));
-    }
-    if !quiet {
         doubts::of(job).iter().for_each(|doubt| console::note(&format!("warning: {doubt}")));
     }
-    if let (false, Some(quiet_setting)) = (quiet, job.quiet()) {
-        console::note(&format!("the robot was settled {quiet_setting}; its rollouts keep the job's own"));
-    }
     let mut progress = Progress::new(&status, &Label::of_job(job), quiet);
-    let mut generations_done = status.generations_done;
+    let mut generations_done = values::progress(&status).done;
     let watched = watch::watch(&mut client, &status.id, interrupt, |event| {
         progress.observe(event);
-        if let Some(v1::job_event::Event::GenerationSealed(sealed)) = &event.event {
+        if let Some(sealed) = Generation::sealed(event) {
             generations_done = sealed.generation + 1;
-            let first = Scores::of_event(sealed, status.population);
-            if let Some(warning) = first.and_then(|scores| first_generation::warning(Some(job), &scores)) {
-                progress.warn(&warning);
-            }
+        }
+        if let Some(warning) = Scores::of_event(event).and_then(|scores| first_generation::warning(Some(job), &scores))
+        {
+            progress.warn(&warning);
         }
         Ok(())
     })
@@ -123,8 +135,14 @@ async fn finish(
     progress.finish();
     match watched? {
         Watched::Interrupted => Err(Error::Interrupted {
-            hint: format!(" after {generations_done} of {} generations", status.generations_total),
+            hint: format!(" after {generations_done} of {} generations", optimiser.generations()),
         }),
+        Watched::Ended(ended)
+            if ended.state() == JobState::Failed && ended.poisoned.is_none() && unprepared(&ended) =>
+        {
+            let v1::Job { name, id, reason, .. } = *ended;
+            Err(Error::Unprepared { name, id, reason })
+        }
         Watched::Ended(ended) => {
             let see = ended.poisoned.as_ref().map(|poisoned| {
                 let file = folder.path().join(JOB);
@@ -135,4 +153,9 @@ async fn finish(
             output::write(folder, job, &answer, url)
         }
     }
+}
+
+/// Whether a job ended before its robot had settled.
+fn unprepared(job: &v1::Job) -> bool {
+    values::progress(job).phase == "preparing"
 }

@@ -2,13 +2,14 @@
 
 use crate::arguments::Show;
 use crate::client::Client;
-use crate::console::{self, count, quoted};
+use crate::console::{self, quoted};
 use crate::error::Error;
-use crate::poison;
+use crate::poison::{self, Subject};
 use crate::progress::Label;
 use crate::setting::Setting;
 use crate::standing::{self, StandingView};
-use crate::view::{JobView, bits, hex, ruling, running_time};
+use crate::values::{self, count, number};
+use crate::view::{JobView, generations, hex, ruling, running_time};
 use crate::watch;
 use proto::v1::{self, JobState};
 use serde::Serialize;
@@ -37,34 +38,37 @@ pub async fn run(args: Show) -> Result<(), Error> {
         });
     }
     let label = Label::of_toml(&job_toml);
-    let engine = toml_engine(&job_toml);
-    let counts = job.counts.unwrap_or_default();
+    let spec: Option<JobSpec> = toml::from_str(&job_toml).ok();
+    // The text is resolved.
+    let setting = spec.as_ref().and_then(|spec| Setting::of_resolved(&spec.physics));
+    let candidates =
+        spec.as_ref().map_or_else(String::new, |spec| format!(", {} candidates each", spec.optimiser.population()));
+    let v1::Progress { done, total, values, .. } = values::progress(&job);
+    let counts = values::counts(&values);
     let because = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
-    let best = job.best.as_ref().map_or_else(
+    let best = number(&values, "best").map_or_else(
         || "none yet".to_owned(),
         |best| {
-            let score = console::score_with(best.score, &label.unit);
-            format!("{} {score} (generation {}, candidate {})", label.name, best.generation, best.candidate)
+            let (generation, candidate) = (count(&values, "best_generation"), count(&values, "best_candidate"));
+            let score = console::score_with(Some(best), &label.unit);
+            format!("{} {score} (generation {generation}, candidate {candidate})", label.name)
         },
     );
     let mut lines = vec![
         format!("{} ({})", job.name, job.id),
         format!("  state          {}{because}", watch::standing(&job)),
-        format!(
-            "  generations    {} of {}, {} candidates each",
-            job.generations_done, job.generations_total, job.population
-        ),
+        format!("  generations    {done} of {total}{candidates}"),
         format!("  best           {best}"),
         format!(
             "  evaluations    {} ({} failed), {} rollouts, {} of simulated time",
-            count(job.evaluations),
-            count(job.failed_evaluations),
-            count(counts.rollouts),
+            console::count(count(&values, "evaluations")),
+            console::count(count(&values, "failed")),
+            console::count(counts.rollouts),
             console::seconds(counts.simulated_ms as f64 / 1000.0)
         ),
         format!("  submitted      {} UTC, ran {}", console::moment(job.submitted_at_ms), running_time(&job)),
         format!("  priority       {}", job.priority),
-        format!("  engine         {engine}"),
+        format!("  engine         {}", setting.map_or("–".to_owned(), |s| s.to_string())),
         format!("  job digest     {}", hex(&job.job_digest)),
         format!("  engine digest  {}", hex(&job.engine_digest)),
     ];
@@ -72,7 +76,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
         lines.extend(standing::lines(&job, standing));
     }
     if let Some(origin) = &job.restarted_from {
-        let what = match origin.generations {
+        let what = match generations(origin) {
             0 => "nothing of it was taken over".to_owned(),
             n => format!("generations 0 to {} were taken over", n - 1),
         };
@@ -80,14 +84,14 @@ pub async fn run(args: Show) -> Result<(), Error> {
     }
     lines.extend(job.disputes.iter().map(dispute));
     if let Some(poisoned) = &job.poisoned {
-        lines.push(format!("  failed         {}, {} times", poison::what(poisoned), poisoned.attempts));
-        lines.push(format!("  genome         {}", poison::genome(poisoned)));
-        lines.push(format!("  next           {} does it again here", poison::command_there(&job.id)));
+        lines.push(format!("  failed         {}, {} times", poisoned.what, poisoned.attempts));
+        lines.extend(Subject::of(poisoned).map(|subject| format!("  genome         {}", subject.genome())));
+        lines.push(format!("  next           {} does it again here", poison::command_there(&job.id, poisoned)));
     }
     match job.state() {
         JobState::Tainted => lines.push(format!("  next           evogait restart {}", quoted(&job.id))),
         JobState::Succeeded => lines.push(format!("  next           evogait fetch {}", quoted(&job.id))),
-        JobState::Queued | JobState::Running | JobState::Finishing | JobState::Reporting => {
+        JobState::Queued | JobState::Running | JobState::Waiting => {
             lines.push(format!("  next           evogait watch {}", quoted(&job.id)));
         }
         _ => {}
@@ -99,22 +103,11 @@ pub async fn run(args: Show) -> Result<(), Error> {
 fn dispute(dispute: &v1::Dispute) -> String {
     let claim = |claim: &v1::Claim| {
         let who = if claim.worker_name.is_empty() { "a worker that has gone" } else { &claim.worker_name };
-        let said: Vec<String> = claim
-            .scores
-            .iter()
-            .map(|s| match s.score {
-                Some(score) => format!("{score} ({})", bits(s.score)),
-                None => bits(None),
-            })
-            .collect();
-        format!("{who} says {}", if said.is_empty() { "other traces".to_owned() } else { said.join(" ") })
+        match claim.what.as_str() {
+            "" => format!("{who} says {}", hex(&claim.digest)),
+            what => format!("{who} says {what}"),
+        }
     };
     let claims: Vec<String> = dispute.claims.iter().map(claim).collect();
     format!("  dispute        {}, {}: {}", dispute.what, ruling(dispute), claims.join("; "))
-}
-
-/// Engine and setting of a job that was submitted, as a word; the text is resolved.
-fn toml_engine(job_toml: &str) -> String {
-    let spec: Option<JobSpec> = toml::from_str(job_toml).ok();
-    spec.as_ref().and_then(|spec| Setting::of_resolved(&spec.physics)).map_or("–".to_owned(), |s| s.to_string())
 }

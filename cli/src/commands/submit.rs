@@ -11,7 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Submits under the job's digest, so that doing it twice is doing it once.
 pub fn run(args: Submit, quiet: bool) -> Result<(), Error> {
-    let job = load::job(&args.file)?;
+    let job = load::checked(&args.file)?;
     let digest = job.digest();
     let request = v1::SubmitJobRequest {
         request_id: if args.again { another_id(&digest) } else { digest.to_string() },

@@ -82,7 +82,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
         job_digest: job.digest(),
         engine: job.chosen().to_string(),
         setting: Setting::of(&job),
-        reference: job.reference().map(Setting::of),
+        reference: job.on_reference().map(Setting::of),
         settled: job.quiet().map(ToString::to_string),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
@@ -93,7 +93,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
         evaluations,
         most_rollouts_per_evaluation: job.most_rollouts(),
         estimate,
-        warnings: doubts::of(&job).into_iter().chain(warning.flatten()).collect(),
+        warnings: doubts::of(&job).into_iter().chain(doubts::of_goal(&job)).chain(warning.flatten()).collect(),
         job_toml: job.to_toml(),
     };
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }

@@ -8,12 +8,13 @@ use crate::first_generation::{self, Scores};
 use crate::poison;
 use crate::progress::{Label, Progress};
 use crate::signals::Interrupt;
+use crate::values::{self, Generation};
 use crate::view::{DisputeView, JobView};
 use crate::watch::{self, Watched, word};
 use proto::v1::JobEvent;
 use proto::v1::job_event::Event;
 use serde::Serialize;
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 
 /// An event as a line of JSON.
 #[derive(Serialize)]
@@ -29,7 +30,8 @@ struct EventView {
 enum What {
     State { state: &'static str },
     Generation { generation: u32, min: f64, median: f64, max: f64, mean: f64, best_so_far: Option<f64>, failed: u32 },
-    Progress { state: &'static str, generation: u32, done: u32, total: u32 },
+    Round { round: u32, phase: String },
+    Progress { state: &'static str, phase: String, generation: u32, done: u32, total: u32 },
     Paused,
     Resumed,
     Dispute(DisputeView),
@@ -45,9 +47,8 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     let mut progress = Progress::new(&status, &label, quiet || args.json);
     let watched = watch::watch(&mut client, &args.id, &interrupt, |event| {
         progress.observe(event);
-        if let Some(Event::GenerationSealed(sealed)) = &event.event
-            && let Some(scores) = Scores::of_event(sealed, status.population)
-            && let Some(warning) = first_generation::warning(Job::from_toml(&job_toml).ok().as_ref(), &scores)
+        if let Some(scores) = Scores::of_event(event)
+            && let Some(warning) = first_generation::warning(Checked::from_toml(&job_toml).ok().as_ref(), &scores)
         {
             match args.json {
                 true if !quiet => console::warn(&warning),
@@ -72,7 +73,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             let see = job
                 .poisoned
                 .as_ref()
-                .map(|_| format!("to see it happen on this machine: {}", poison::command_there(&job.id)));
+                .map(|p| format!("to see it happen on this machine: {}", poison::command_there(&job.id, p)));
             watch::succeeded_or(&job, see)?;
             if args.json || quiet {
                 return Ok(());
@@ -82,7 +83,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
                 "{}: the search's best {} is {best} after {} generations\n  next  evogait fetch {}",
                 job.name,
                 label.name,
-                job.generations_done,
+                values::progress(&job).done,
                 console::quoted(&job.id)
             ))
         }
@@ -91,25 +92,30 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
 
 fn view(event: &JobEvent) -> Option<EventView> {
     let what = match event.event.as_ref()? {
-        Event::StateChanged(_) => {
-            let Some(Event::StateChanged(state)) = event.event else { return None };
-            What::State { state: word(state.try_into().unwrap_or_default()) }
+        Event::StateChanged(state) => What::State { state: word((*state).try_into().unwrap_or_default()) },
+        Event::RoundSealed(sealed) => match Generation::sealed(event) {
+            Some(g) => What::Generation {
+                generation: g.generation,
+                min: g.min,
+                median: g.median,
+                max: g.max,
+                mean: g.mean,
+                best_so_far: g.best_so_far,
+                failed: g.failed,
+            },
+            None => What::Round { round: sealed.round, phase: sealed.phase.clone() },
+        },
+        Event::TasksDone(tasks) => {
+            let job = event.job.clone().unwrap_or_default();
+            let progress = values::progress(&job);
+            What::Progress {
+                state: word(job.state()),
+                phase: progress.phase,
+                generation: progress.done,
+                done: tasks.done,
+                total: tasks.total,
+            }
         }
-        Event::GenerationSealed(g) => What::Generation {
-            generation: g.generation,
-            min: g.min,
-            median: g.median,
-            max: g.max,
-            mean: g.mean,
-            best_so_far: g.best_so_far,
-            failed: g.failed,
-        },
-        Event::Progress(p) => What::Progress {
-            state: word(event.job.as_ref().map(|job| job.state()).unwrap_or_default()),
-            generation: p.generation,
-            done: p.done,
-            total: p.total,
-        },
         Event::Paused(true) => What::Paused,
         Event::Paused(false) => What::Resumed,
         Event::Dispute(dispute) => What::Dispute(DisputeView::new(dispute)),

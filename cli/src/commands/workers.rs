@@ -22,7 +22,7 @@ pub async fn run(on: Url, json: bool) -> Result<(), Error> {
                 w.name.clone(),
                 w.address.clone(),
                 format!("{}/{}", w.busy, w.slots),
-                console::count(w.evaluations),
+                console::count(w.tasks),
                 console::moment(w.connected_at_ms),
                 w.engine_digests
                     .iter()
@@ -34,7 +34,7 @@ pub async fn run(on: Url, json: bool) -> Result<(), Error> {
         })
         .collect();
     console::say(&table(
-        &["name", "address", "busy", "evaluations", "connected (UTC)", "engines", "gets no work because"],
+        &["name", "address", "busy", "tasks", "connected (UTC)", "engines", "gets no work because"],
         &rows,
     ))
 }

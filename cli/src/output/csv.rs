@@ -1,12 +1,12 @@
 //! Tables for pandas, spreadsheets and hardware. Numbers are written so that they read back to the same bits.
 
 use super::result::{ArchiveRow, AuditRow};
-use proto::v1::GenerationSealed;
+use crate::values::Generation;
 use sim_core::report::{GaitTrace, PathMode, PathTrace};
 use std::fmt::Write as _;
 
 /// history.csv: a row a generation. Statistics are NaN where all evaluations failed; `best_so_far` is empty then.
-pub fn history(history: &[GenerationSealed]) -> String {
+pub fn history(history: &[Generation]) -> String {
     let mut out = "generation,min,lower_quartile,median,upper_quartile,max,mean,best_so_far,failed\n".to_owned();
     for g in history {
         let best = cell(g.best_so_far);
@@ -81,6 +81,7 @@ pub fn mode(mode: PathMode) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::v1::{Row, Value};
     use sim_core::report::TraceSample;
 
     #[test]
@@ -109,19 +110,9 @@ mod tests {
 
     #[test]
     fn a_generation_without_a_score_leaves_its_best_empty() {
-        let nan = f64::NAN;
-        let failed = GenerationSealed {
-            generation: 0,
-            min: nan,
-            lower_quartile: nan,
-            median: nan,
-            upper_quartile: nan,
-            max: nan,
-            mean: nan,
-            best_so_far: None,
-            failed: 20,
-            counts: None,
-        };
+        let failed = Value { name: "failed".to_owned(), unit: String::new(), value: Some(20.0) };
+        let row = Row { series: "generations".to_owned(), index: 0, values: vec![failed] };
+        let failed = Generation::of(&row).expect("a generation");
         assert!(history(&[failed]).ends_with("\n0,NaN,NaN,NaN,NaN,NaN,NaN,,20\n"));
     }
 }

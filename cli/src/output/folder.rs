@@ -1,10 +1,10 @@
 //! The output folder: one job's, one process's at a time.
 
-use super::{JOB, RESULT, ResultFile, atomic};
+use super::{JOB, RESULT, ResultFile, STORE, atomic};
 use crate::error::Error;
 use crate::{inputs, load};
 use sim_core::base::digest::Digest;
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -16,6 +16,8 @@ pub struct Folder {
     path: PathBuf,
     /// The job as it stands in the folder; the same job as ours, perhaps under another name.
     job_toml: Option<String>,
+    /// The folder was made for this run.
+    made: bool,
     _lock: File,
 }
 
@@ -35,6 +37,7 @@ impl Folder {
             check_owner(path, digest)?;
         }
         refuse_inputs(path)?;
+        let made = !path.exists();
         fs::create_dir_all(path).map_err(|e| Error::write(path, e))?;
         let lock_path = path.join(LOCK);
         let lock =
@@ -46,7 +49,7 @@ impl Folder {
         }
         // Another process may have written it before it gave the lock up.
         let job_toml = if job_toml.is_none() { own_job(path, digest)? } else { job_toml };
-        Ok(Self { path: path.to_owned(), job_toml, _lock: lock })
+        Ok(Self { path: path.to_owned(), job_toml, made, _lock: lock })
     }
 
     /// Its path.
@@ -64,6 +67,18 @@ impl Folder {
         self.path.join(RESULT).is_file()
     }
 
+    /// Removes what a run of a job has left that can't be prepared, so that the corrected job can take its place.
+    pub fn discard(self) {
+        let store = |ending: &str| format!("{STORE}{ending}");
+        for name in [JOB.to_owned(), store(""), store("-wal"), store("-shm"), LOCK.to_owned()] {
+            // A file that is not there, or stays, does no harm.
+            let _ = fs::remove_file(self.path.join(name));
+        }
+        if self.made {
+            let _ = fs::remove_dir(&self.path);
+        }
+    }
+
     /// The job's text as the folder has it, written there now if it has none. A job file that differs in name or
     /// description only is the same job and keeps its first text.
     pub fn keep_job(&mut self, text: String) -> Result<&str, Error> {
@@ -74,9 +89,9 @@ impl Folder {
     }
 }
 
-fn existing_job(path: &Path) -> Result<Option<(Job, String)>, Error> {
+fn existing_job(path: &Path) -> Result<Option<(Checked, String)>, Error> {
     let file = path.join(JOB);
-    if file.exists() { load::resolved_job(&file).map(Some) } else { Ok(None) }
+    if file.exists() { load::resolved(&file, Checked::from_toml).map(Some) } else { Ok(None) }
 }
 
 /// The text of the folder's job.toml if there is one: of this job, as a run writes it. What a user wrote is refused.

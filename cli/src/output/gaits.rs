@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use sim_core::control::ControllerKind;
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::Report;
 use sim_core::report::GaitTrace;
 use std::collections::BTreeMap;
@@ -49,7 +49,7 @@ pub fn trajectory_name(gait: usize) -> String {
 }
 
 /// Takes the gaits out of a report.
-pub fn file(job: &Job, report: &Report) -> GaitFile {
+pub fn file(job: &Checked, report: &Report) -> GaitFile {
     let names = job.parameter_names();
     let mut names = names.iter();
     let gaits = report.gaits.iter().enumerate().map(|(i, trace)| {

@@ -3,13 +3,13 @@
 use crate::draw::{self, HistoryRow, Picture};
 use crate::error::Error;
 use crate::progress::Label;
-use proto::v1::GenerationSealed;
+use crate::values::Generation;
 use sim_core::base::score::mean;
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Audit, Report};
 
 /// (file name, content) of every picture that a job has: without a report only that of its history.
-pub fn all(job: &Job, history: &[GenerationSealed], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
+pub fn all(job: &Checked, history: &[Generation], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let name = &job.spec().name;
     let Label { name: score, unit } = Label::of_job(job);
     let label = if unit.is_empty() { score } else { format!("{score}, {unit}") };
@@ -40,8 +40,8 @@ fn audited(report: &Report) -> Vec<[f64; 2]> {
     report.audits.iter().filter_map(mark).collect()
 }
 
-fn rows(history: &[GenerationSealed]) -> Vec<HistoryRow> {
-    let row = |g: &GenerationSealed| HistoryRow {
+fn rows(history: &[Generation]) -> Vec<HistoryRow> {
+    let row = |g: &Generation| HistoryRow {
         generation: g.generation,
         min: g.min,
         lower_quartile: g.lower_quartile,

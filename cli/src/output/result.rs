@@ -2,12 +2,13 @@
 
 use crate::progress::Label;
 use crate::setting::Setting;
+use crate::values;
 use proto::v1;
 use serde::{Deserialize, Serialize};
 use sim_core::base::digest::Digest;
 use sim_core::base::score::{Direction, mean};
 use sim_core::engines::NUMERIC_CRATES;
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Archived, Audit, Report, Rescored};
 use sim_core::search::Scored;
 use std::collections::BTreeMap;
@@ -209,14 +210,12 @@ pub struct Digests {
 impl ResultFile {
     /// Puts a coordinator's answer into words; the report has the scores on fresh seeds.
     pub fn new(
-        job: &Job,
+        job: &Checked,
         status: &v1::Job,
         Digests { job: job_digest, result: result_digest, engine: engine_digest }: Digests,
-        (winner, first): (Option<Scored>, Option<Scored>),
         report: Option<&Report>,
     ) -> Self {
         let names = job.parameter_names();
-        let none = Rescored::default();
         let candidate = |scored: &Scored, scores: &Rescored| Candidate {
             generation: scored.generation,
             candidate: scored.candidate,
@@ -231,14 +230,15 @@ impl ResultFile {
             more_friction: mean(&scores.more_friction),
             genome: names.iter().zip(&scored.genome).map(|(n, &value)| Parameter { name: n.clone(), value }).collect(),
         };
-        let winner = winner.as_ref().map(|w| candidate(w, report.map_or(&none, |r| &r.winner_scores)));
-        let first = first.as_ref().map(|f| candidate(f, report.map_or(&none, |r| &r.first_scores)));
+        let winner = report.map(|r| candidate(&r.winner, &r.winner_scores));
+        let first = report.map(|r| candidate(&r.first, &r.first_scores));
         let ratio =
             |of: fn(&Candidate) -> Option<f64>| match (winner.as_ref().and_then(of), first.as_ref().and_then(of)) {
                 (Some(winner), Some(first)) if first != 0.0 => Some(winner / first),
                 _ => None,
             };
-        let counts = status.counts.unwrap_or_default();
+        let told = values::progress(status).values;
+        let counts = values::counts(&told);
         let Label { name, unit } = Label::of_job(job);
         Self {
             format: FORMAT,
@@ -249,10 +249,10 @@ impl ResultFile {
             engine_digest,
             engines: Engines {
                 search: Setting::of(job).to_string(),
-                reference: job.reference().map(|reference| Setting::of(reference).to_string()),
+                reference: job.on_reference().map(|reference| Setting::of(reference).to_string()),
             },
             score: Score { name, unit, direction: job.direction() },
-            best_fitness: status.best.as_ref().and_then(|b| b.score),
+            best_fitness: values::number(&told, "best"),
             fresh_ratio: ratio(|c| c.fresh_mean),
             reference_ratio: ratio(|c| c.reference),
             winner,
@@ -261,8 +261,8 @@ impl ResultFile {
             audits: report.and_then(|r| audits(r, job.direction())),
             finish: finish(report.map(|r| r.counts).unwrap_or_default()),
             counts: Counts {
-                evaluations: status.evaluations,
-                failed_evaluations: status.failed_evaluations,
+                evaluations: values::count(&told, "evaluations"),
+                failed_evaluations: values::count(&told, "failed"),
                 rollouts: counts.rollouts,
                 unstable: counts.unstable,
                 simulated_seconds: counts.simulated_ms as f64 / 1000.0,

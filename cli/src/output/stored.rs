@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct Stored {
     /// The folder.
     pub folder: PathBuf,
-    /// The job, compiled by this build.
+    /// The job, compiled and settled by this build.
     pub job: Job,
     /// The result as it is stored.
     pub result: ResultFile,
@@ -28,7 +28,7 @@ impl Stored {
         }
         let result: ResultFile = read_json(&result_path)?;
         let job_path = folder.join(JOB);
-        let (job, _) = load::resolved_job(&job_path)?;
+        let (job, _) = load::resolved(&job_path, Job::from_toml)?;
         inputs::record(&job_path);
         let lengths = [&result.winner, &result.first].map(|c| c.as_ref().map(|c| c.genome.len()));
         if let Some(reason) = wrong_genome(&job, lengths.into_iter().flatten()) {

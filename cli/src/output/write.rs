@@ -5,13 +5,13 @@ use super::{Folder, JOB, REPORT, RESULT, ResultFile, atomic::Batch, csv, gaits, 
 use crate::client::Url;
 use crate::console;
 use crate::error::Error;
+use crate::values::Generation;
 use proto::{ConvertError, v1};
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::Report;
-use sim_core::search::Scored;
 
 /// Writes a result to its folder: all files or none, `result.json` last.
-pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &Url) -> Result<ResultFile, Error> {
+pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, from: &Url) -> Result<ResultFile, Error> {
     let unreadable = |reason: String| Error::Answer { url: from.to_string(), reason };
     let status = answer.job.as_ref().ok_or_else(|| unreadable("a result without its job".to_owned()))?;
     let wrong = |e: ConvertError| unreadable(e.to_string());
@@ -20,21 +20,20 @@ pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &
     // That of the build that computed it, which need not be this one.
     let engine_digest = proto::digest("the engine digest", &status.engine_digest).map_err(wrong)?;
     let digests = Digests { job: job_digest, result: result_digest, engine: engine_digest };
-    let scored = |wire: &Option<v1::ScoredCandidate>| wire.clone().map(Scored::try_from).transpose().map_err(wrong);
-    let best = (scored(&answer.winner)?, scored(&answer.first)?);
-    let report: Option<Report> = match answer.report_json.as_slice() {
-        [] => None,
-        bytes => Some(serde_json::from_slice(bytes).map_err(|e| unreadable(format!("the report: {e}")))?),
-    };
-    let result = ResultFile::new(job, status, digests, best, report.as_ref());
+    let report_json = answer.artefacts.iter().find(|a| a.name == "report").map(|a| a.content.as_slice());
+    let report: Option<Report> = report_json
+        .map(|json| serde_json::from_slice(json).map_err(|e| unreadable(format!("the report: {e}"))))
+        .transpose()?;
+    let history: Vec<Generation> = answer.history.iter().filter_map(Generation::of).collect();
+    let result = ResultFile::new(job, status, digests, report.as_ref());
 
     let mut batch = Batch::new(folder.path());
     if !folder.has_job() {
         batch.add(JOB, answer.job_toml.as_bytes())?;
     }
-    batch.add("history.csv", csv::history(&answer.history).as_bytes())?;
-    if let Some(report) = &report {
-        batch.add(REPORT, &answer.report_json)?;
+    batch.add("history.csv", csv::history(&history).as_bytes())?;
+    if let (Some(report), Some(json)) = (&report, report_json) {
+        batch.add(REPORT, json)?;
         batch.add("gaits.json", console::json(&gaits::file(job, report))?.as_bytes())?;
         batch.add("tree.json", console::json(&report.tree)?.as_bytes())?;
         if !result.archive.is_empty() {
@@ -47,7 +46,7 @@ pub fn write(folder: &Folder, job: &Job, answer: &v1::GetResultResponse, from: &
             batch.add(&gaits::trajectory_name(i), csv::gait(gait).as_bytes())?;
         }
     }
-    for (name, content) in pictures::all(job, &answer.history, report.as_ref())? {
+    for (name, content) in pictures::all(job, &history, report.as_ref())? {
         batch.add(&name, &content)?;
     }
     batch.add(RESULT, console::json(&result)?.as_bytes())?;

@@ -98,10 +98,10 @@ Examples:
 
 Each line is a process of its own with a coordinator, a store on disk and one
 worker of so many slots, over a loopback connection. The job has one generation
-of --evaluations candidates, timed from its submission to the seal of the
-generation, so that slots wait for each other only once. `plain` is the job with
-reuse_tolerance = 0; `trivial` is a job of almost no work, which shows what
-dispatching alone costs. Memory is the process' peak resident set.")]
+of --evaluations candidates, timed from the end of the job's preparation to the
+seal of the generation, so that slots wait for each other only once. `plain` is
+the job with reuse_tolerance = 0; `trivial` is a job of almost no work, which
+shows what dispatching alone costs. Memory is the process' peak resident set.")]
     Dispatch(BenchDispatch),
 
     /// A coordinator and thousands of light workers: what it bears, and how busy it keeps them

@@ -89,8 +89,7 @@ pub struct Submit {
 pub enum State {
     Queued,
     Running,
-    Finishing,
-    Reporting,
+    Waiting,
     Succeeded,
     Failed,
     Cancelled,

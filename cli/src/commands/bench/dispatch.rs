@@ -15,6 +15,7 @@ use proto::v1;
 use proto::v1::job_event::Event;
 use serde::{Deserialize, Serialize};
 use sim_core::job::JobSpec;
+use sim_core::problem::Checked;
 use sim_core::problem::Job;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -67,7 +68,7 @@ struct Line {
     load: Load,
     slots: u32,
     evaluations: u32,
-    /// s from the submission to the end of the generation.
+    /// s from the end of the preparation to the end of the generation.
     seconds: f64,
     /// Peak resident set, MiB; `null` where the system does not tell.
     peak_mib: Option<f64>,
@@ -85,7 +86,7 @@ impl Line {
 /// Measures and tells.
 pub fn run(args: BenchDispatch, quiet: bool) -> Result<(), Error> {
     let slots = if args.slots.is_empty() { doublings(arguments::cores()) } else { args.slots.clone() };
-    let job = load::job(&args.file.clone().into())?;
+    let job = load::checked(&args.file.clone().into())?;
     if let Some(load) = args.line {
         let line = measure(&job, load, evaluations(&args, load), slots[0])?;
         return console::say_json(&line);
@@ -156,7 +157,7 @@ fn word(load: Load) -> &'static str {
     }
 }
 
-fn measure(job: &Job, load: Load, evaluations: u32, slots: u32) -> Result<Line, Error> {
+fn measure(job: &Checked, load: Load, evaluations: u32, slots: u32) -> Result<Line, Error> {
     let job = one_generation(job, load, evaluations)?;
     let scratch = Scratch::new()?;
     let seconds = super::super::with_runtime(dispatched(&job, &scratch.0, slots))?;
@@ -164,7 +165,7 @@ fn measure(job: &Job, load: Load, evaluations: u32, slots: u32) -> Result<Line, 
 }
 
 /// A job of one generation of so many candidates.
-fn one_generation(job: &Job, load: Load, evaluations: u32) -> Result<Job, Error> {
+fn one_generation(job: &Checked, load: Load, evaluations: u32) -> Result<Checked, Error> {
     let refused = |source| Error::Invalid { file: "the job to dispatch".to_owned(), source };
     let mut spec: JobSpec = match load {
         Load::Trivial => toml::from_str(TRIVIAL).map_err(|e| refused(e.into()))?,
@@ -175,11 +176,11 @@ fn one_generation(job: &Job, load: Load, evaluations: u32) -> Result<Job, Error>
     }
     let swarm = format!("kind = \"pso\"\nparticles = {evaluations}\ngenerations = 1");
     spec.optimiser = toml::from_str(&swarm).map_err(|e| refused(e.into()))?;
-    Job::new(spec).map_err(refused)
+    Checked::new(spec).map_err(refused)
 }
 
-/// s from a job's submission to the end of its only generation.
-async fn dispatched(job: &Job, folder: &Path, slots: u32) -> Result<f64, Error> {
+/// s from the end of a job's preparation to the end of its only generation.
+async fn dispatched(job: &Checked, folder: &Path, slots: u32) -> Result<f64, Error> {
     let mut local = Local::start(&folder.join("store.sqlite"), slots).await?;
     let url = local.url().clone();
     let measured = tokio::select! {
@@ -190,7 +191,7 @@ async fn dispatched(job: &Job, folder: &Path, slots: u32) -> Result<f64, Error> 
     measured.and_then(|seconds| stopped.map(|()| seconds))
 }
 
-async fn generation(job: &Job, url: &crate::client::Url) -> Result<f64, Error> {
+async fn generation(job: &Checked, url: &crate::client::Url) -> Result<f64, Error> {
     let mut client = Client::connect(url).await?;
     let begun = Instant::now();
     while client.workers().await?.is_empty() {
@@ -201,13 +202,17 @@ async fn generation(job: &Job, url: &crate::client::Url) -> Result<f64, Error> {
     }
     let request_id = job.digest().to_string();
     let request = v1::SubmitJobRequest { request_id, job_toml: job.to_toml(), priority: 0 };
-    let started = Instant::now();
     let (submitted, _) = client.submit(request).await?;
     let lost = |client: &Client, status| client.error(&status, Some(&submitted.id));
     let mut events = client.watch(&submitted.id, 0).await.map_err(|status| lost(&client, status))?;
-    loop {
+    let mut prepared = None;
+    let seconds = loop {
         match events.message().await.map_err(|status| lost(&client, status))?.map(|event| event.event) {
-            Some(Some(Event::GenerationSealed(_))) => break,
+            Some(Some(Event::RoundSealed(sealed))) => match prepared {
+                None => prepared = Some(Instant::now()),
+                Some(started) if sealed.phase == "searching" => break started.elapsed().as_secs_f64(),
+                Some(_) => {}
+            },
             Some(_) => {}
             None => {
                 return Err(Error::JobEnded {
@@ -217,8 +222,7 @@ async fn generation(job: &Job, url: &crate::client::Url) -> Result<f64, Error> {
                 });
             }
         }
-    }
-    let seconds = started.elapsed().as_secs_f64();
+    };
     // The report is not measured.
     client.cancel(&submitted.id).await?;
     Ok(seconds)
@@ -330,7 +334,7 @@ mod tests {
 
     #[test]
     fn what_is_dispatched_is_one_generation_of_the_job() {
-        let job = Job::from_toml(TRIVIAL).unwrap();
+        let job = Checked::from_toml(TRIVIAL).unwrap();
         let plain = one_generation(&job, Load::Plain, 7).unwrap();
         assert_eq!((plain.spec().optimiser.population(), plain.spec().optimiser.generations()), (7, 1));
         assert_eq!(plain.spec().planner.reuse_tolerance, 0.0);

@@ -115,7 +115,7 @@ fn settings(args: &BenchFitness, base: &Job) -> Vec<Setting> {
         return args.settings.clone();
     }
     let mut settings = vec![Setting::of(base), Setting::own(EngineKind::Rapier, base.spec().physics.scale)];
-    settings.extend(base.reference().map(Setting::of));
+    settings.extend(base.on_reference().map(Setting::of));
     (1..settings.len()).rev().for_each(|i| {
         if settings[..i].contains(&settings[i]) {
             settings.remove(i);

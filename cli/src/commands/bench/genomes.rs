@@ -9,6 +9,7 @@ use coordinator::{StoreError, StoreUrl, store};
 use sim_core::evaluate::evaluate;
 use sim_core::genotype::Genome;
 use sim_core::problem::Job;
+use sim_core::procedure::evolve::TaskResult;
 use std::io;
 use std::path::Path;
 use study::genomes::{evolution, scores, searched};
@@ -57,8 +58,10 @@ pub fn stored(folder: &Path) -> Result<Vec<Vec<Genome>>, Error> {
             let newest = store.jobs(i64::MAX as u64, 1, &[]).await?;
             let mut scores = Vec::new();
             if let Some(record) = newest.first() {
-                for generation in 0..generations {
-                    scores.extend(store.scores(&record.id, generation).await?);
+                // The first round is the preparation.
+                for round in store.rounds(&record.id, 1, generations).await? {
+                    let results = round.results.unwrap_or_default();
+                    scores.push(results.iter().filter_map(|result| score(result)).collect::<Vec<_>>());
                 }
             }
             Ok(scores)
@@ -70,4 +73,12 @@ pub fn stored(folder: &Path) -> Result<Vec<Vec<Genome>>, Error> {
         Some(scores) if scores.len() == population => Ok(scores.clone()),
         _ => Err(unreadable(format!("it lacks the scores of generation {generation}"))),
     })
+}
+
+/// The score of an evaluation's result, which has none if it failed; `None` if the bytes are no such result.
+fn score(result: &[u8]) -> Option<Option<f64>> {
+    match TaskResult::decode(result).ok()? {
+        TaskResult::Evaluated { score, .. } => Some(score),
+        TaskResult::Examined { .. } => None,
+    }
 }

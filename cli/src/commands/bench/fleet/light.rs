@@ -10,12 +10,14 @@ use crate::client::Url;
 use proto::PROTOCOL;
 use proto::dial::Way;
 use proto::limits::MAX_MESSAGE;
-use proto::v1::complete_request::Result as Outcome;
+use proto::v1::complete_request::Outcome;
 use proto::v1::worker_service_client::WorkerServiceClient;
 use proto::v1::{
-    Assign, CompleteRequest, Counts, EvaluateResult, EvaluateTask, EvaluationResult, Heartbeat, Hello, Reject,
-    WorkerMessage, assign, coordinator_message, worker_message,
+    Assign, CompleteRequest, Heartbeat, Hello, Reject, Results, WorkerMessage, coordinator_message, worker_message,
 };
+use sim_core::base::score::Counts;
+use sim_core::genotype::Genome;
+use sim_core::procedure::evolve::{Task, TaskResult};
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
@@ -51,6 +53,8 @@ pub struct Behaviour {
     pub engines: Vec<Vec<u8>>,
     /// The engine that it says has run.
     pub engine: Vec<u8>,
+    /// The result of each job's preparation: they all have the same robot.
+    pub prepared: Vec<u8>,
 }
 
 /// Works until it is dropped.
@@ -129,7 +133,7 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
             None => return Ok(()),
             Some(Some(coordinator_message::Message::Assign(assigned))) => {
                 let assignment_id = assigned.assignment_id;
-                let Some(assign::Task::Evaluate(task)) = assigned.task.clone() else {
+                let Some((generation, genomes)) = candidates(&assigned) else {
                     let reason = "a light worker only pretends to evaluate".to_owned();
                     say(worker_message::Message::Reject(Reject { assignment_id, reason }));
                     continue;
@@ -137,7 +141,8 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
                 let progress = Arc::new(AtomicU64::new(0));
                 // Here, where assignments come in order: only a job's first one to a session has its text.
                 let seed = tally.seed(&assigned.job_id, &assigned.job_toml);
-                let range = Range { id: id.to_owned(), seed, assigned, task, progress: progress.clone() };
+                let range =
+                    Range { id: id.to_owned(), seed, assigned, generation, genomes, progress: progress.clone() };
                 let (client, behaviour, slots, tally) =
                     (client.clone(), behaviour.clone(), slots.clone(), tally.clone());
                 let task = working.spawn(async move {
@@ -170,23 +175,38 @@ fn alive(running: &BTreeMap<u64, Assigned>) -> Heartbeat {
     Heartbeat { running, progress }
 }
 
-/// A range of candidates that a worker was given.
+/// The generation and the genomes of an assignment, none for a preparation; `None` for examinations.
+fn candidates(assigned: &Assign) -> Option<(u32, Vec<Genome>)> {
+    let (mut of, mut genomes) = (0, Vec::new());
+    for task in assigned.tasks.iter().filter(|_| assigned.round > 0) {
+        let Ok(Task::Evaluate { generation, genome, .. }) = Task::decode(task) else { return None };
+        of = generation;
+        genomes.push(genome);
+    }
+    Some((of, genomes))
+}
+
+/// A range of candidates that a worker was given, or a preparation.
 struct Range {
     /// The worker.
     id: String,
     /// That of its job.
     seed: u64,
     assigned: Assign,
-    task: EvaluateTask,
+    generation: u32,
+    genomes: Vec<Genome>,
     progress: Arc<AtomicU64>,
 }
 
 impl Range {
     /// Pretends.
     async fn evaluate(self, behaviour: &Behaviour, slots: &Slots, tally: &Tally) -> CompleteRequest {
-        let Self { id, seed, assigned, task, progress } = self;
-        let count = task.genomes.len() as u32;
-        let drawn = behaviour.times.of_range(seed, task.generation, task.first, count);
+        let Self { id, seed, assigned, generation, genomes, progress } = self;
+        if assigned.round == 0 {
+            return completed(id, assigned, behaviour, Ok(vec![behaviour.prepared.clone()]), Duration::from_micros(1));
+        }
+        let count = genomes.len() as u32;
+        let drawn = behaviour.times.of_range(seed, generation, assigned.first, count);
         let slot = slots.take().await;
         progress.store(1, Ordering::Relaxed);
         let busy = Busy::begin(tally);
@@ -194,26 +214,47 @@ impl Range {
             sleep_until((busy.begun() + drawn).into()).await;
         }
         let spell = busy.done(drawn, slot.free_since);
-        tally.chains().done(seed, task.generation, spell);
+        tally.chains().done(seed, generation, spell);
         drop(slot);
-        let result = if chance(&id, assigned.assignment_id) < behaviour.fails {
-            Outcome::Failure("a light worker was told to fail".to_owned())
-        } else {
-            let counts = Some(Counts { rollouts: 1, nodes: 1, ..Counts::default() });
-            let score = |genome: &proto::v1::Genome| EvaluationResult { score: Some(score(&genome.values)), counts };
-            let evaluations = task.genomes.iter().map(score).collect();
-            Outcome::Evaluate(EvaluateResult { generation: task.generation, first: task.first, evaluations })
-        };
+        let fails = chance(&id, assigned.assignment_id) < behaviour.fails;
+        let results =
+            if fails { Err("a light worker was told to fail") } else { Ok(genomes.iter().map(result).collect()) };
         let claim = behaviour.claim.map_or(drawn, |each| each * count).max(Duration::from_micros(count.into()));
-        CompleteRequest {
-            worker_id: id,
-            assignment_id: assigned.assignment_id,
-            job_id: assigned.job_id,
-            engine_digest: behaviour.engine.clone(),
-            result: Some(result),
-            compute_us: claim.as_micros() as u64,
-        }
+        completed(id, assigned, behaviour, results, claim)
     }
+}
+
+/// The request that delivers results, or a failure.
+fn completed(
+    worker_id: String,
+    assigned: Assign,
+    behaviour: &Behaviour,
+    results: Result<Vec<Vec<u8>>, &str>,
+    claim: Duration,
+) -> CompleteRequest {
+    let Assign { assignment_id, job_id, round, first, tasks, permit, .. } = assigned;
+    CompleteRequest {
+        worker_id,
+        assignment_id,
+        job_id,
+        engine_digest: behaviour.engine.clone(),
+        round,
+        first,
+        count: tasks.len() as u32,
+        permit,
+        outcome: Some(match results {
+            Ok(results) => Outcome::Results(Results { results }),
+            Err(reason) => Outcome::Failure(reason.to_owned()),
+        }),
+        compute_us: claim.as_micros() as u64,
+        tasks: Vec::new(),
+    }
+}
+
+/// The pretended result of an evaluation.
+fn result(genome: &Genome) -> Vec<u8> {
+    let counts = Counts { rollouts: 1, nodes: 1, ..Counts::default() };
+    TaskResult::Evaluated { genotype: None, score: Some(score(genome)), descriptors: Vec::new(), counts }.encode()
 }
 
 /// Sends it until it is answered.

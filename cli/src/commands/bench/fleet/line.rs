@@ -10,13 +10,14 @@ use super::times::Times;
 use crate::arguments::BenchFleet;
 use crate::client::{Client, Url};
 use crate::error::Error;
+use crate::values::Generation;
 use proto::v1;
-use proto::v1::job_event::Event;
 use serde::Serialize;
 use sim_core::base::statistics::{median, quantile};
 use sim_core::job::JobSpec;
 use sim_core::physics::EngineChoice;
-use sim_core::problem::Job;
+use sim_core::problem::{Checked, Unprepared};
+use sim_core::procedure::preparing::Outcome;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -121,14 +122,28 @@ impl Moment {
     }
 }
 
-/// Measures one line.
-pub async fn measure(args: &BenchFleet, job: &Job, workers: u32, jobs: u32) -> Result<Line, Error> {
+/// The result of the preparation of each of a fleet's jobs, which all have the same robot and physics.
+pub fn prepared(job: &Checked) -> Result<Vec<u8>, Error> {
+    match variant(job, 1, 0)?.prepare(&|| false) {
+        Ok(preparation) => Ok(Outcome::Prepared(preparation).encode()),
+        Err(Unprepared::Refused(source)) => Err(Error::Invalid { file: "the job of the fleet".to_owned(), source }),
+        Err(Unprepared::Stopped) => Err(Error::Interrupted { hint: String::new() }),
+    }
+}
+
+/// Measures one line. `prepared`: see [`prepared`].
+pub async fn measure(
+    args: &BenchFleet,
+    job: &Checked,
+    prepared: &[u8],
+    (workers, jobs): (u32, u32),
+) -> Result<Line, Error> {
     #[cfg(unix)]
     coordinator::open_files::raise();
     let scratch = Scratch::new()?;
     let host = Host::start(&scratch.0)?;
     let times = Times { median: args.median, sigma: args.sigma };
-    let all: Vec<Job> = (0..jobs).map(|n| variant(job, args.population, n)).collect::<Result<_, _>>()?;
+    let all: Vec<Checked> = (0..jobs).map(|n| variant(job, args.population, n)).collect::<Result<_, _>>()?;
     let engine = all.first().unwrap_or(job).engine_digest();
     let behaviour = Arc::new(Behaviour {
         slots: args.slots,
@@ -139,6 +154,7 @@ pub async fn measure(args: &BenchFleet, job: &Job, workers: u32, jobs: u32) -> R
         seed: job.spec().seed,
         engines: sim_core::engines::engine_digests().iter().map(|(_, digest)| digest.0.to_vec()).collect(),
         engine: engine.0.to_vec(),
+        prepared: prepared.to_vec(),
     });
     let tally = Arc::new(Tally::new());
     let _fleet = connect(&host.url, workers, &behaviour, &tally).await?;
@@ -231,14 +247,14 @@ async fn pass(watched: &mut JoinSet<Result<Infallible, Error>>, time: Duration) 
 }
 
 /// Submits a job and tells of its seals until something goes wrong: it has more generations than there is time.
-async fn watch(mut client: Client, job: Job, tally: Arc<Tally>) -> Result<Infallible, Error> {
+async fn watch(mut client: Client, job: Checked, tally: Arc<Tally>) -> Result<Infallible, Error> {
     let request_id = job.digest().to_string();
     let request = v1::SubmitJobRequest { request_id, job_toml: job.to_toml(), priority: 0 };
     let (submitted, _) = client.submit(request).await?;
     let lost = |client: &Client, status| client.error(&status, Some(&submitted.id));
     let mut events = client.watch(&submitted.id, 0).await.map_err(|status| lost(&client, status))?;
     while let Some(event) = events.message().await.map_err(|status| lost(&client, status))? {
-        if let Some(Event::GenerationSealed(sealed)) = event.event {
+        if let Some(sealed) = Generation::sealed(&event) {
             tally.chains().seal(job.spec().seed, sealed.generation, Instant::now());
         }
     }
@@ -249,7 +265,7 @@ async fn watch(mut client: Client, job: Job, tally: Arc<Tally>) -> Result<Infall
 
 /// The job with another seed, a swarm of so many particles that never ends, and an engine whose candidates are evaluated
 /// one by one.
-fn variant(job: &Job, population: u32, number: u32) -> Result<Job, Error> {
+fn variant(job: &Checked, population: u32, number: u32) -> Result<Checked, Error> {
     let refused = |source| Error::Invalid { file: "the job of the fleet".to_owned(), source };
     let mut spec: JobSpec = job.spec().clone();
     spec.seed = spec.seed.wrapping_add(number.into()) & i64::MAX as u64;
@@ -257,7 +273,7 @@ fn variant(job: &Job, population: u32, number: u32) -> Result<Job, Error> {
     let generations = sim_core::base::limits::MAX_GENERATIONS;
     let swarm = format!("kind = \"pso\"\nparticles = {population}\ngenerations = {generations}");
     spec.optimiser = toml::from_str(&swarm).map_err(|e: toml::de::Error| refused(e.into()))?;
-    Job::new(spec).map_err(refused)
+    Checked::new(spec).map_err(refused)
 }
 
 #[cfg(test)]
@@ -268,13 +284,13 @@ mod tests {
     fn jobs_of_a_fleet_differ_in_their_seeds_alone_and_outlast_any_measurement() {
         let toml = "name = \"x\"\nseed = 5\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\n\
                     [fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"ga\"\n";
-        let job = Job::from_toml(toml).unwrap();
+        let job = Checked::from_toml(toml).unwrap();
         let [a, b] = [0, 1].map(|number| variant(&job, 7, number).unwrap());
         assert_eq!((a.spec().seed, b.spec().seed), (5, 6));
         assert_ne!(a.digest(), b.digest());
         assert_eq!((a.spec().optimiser.population(), a.candidates_at_once()), (7, 1));
         assert_eq!(a.spec().optimiser.generations(), sim_core::base::limits::MAX_GENERATIONS);
         let same = JobSpec { seed: 5, ..b.spec().clone() };
-        assert_eq!(Job::new(same).unwrap().digest(), a.digest());
+        assert_eq!(Checked::new(same).unwrap().digest(), a.digest());
     }
 }

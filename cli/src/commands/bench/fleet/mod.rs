@@ -46,13 +46,14 @@ pub fn run(args: BenchFleet, quiet: bool) -> Result<(), Error> {
     if let Some(folder) = args.host {
         return super::super::with_runtime(host::serve(folder));
     }
-    let job = load::job(&args.file.clone().into())?;
+    let job = load::checked(&args.file.clone().into())?;
     let planned: Vec<(u32, u32)> =
         args.workers.iter().flat_map(|workers| args.jobs.iter().map(move |jobs| (*workers, *jobs))).collect();
     let progress = Pieces::new("lines", planned.len() as u64, quiet);
     let mut lines = Vec::new();
-    for (workers, jobs) in planned {
-        lines.push(super::super::with_runtime(line::measure(&args, &job, workers, jobs))?);
+    let prepared = line::prepared(&job)?;
+    for size in planned {
+        lines.push(super::super::with_runtime(line::measure(&args, &job, &prepared, size))?);
         progress.one_done();
     }
     drop(progress);

@@ -35,8 +35,8 @@ impl Numbers {
             text.lines().find_map(of_line).unwrap_or(0.0)
         };
         Self {
-            evaluations: value("evogait_evaluations_total"),
-            generations: value("evogait_generations_sealed_total"),
+            evaluations: value("evogait_tasks_total{phase=\"searching\"}"),
+            generations: value("evogait_rounds_sealed_total"),
             commits: value("evogait_commit_seconds_count"),
             commit_seconds: value("evogait_commit_seconds_sum"),
             changes: value("evogait_commit_writes_sum"),
@@ -83,7 +83,8 @@ mod tests {
                     evogait_commit_seconds_count 30\n\
                     evogait_commit_seconds_bucket{le=\"0.1\"} 30\n\
                     evogait_commit_writes_sum 90.0\n\
-                    evogait_evaluations_total 400\n\
+                    evogait_tasks_total{phase=\"preparing\"} 2\n\
+                    evogait_tasks_total{phase=\"searching\"} 400\n\
                     evogait_leases_ended_total{why=\"drained\"} 7\n\
                     evogait_leases_ended_total{why=\"lost\"} 3\n# EOF";
         let numbers = Numbers::of(text);
