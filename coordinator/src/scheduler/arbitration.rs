@@ -92,6 +92,14 @@ impl ActiveJob {
         held.result.as_ref().map_or_else(String::new, |result| self.procedure.show(result))
     }
 
+    /// Whether this worker delivered another result of a task before: the one that holds, or one that is disputed.
+    fn has_other_result_of(&self, worker: &str, held: &Held, digest: Digest, task: (u32, u32)) -> bool {
+        let claims = self.dispute(task.0, task.1).into_iter().flat_map(|dispute| &dispute.claims);
+        let claimed = claims.map(|claim| (&*claim.source.finder.worker, claim.digest));
+        let mut delivered = claimed.chain([(&*held.finder.worker, held.digest)]);
+        !worker.is_empty() && delivered.any(|(by, other)| by == worker && other != digest)
+    }
+
     /// Adds a worker's claim about a task that is done, beside the result that holds.
     fn hear(&mut self, now: Now, round: u32, claim: Claim, index: u32, held: (Held, Claim)) -> Heard {
         let (held, held_claim) = held;
@@ -172,8 +180,7 @@ pub(super) fn weigh(
             result: None,
         };
         let Some(held) = job.holds(round, index).or_else(|| older.get(&index).map(long_sealed)) else { continue };
-        let own = held.finder.worker == source.finder.worker && !source.finder.worker.is_empty();
-        if own && held.digest != digest {
+        if job.has_other_result_of(&source.finder.worker, &held, digest, (round, index)) {
             twice.get_or_insert_with(|| held.what.clone());
         }
         let result = result.filter(|_| round == job.round.number());

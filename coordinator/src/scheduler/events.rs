@@ -183,7 +183,7 @@ pub fn on_connect(core: &mut Scheduler, now: Now, greeting: Greeting) -> Welcome
         connected_at_ms: before.as_ref().map_or(now.unix_ms, |w| w.connected_at_ms),
         tasks: before.as_ref().map_or(0, |w| w.tasks),
     };
-    let (trusted, stops) = (worker.trusted, stops(&core.settings, &worker));
+    let trusted = worker.trusted;
     core.fleet.workers.insert(id.clone(), worker);
     core.queue.room.may_have(&id);
     core.queue.room.workers_changed();
@@ -201,7 +201,8 @@ pub fn on_connect(core: &mut Scheduler, now: Now, greeting: Greeting) -> Welcome
     tell_quarantined(core, &id);
     drain_leaving(core, now);
     core.alarm.wake_by(now.since_start + core.settings.lease);
-    if let Some(at) = stops {
+    let stays = core.fleet.workers.get(&id).filter(|w| !w.draining);
+    if let Some(at) = stays.and_then(|w| stops(&core.settings, w)) {
         core.alarm.wake_by(at);
     }
     dispatch(core, now);

@@ -1,110 +1,37 @@
-//! The scheduler under random events, held against its promises after each of them; and its promises one by one.
+//! The scheduler under random events, held against its laws after each of them; and its laws one by one.
 //!
-//! Evaluations are replaced by a pure function of the genome: what is tested here needs no physics.
+//! The jobs' procedure is [`Fake`], whose results are a pure function of its tasks: what is tested here needs no physics.
 
+mod batches;
 mod builds;
 mod costs;
 mod crashes;
 mod disputes;
 mod doubts;
+mod fake;
 mod finish;
 mod laws;
 mod model;
+mod permits;
 mod restarts;
+mod sealed;
 mod seen;
 mod time;
 
+pub use fake::{Fake, result_of};
+
 use super::*;
-use crate::record::Origin;
-use crate::store::{MemoryStore, SealedGeneration, Store};
-use sim_core::base::digest::Digest;
-use sim_core::base::score::{Counts, Direction};
-use sim_core::genotype::Genome;
-use sim_core::procedure::evolve::finish::{Done, Examination, Found, Plan, Question};
-use sim_core::procedure::evolve::report::Report;
-use sim_core::report::Traces;
-use sim_core::search::{Optimiser, Scored};
-
-/// Each generation's candidates follow from the scores of the one before: any change of one bit changes all that follows.
-#[derive(Clone, Debug)]
-pub struct Fake {
-    pub population: u32,
-    generation: u32,
-    memory: u64,
-}
-
-impl Fake {
-    pub fn new(population: u32) -> Self {
-        Self { population, generation: 0, memory: 17 }
-    }
-}
-
-fn mix(a: u64, b: u64) -> u64 {
-    let z = (a ^ b.rotate_left(32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    (z ^ (z >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9)
-}
-
-impl Optimiser for Fake {
-    fn ask(&self) -> Vec<Genome> {
-        (0..self.population).map(|i| vec![mix(self.memory, u64::from(i)) as f64, f64::from(i)]).collect()
-    }
-    fn tell(&mut self, scores: &[Option<f64>]) {
-        assert_eq!(scores.len(), self.population as usize);
-        for score in scores {
-            self.memory = mix(self.memory, score.map_or(1, f64::to_bits));
-        }
-        self.generation += 1;
-    }
-    fn generation(&self) -> u32 {
-        self.generation
-    }
-    fn save(&self) -> Vec<u8> {
-        [u64::from(self.generation), self.memory].iter().flat_map(|v| v.to_le_bytes()).collect()
-    }
-    fn restore(&mut self, state: &[u8]) -> Result<(), BadState> {
-        let word = |at: usize| state.get(at..at + 8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes);
-        let (Some(generation), Some(memory)) = (word(0), word(8)) else {
-            return Err(BadState("too short".to_owned()));
-        };
-        (self.generation, self.memory) = (generation as u32, memory);
-        Ok(())
-    }
-    fn direction(&self) -> Direction {
-        Direction::Maximise
-    }
-}
-
-/// The fake physics: one candidate in seven fails.
-pub fn score(genome: &Genome) -> Outcome {
-    let bits = mix(genome[0].to_bits(), genome[1].to_bits());
-    let score = (!bits.is_multiple_of(7)).then_some((bits % 1000) as f64 / 8.0);
-    Outcome::evaluation(score, Counts { rollouts: 1, nodes: bits % 5, ..Counts::default() })
-}
-
-/// The fake physics of examinations: three trees each, one of them fails now and then.
-pub fn answer(examination: &Examination) -> Outcome {
-    let Examination { question, candidate } = examination;
-    let seed = mix(candidate.genome[0].to_bits(), candidate.genome[1].to_bits() + *question as u64);
-    let tree = |i: u64| (!mix(seed, i).is_multiple_of(5)).then_some((mix(seed, i) % 100) as f64 / 4.0);
-    let counts = Counts { rollouts: 2, ..Counts::default() };
-    match question {
-        Question::Traces => {
-            let traces = serde_json::to_vec(&Traces::default()).expect("traces are JSON");
-            Outcome { scores: Vec::new(), counts, traces }
-        }
-        _ => Outcome { scores: (0..3).map(tree).collect(), counts, traces: Vec::new() },
-    }
-}
-
-/// What a job of this name does once its search is over: bare ones only report.
-pub fn finish(name: &str) -> Plan {
-    let bare = name.starts_with("bare");
-    Plan { direction: Direction::Maximise, archive: if bare { 0 } else { 4 }, audit: !bare }
-}
+use crate::permit::Issued;
+use crate::record::{JobState, Origin, Ruling};
+use crate::store::{MemoryStore, Store, StoredJob};
+use sim_core::procedure::{Procedure, Step};
+use std::collections::BTreeMap;
 
 pub const ENGINE: Digest = Digest([3; 32]);
+pub const LEASE: Duration = Duration::from_secs(10);
 
-pub fn new_job(name: &str, population: u32, generations: u32) -> NewJob {
+/// A job of a procedure.
+pub fn job_of(name: &str, procedure: Fake) -> NewJob {
     NewJob {
         name: name.to_owned(),
         request_id: format!("request of {name}"),
@@ -113,49 +40,40 @@ pub fn new_job(name: &str, population: u32, generations: u32) -> NewJob {
         job_digest: Digest::of("test job", &name),
         engine_digest: ENGINE,
         toml: format!("name = \"{name}\"").into(),
-        at_once: 1,
-        optimiser: Box::new(Fake::new(population)),
-        generations,
-        finish: finish(name),
+        kind: "fake".to_owned(),
+        procedure: Box::new(procedure),
         carried: None,
     }
 }
 
-/// The result digest of a whole job, computed straight away.
-pub fn expected_digest(name: &str, population: u32, generations: u32) -> Digest {
-    let plan = finish(name);
-    let mut archive = plan.new_archive();
-    let mut first = None;
-    let mut fake = Fake::new(population);
+/// A job with so many tasks in each of so many kept rounds; two rounds of long tasks follow, or one if it is called "bare".
+pub fn new_job(name: &str, tasks: u32, rounds: u32) -> NewJob {
+    job_of(name, Fake::of(name, tasks, rounds))
+}
+
+/// The result digest of a whole job, computed without scheduler.
+pub fn expected_digest(name: &str, tasks: u32, rounds: u32) -> Digest {
+    digest_of(name, Fake::of(name, tasks, rounds)).0
+}
+
+/// The same of any procedure, and what it makes.
+pub fn digest_of(name: &str, mut fake: Fake) -> (Digest, Vec<sim_core::procedure::Artefact>) {
     let mut digest = sim_core::base::digest::ResultDigest::start(&Digest::of("test job", &name));
-    for generation in 0..generations {
-        let genomes = fake.ask();
-        let scores: Vec<Option<f64>> = genomes.iter().map(|g| score(g).score()).collect();
-        let scored = |(i, genome): (usize, &Genome)| {
-            let score = scores[i]?;
-            Some(Scored { generation, candidate: i as u32, score, genome: genome.clone() })
-        };
-        archive.generation(genomes.iter().enumerate().filter_map(scored));
-        first = first.or(archive.bests().first().cloned());
-        digest.generation(generation, &scores);
-        fake.tell(&scores);
+    loop {
+        let round = fake.round();
+        let mut results: Vec<Option<Arc<[u8]>>> =
+            (0..round.tasks).map(|i| Some(result_of(&fake.task(i)).into())).collect();
+        results.truncate(fake.decided(&results).unwrap_or(round.tasks) as usize);
+        let results: Vec<Arc<[u8]>> = results.into_iter().flatten().collect();
+        let digests: Vec<Digest> = results.iter().map(|r| sim_core::procedure::result_digest(r)).collect();
+        digest.round(round.number, &digests);
+        match fake.tell(&results).step {
+            Step::Done(artefacts) => return (digest.seal(), artefacts),
+            Step::Waiting => fake.offer(b"batch").expect("it waits"),
+            Step::Next => {}
+            Step::Failed(reason) => panic!("{reason}"),
+        }
     }
-    let found = Found {
-        first: first.expect("some candidate succeeds"),
-        best: archive.bests().last().expect("some candidate succeeds").clone(),
-        archive: archive.entries().to_vec(),
-        bests: archive.bests().to_vec(),
-    };
-    let answers =
-        |round: Vec<Examination>| -> Vec<Done> { round.into_iter().map(|e| (e.clone(), answer(&e).scores)).collect() };
-    let scores = |done: &[Done]| done.iter().map(|(_, scores)| scores.clone()).collect::<Vec<_>>();
-    let done = answers(plan.finishing(&found));
-    if !done.is_empty() {
-        digest.examinations(generations, &scores(&done));
-    }
-    let winner = plan.winner(&found, &done);
-    digest.examinations(generations + 1, &scores(&answers(plan.reporting(&found, &winner, &done))));
-    digest.seal(&winner.genome, winner.score)
 }
 
 /// A worker as the test plays it.
@@ -165,6 +83,7 @@ pub fn greeting(id: &str, slots: u32) -> Greeting {
         name: id.to_owned(),
         version: "0.9.9".to_owned(),
         address: String::new(),
+        credential: "".into(),
         slots,
         engines: vec![ENGINE],
         running: Vec::new(),
@@ -177,71 +96,57 @@ pub fn greeting(id: &str, slots: u32) -> Greeting {
 #[derive(Clone, Debug)]
 pub struct Given {
     pub worker: WorkerId,
-    pub assignment: AssignmentId,
-    pub job: JobId,
-    pub task: Task,
+    pub assign: Assign,
 }
 
 impl Given {
+    /// The right results.
     pub fn delivery(&self) -> Delivery {
-        match &self.task {
-            Task::Evaluate { range, genomes, base } => Delivery::Evaluations {
-                generation: range.round,
-                first: range.first,
-                outcomes: range.indexes().map(|i| score(&genomes[(i - base) as usize])).collect(),
-            },
-            Task::Examine { range, examination } => {
-                Delivery::Examination { round: range.round, index: range.first, outcome: answer(examination) }
-            }
-        }
+        Delivery::Results(self.assign.tasks.iter().map(|task| result_of(task).into()).collect())
+    }
+
+    /// The results of a worker that computes wrongly, always in the same way for the same `how`.
+    pub fn wrong(&self, how: u64) -> Delivery {
+        Delivery::Results(self.assign.tasks.iter().map(|task| fake::wrong_result_of(task, how).into()).collect())
     }
 
     pub fn completed(&self, delivery: Delivery) -> Completed {
+        let Assign { assignment, job, range, permit, .. } = self.assign.clone();
         Completed {
             worker: self.worker.clone(),
-            assignment: self.assignment,
-            job: self.job.clone(),
+            assignment,
+            job,
             engine: ENGINE,
+            range,
+            permit,
             compute: Duration::from_millis(5),
             delivery,
+            tasks: Vec::new(),
+            caller: Caller::default(),
         }
     }
 
-    /// What a worker delivers that computes wrongly, always in the same way for the same `how`.
-    pub fn wrong(&self, how: u64) -> Delivery {
-        let spoil = |mut outcome: Outcome| {
-            match outcome.scores.first_mut() {
-                Some(score) => *score = Some(score.map_or(1.0, |s| f64::from_bits(s.to_bits() ^ (1 + how)))),
-                None => outcome.counts.nodes += 1 + how,
-            }
-            outcome
-        };
-        match self.delivery() {
-            Delivery::Evaluations { generation, first, outcomes } => {
-                Delivery::Evaluations { generation, first, outcomes: outcomes.into_iter().map(spoil).collect() }
-            }
-            Delivery::Examination { round, index, outcome } => {
-                Delivery::Examination { round, index, outcome: spoil(outcome) }
-            }
-            failure => failure,
-        }
-    }
-
-    /// Only the first task of it.
-    pub fn first(&self) -> Self {
-        let mut first = self.clone();
-        if let Task::Evaluate { range, .. } = &mut first.task {
-            range.count = 1;
-        }
-        first
+    /// The assignment as a worker names it that still works on it.
+    pub fn claim(&self) -> Running {
+        let Assign { assignment, job, range, permit, .. } = self.assign.clone();
+        Running { assignment, job, range, permit }
     }
 
     pub fn range(&self) -> Range {
-        self.task.range()
+        self.assign.range
     }
 
-    pub fn question(&self) -> Option<Question> {
-        if let Task::Examine { examination, .. } = &self.task { Some(examination.question) } else { None }
+    pub fn id(&self) -> AssignmentId {
+        self.assign.assignment
+    }
+
+    pub fn job(&self) -> &JobId {
+        &self.assign.job
+    }
+
+    /// A worker with enough to do: whether it is one of the long tasks after the kept rounds.
+    pub fn is_long(&self) -> bool {
+        self.assign.tasks[0][0] > 0
     }
 }
 
@@ -250,16 +155,15 @@ pub struct Rig {
     pub scheduler: Scheduler,
     pub store: MemoryStore,
     pub epoch: u64,
+    pub key: PermitKey,
     pub now: Now,
     /// Everything that was ever sent to a worker and not cancelled.
     pub given: Vec<Given>,
     pub cancelled: Vec<AssignmentId>,
-    /// Who was told to stop.
+    /// The workers that were told to stop.
     pub drained: Vec<WorkerId>,
     pub seen: seen::Seen,
 }
-
-pub const LEASE: Duration = Duration::from_secs(10);
 
 fn settings(epoch: u64) -> Settings {
     Settings { stuck_after: 2 * LEASE, ..Settings::new(epoch, LEASE) }
@@ -278,10 +182,12 @@ pub fn at_once<T>(answer: crate::store::Answer<'_, T>) -> T {
 impl Rig {
     pub fn new() -> Self {
         let store = MemoryStore::default();
-        let epoch = at_once(store.start()).epoch;
-        let scheduler = Scheduler::new(settings(epoch), 1, BTreeSet::new());
+        let loaded = at_once(store.start());
+        let (epoch, key) = (loaded.epoch, loaded.key);
+        let scheduler = Scheduler::new(settings(epoch), key.clone(), 1, BTreeSet::new());
         let (given, cancelled, drained) = (Vec::new(), Vec::new(), Vec::new());
-        Self { scheduler, store, epoch, now: Now::default(), given, cancelled, drained, seen: seen::Seen::default() }
+        let (now, seen) = (Now::default(), seen::Seen::default());
+        Self { scheduler, store, epoch, key, now, given, cancelled, drained, seen }
     }
 
     /// Commits and collects what the scheduler wants done.
@@ -293,9 +199,7 @@ impl Rig {
         at_once(self.store.commit(self.epoch, writes.collect()));
         for action in actions {
             match action {
-                Action::Send(worker, _, Message::Assign { assignment, job, task, .. }) => {
-                    self.given.push(Given { worker, assignment, job, task });
-                }
+                Action::Send(worker, _, Message::Assign(assign)) => self.given.push(Given { worker, assign: *assign }),
                 Action::Send(_, _, Message::Cancel(ids)) => self.cancelled.extend(ids),
                 Action::Send(worker, _, Message::Drain(_)) => self.drained.push(worker),
                 Action::Write(_) | Action::Publish(..) => {}
@@ -303,96 +207,195 @@ impl Rig {
         }
     }
 
-    pub fn submit(&mut self, name: &str, population: u32, generations: u32) -> JobId {
-        let record = self.scheduler.submit(self.now, new_job(name, population, generations));
+    pub fn submit(&mut self, name: &str, tasks: u32, rounds: u32) -> JobId {
+        self.submit_job(new_job(name, tasks, rounds))
+    }
+
+    pub fn submit_job(&mut self, new: NewJob) -> JobId {
+        let record = on_submit(&mut self.scheduler, self.now, new);
         self.settle();
         record.id
     }
 
-    /// Has an ended job done again, from this generation on.
-    pub fn submit_again(&mut self, id: &JobId, from: u32) -> JobId {
+    /// Has an ended job of [`Rig::submit`] done again, from this round on.
+    pub fn submit_again(&mut self, id: &JobId, tasks: u32, rounds: u32, from: u32) -> JobId {
         let before = self.stored(id);
-        let history = at_once(self.store.result(id)).history;
-        let sealed = |n: u32| SealedGeneration {
-            scores: at_once(self.store.scores(id, n)).expect("it was sealed"),
-            statistics: history[n as usize],
-        };
-        let generations = (0..from).map(sealed).collect();
-        let origin = Origin { job: id.clone(), generations: from };
-        let new = NewJob {
-            request_id: format!("again {from} {id}"),
-            carried: Some(Carried { origin, generations }),
-            ..new_job(&before.name, before.population, before.generations_total)
-        };
-        let record = self.scheduler.submit(self.now, new);
-        self.settle();
-        record.id
+        let mut fake = Fake::of(&before.name, tasks, rounds);
+        let mut carried = Carried::start(Origin { job: id.clone(), rounds: from }, &before.job_digest);
+        for sealed in at_once(self.store.rounds(id, 0, from)) {
+            carried.tell(&mut fake, sealed).expect("it was kept");
+        }
+        let request_id = format!("again {from} {id}");
+        self.submit_job(NewJob { request_id, carried: Some(carried), ..job_of(&before.name, fake) })
     }
 
     pub fn connect(&mut self, id: &str, slots: u32) -> SessionId {
-        let welcome = self.scheduler.connect(self.now, greeting(id, slots));
-        self.settle();
-        welcome.session
+        self.greet(greeting(id, slots)).session
     }
 
-    pub fn complete(&mut self, completed: Completed) -> Verdict {
-        let mut verdict = self.scheduler.complete(self.now, completed.clone());
+    pub fn greet(&mut self, greeting: Greeting) -> Welcome {
+        let welcome = on_connect(&mut self.scheduler, self.now, greeting);
         self.settle();
-        if verdict == Verdict::Older {
+        welcome
+    }
+
+    pub fn disconnect(&mut self, id: &str, session: SessionId) {
+        on_disconnect(&mut self.scheduler, self.now, &WorkerId(id.into()), session);
+    }
+
+    /// The worker announces that it stops, and finishes this.
+    pub fn drain(&mut self, id: &str, session: SessionId, finishing: &[AssignmentId]) {
+        on_drain(&mut self.scheduler, self.now, &WorkerId(id.into()), session, finishing);
+        self.settle();
+    }
+
+    pub fn pause(&mut self, id: &JobId, paused: bool) -> Option<JobRecord> {
+        let record = on_pause(&mut self.scheduler, self.now, id, paused);
+        self.settle();
+        record
+    }
+
+    /// Delivers as a worker does, with the tasks once they are asked for.
+    pub fn deliver(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
+        let verdict = self.deliver_once(completed.clone())?;
+        if verdict != Verdict::NeedsTasks {
+            return Ok(verdict);
+        }
+        let tasks = self.seen.tasks(&completed.job, completed.range);
+        self.deliver_once(Completed { tasks, ..completed })
+    }
+
+    /// Delivers, with the digests of a round sealed long ago where those are needed.
+    pub fn deliver_once(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
+        let mut verdict = on_result(&mut self.scheduler, self.now, completed.clone());
+        self.settle();
+        if verdict == Ok(Verdict::Older) {
             verdict = self.compare(completed);
         }
         verdict
     }
 
-    /// What the shell does with a result of an older generation.
-    fn compare(&mut self, completed: Completed) -> Verdict {
-        let Delivery::Evaluations { generation, first, outcomes } = &completed.delivery else { panic!("no scores") };
-        let sealed = |number: u32| at_once(self.store.scores(&completed.job, number)).expect("it was sealed");
-        let mut search = Fake::new(self.stored(&completed.job).population);
-        (0..*generation).for_each(|number| search.tell(&sealed(number)));
-        let (scores, genomes) = (sealed(*generation), search.ask());
-        let both = (*first as usize..).zip(outcomes).filter(|(i, late)| !round::same_bits(scores[*i], late.score()));
-        let committed = |i: usize| Committed { score: scores[i], genome: genomes[i].clone() };
-        let contradicted = both.map(|(i, _)| (i as u32, committed(i))).collect();
-        let verdict = self.scheduler.compare(self.now, completed, &contradicted);
+    /// What the shell does with a result of a round sealed long ago.
+    pub fn compare(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
+        let sealed = at_once(self.store.digests(&completed.job, completed.range.round)).expect("it was sealed");
+        let verdict = on_compare(&mut self.scheduler, self.now, completed, &sealed);
         self.settle();
         verdict
     }
 
+    pub fn complete(&mut self, completed: Completed) -> Verdict {
+        self.deliver(completed).expect("it is not refused")
+    }
+
+    /// The right results arrive.
+    pub fn answer(&mut self, given: &Given) -> Verdict {
+        self.complete(given.completed(given.delivery()))
+    }
+
+    /// Wrong results arrive.
+    pub fn lie(&mut self, given: &Given) -> Verdict {
+        self.complete(given.completed(given.wrong(0)))
+    }
+
+    /// The same work as another worker once got it, before its lease ended.
+    pub fn given_to(&self, worker: &str, given: &Given) -> Given {
+        let mut assign = given.assign.clone();
+        assign.assignment = AssignmentId(0);
+        let worker = WorkerId(worker.into());
+        let issued = Issued { assignment: assign.assignment, worker: &worker, job: &assign.job, range: assign.range };
+        assign.permit = self.key.issue(issued, &assign.tasks);
+        Given { worker, assign }
+    }
+
+    /// Tasks of round 0 of a job of [`Rig::submit`] as a worker once got them.
+    pub fn early(&self, worker: &str, job: &JobId, tasks: std::ops::Range<u32>) -> Given {
+        let range = Range { round: 0, first: tasks.start, count: tasks.len() as u32 };
+        let fake = Fake::new(1, 1);
+        let assign = Assign {
+            assignment: AssignmentId(0),
+            job: job.clone(),
+            toml: None,
+            range,
+            tasks: range.indexes().map(|i| fake.task(i)).collect(),
+            shared_digest: Digest([0; 32]),
+            shared: None,
+            permit: Vec::new(),
+        };
+        self.given_to(worker, &Given { worker: WorkerId(worker.into()), assign })
+    }
+
+    /// A worker's results of tasks of round 0.
+    pub fn says(&mut self, who: &str, job: &JobId, tasks: std::ops::Range<u32>, wrong: bool) -> Verdict {
+        let given = self.early(who, job, tasks);
+        if wrong { self.lie(&given) } else { self.answer(&given) }
+    }
+
+    /// A worker's results of the first task of an assignment.
+    pub fn says_first(&mut self, who: &str, given: &Given, wrong: bool) -> Verdict {
+        let mut first = given.clone();
+        first.assign.range.count = 1;
+        first.assign.tasks.truncate(1);
+        let first = self.given_to(who, &first);
+        if wrong { self.lie(&first) } else { self.answer(&first) }
+    }
+
     pub fn advance(&mut self, by: Duration) {
         self.now.since_start += by;
-        self.scheduler.tick(self.now);
+        on_tick(&mut self.scheduler, self.now);
         self.settle();
     }
 
     /// A sign of life, with what the worker was given and `progress` of each.
     pub fn heartbeat(&mut self, id: &str, session: SessionId, progress: u64) {
-        let id = WorkerId(id.into());
-        self.given.retain(|g| !self.cancelled.contains(&g.assignment));
-        let running: Vec<_> = self.given.iter().filter(|g| g.worker == id).map(|g| g.assignment).collect();
+        self.given.retain(|g| !self.cancelled.contains(&g.id()));
+        let running: Vec<_> = self.given.iter().filter(|g| *g.worker.0 == *id).map(Given::id).collect();
         let progress = vec![progress; running.len()];
-        assert!(self.scheduler.heartbeat(self.now, &id, session, &running, &progress), "the session stands");
+        assert!(self.beat(id, session, &running, &progress), "the session stands");
+    }
+
+    /// A sign of life; `false` if the session is not known any more.
+    pub fn beat(&mut self, id: &str, session: SessionId, running: &[AssignmentId], progress: &[u64]) -> bool {
+        let known = on_heartbeat(&mut self.scheduler, self.now, &WorkerId(id.into()), session, running, progress);
         self.settle();
+        known
     }
 
     /// Takes the next work that this worker has.
     pub fn take_of(&mut self, id: &str) -> Option<Given> {
-        self.given.retain(|g| !self.cancelled.contains(&g.assignment));
+        self.given.retain(|g| !self.cancelled.contains(&g.id()));
         let at = self.given.iter().position(|g| &*g.worker.0 == id)?;
         Some(self.given.remove(at))
     }
 
     /// Takes the next unanswered work.
     pub fn take(&mut self) -> Option<Given> {
-        self.given.retain(|g| !self.cancelled.contains(&g.assignment));
+        self.given.retain(|g| !self.cancelled.contains(&g.id()));
         (!self.given.is_empty()).then(|| self.given.remove(0))
     }
 
     /// Answers all there is until nothing is left.
     pub fn work_off(&mut self) {
         while let Some(given) = self.take() {
-            let delivery = given.delivery();
-            self.complete(given.completed(delivery));
+            self.answer(&given);
+        }
+    }
+
+    /// Answers all there is until so many rounds are sealed.
+    pub fn work_to(&mut self, job: &JobId, rounds: u32) {
+        while self.stored(job).rounds_sealed < rounds {
+            let given = self.take().expect("there is work");
+            self.answer(&given);
+        }
+    }
+
+    /// Answers work until the next is one of the long tasks; `None` if the job ends before.
+    pub fn work_to_long(&mut self) -> Option<Given> {
+        loop {
+            let given = self.take()?;
+            if given.is_long() {
+                return Some(given);
+            }
+            self.answer(&given);
         }
     }
 
@@ -400,36 +403,46 @@ impl Rig {
         at_once(self.store.job(id)).expect("the job is stored").0
     }
 
-    /// The report of a job that succeeded.
-    pub fn report(&self, id: &JobId) -> Report {
-        let stored = at_once(self.store.result(id)).report;
-        serde_json::from_slice(&stored).expect("the report is JSON")
+    pub fn phase(&self, id: &JobId) -> String {
+        self.stored(id).progress.phase.into_owned()
     }
 
-    /// Answers work until the next that is given is an examination; `None` if the job ends before.
-    pub fn work_to_finish(&mut self) -> Option<Given> {
-        loop {
-            let given = self.take()?;
-            if given.question().is_some() {
-                return Some(given);
-            }
-            let delivery = given.delivery();
-            self.complete(given.completed(delivery));
-        }
+    pub fn is_quarantined(&self, id: &str) -> bool {
+        self.scheduler.trust.is_quarantined(&WorkerId(id.into()))
+    }
+
+    /// The ids of all that are.
+    pub fn quarantined(&self) -> Vec<String> {
+        self.scheduler.trust.ids().map(WorkerId::to_string).collect()
+    }
+
+    /// The rulings about a job's disputed tasks.
+    pub fn rulings(&self, job: &JobId) -> Vec<Option<Ruling>> {
+        self.stored(job).disputes.iter().map(|d| d.ruling).collect()
+    }
+
+    pub fn waits_for(&self, job: &JobId) -> String {
+        waits_for(&self.scheduler, job).unwrap_or_default()
+    }
+
+    /// A job that was undisturbed in the end has the digest that it must have.
+    pub fn assert_right(&self, job: &JobId, tasks: u32, rounds: u32) {
+        let record = self.stored(job);
+        let expected = Some(expected_digest(&record.name, tasks, rounds));
+        assert_eq!((record.state, record.result_digest), (JobState::Succeeded, expected), "{}", record.reason);
     }
 
     /// The coordinator dies and starts again on its store.
-    pub fn restart(&mut self, population: impl Fn(&JobId) -> u32) {
+    pub fn restart(&mut self) {
         let loaded = at_once(self.store.start());
         self.epoch = loaded.epoch;
-        self.scheduler = Scheduler::new(settings(loaded.epoch), loaded.next_job, loaded.ended.into_iter().collect())
+        let ended = loaded.ended.into_iter().collect();
+        self.scheduler = Scheduler::new(settings(loaded.epoch), loaded.key, loaded.next_job, ended)
             .with_quarantined(loaded.quarantined);
-        for stored in loaded.active {
-            let optimiser = Box::new(Fake::new(population(&stored.record.id)));
-            let crate::store::StoredJob { record, toml, search, results, last_scores } = stored;
-            let finish = finish(&record.name);
-            let resumed = Resumed { record, toml, at_once: 1, optimiser, finish, search, results, last_scores };
-            self.scheduler.resume(self.now, resumed).expect("a stored job resumes");
+        for StoredJob { record, toml, state, results } in loaded.active {
+            let procedure = Box::new(Fake::load(&state.procedure).expect("a saved state is read back"));
+            let resumed = Resumed { record, toml, procedure, last: state.last, results };
+            on_resume(&mut self.scheduler, self.now, resumed).expect("a stored job resumes");
         }
         self.settle();
     }
@@ -437,5 +450,5 @@ impl Rig {
 
 /// How many of a job's leases are with workers.
 fn leased(rig: &Rig, job: &JobId) -> usize {
-    rig.scheduler.leases.values().filter(|l| l.job == *job).count()
+    rig.scheduler.leases.of(job).count()
 }

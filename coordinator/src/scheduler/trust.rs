@@ -41,6 +41,12 @@ impl Trust {
         self.quarantined.contains_key(worker)
     }
 
+    /// The workers in quarantine.
+    #[cfg(test)]
+    pub fn ids(&self) -> impl Iterator<Item = &WorkerId> {
+        self.quarantined.keys()
+    }
+
     pub fn entry(&self, worker: &WorkerId) -> Option<&Quarantined> {
         self.quarantined.get(worker)
     }

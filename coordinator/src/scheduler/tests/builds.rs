@@ -8,10 +8,9 @@ const OLD: Digest = Digest([7; 32]);
 /// A coordinator of a new build with two jobs: one that an older build took in, and one of its own.
 fn upgraded() -> (Rig, JobId, JobId) {
     let mut rig = Rig::new();
-    let old = rig.scheduler.submit(rig.now, NewJob { engine_digest: OLD, ..new_job("a", 20, 2) }).id;
+    let old = on_submit(&mut rig.scheduler, rig.now, NewJob { engine_digest: OLD, ..new_job("a", 20, 2) }).id;
     let own = rig.submit("b", 6, 1);
-    rig.scheduler = std::mem::replace(&mut rig.scheduler, Scheduler::new(settings(0), 0, BTreeSet::new()))
-        .with_engines(Arc::new([("own", ENGINE)]));
+    rig.scheduler.engines = Arc::new([("own", ENGINE)]);
     (rig, old, own)
 }
 
@@ -22,7 +21,7 @@ fn old_worker(id: &str) -> Greeting {
 /// Answers all there is, each on the engine that it is for.
 fn work_off(rig: &mut Rig, old: &JobId) {
     while let Some(given) = rig.take() {
-        let engine = if given.job == *old { OLD } else { ENGINE };
+        let engine = if *given.job() == *old { OLD } else { ENGINE };
         let completed = Completed { engine, ..given.completed(given.delivery()) };
         assert_eq!(rig.complete(completed), Verdict::Accepted);
     }
@@ -31,47 +30,35 @@ fn work_off(rig: &mut Rig, old: &JobId) {
 #[test]
 fn a_job_of_another_build_waits_for_that_one_s_workers_and_says_so() {
     let (mut rig, old, own) = upgraded();
-    let said = |rig: &Rig| rig.scheduler.waits_for(&old).expect("it waits");
+    let said = |rig: &Rig| waits_for(&rig.scheduler, &old).expect("it waits");
     let version = rig.stored(&old).version;
     assert!(!version.is_empty());
     let told = |said: &str| said.contains(&OLD.short()) && said.contains(&format!("evogait {version}"));
     assert!(told(&said(&rig)) && said(&rig).contains("none is connected"), "{}", said(&rig));
-    assert_eq!(rig.scheduler.waits_for(&own).unwrap(), "waits for a worker: none is connected");
+    assert_eq!(rig.waits_for(&own), "waits for a worker: none is connected");
     assert!(
         rig.scheduler.needs(&[ENGINE, OLD]) && rig.scheduler.needs(&[OLD]) && !rig.scheduler.needs(&[Digest([9; 32])])
     );
-    assert_eq!(rig.scheduler.demand().wanted, 6, "no worker that is started could do the other one");
+    assert_eq!(demand(&rig.scheduler).wanted, 6, "no worker that is started could do the other one");
 
     rig.connect("new", 2);
-    assert!(rig.given.iter().all(|g| g.job == own), "never on another engine");
+    assert!(rig.given.iter().all(|g| *g.job() == own), "never on another engine");
     work_off(&mut rig, &old);
     assert_eq!(rig.stored(&own).state, JobState::Succeeded, "others go on");
     let said = said(&rig);
     assert!(told(&said) && said.contains("none of those connected has it"), "{said}");
     assert!(said.contains(&format!("evogait 0.9.9 with {}", ENGINE.short())), "{said}");
     assert_eq!(rig.stored(&old).state, JobState::Queued);
-    // Nor does it take anything else's word for it.
-    let fake = Given {
-        worker: WorkerId("new".into()),
-        assignment: AssignmentId(1),
-        job: old.clone(),
-        task: Task::Evaluate {
-            range: Range { round: 0, first: 0, count: 1 },
-            genomes: Fake::new(20).ask().into(),
-            base: 0,
-        },
-    };
-    let delivery = fake.delivery();
-    assert_eq!(rig.complete(fake.completed(delivery)), Verdict::Unknown);
-    let running = vec![(AssignmentId(0), old.clone(), fake.range())];
-    let welcome = rig.scheduler.connect(rig.now, Greeting { running, ..greeting("new", 2) });
-    assert_eq!(welcome.keep, [], "what a worker of this build says it does of it is not believed");
+    let claimed = rig.early("new", &old, 0..1);
+    let refused = rig.deliver(claimed.completed(claimed.delivery()));
+    assert!(matches!(refused, Err(RefusedResult::Engine { .. })), "{refused:?}");
+    let welcome = rig.greet(Greeting { running: vec![claimed.claim()], ..greeting("new", 2) });
+    assert_eq!(welcome.keep, [], "a worker of this build can't work on it");
 
-    rig.scheduler.connect(rig.now, old_worker("old"));
-    rig.settle();
-    assert!(rig.given.iter().all(|g| g.job == old && &*g.worker.0 == "old") && !rig.given.is_empty());
-    assert_eq!(rig.scheduler.demand().wanted, 20, "now they can");
+    rig.greet(old_worker("old"));
+    assert!(rig.given.iter().all(|g| *g.job() == old && &*g.worker.0 == "old") && !rig.given.is_empty());
+    assert_eq!(demand(&rig.scheduler).wanted, 20, "now they can");
     work_off(&mut rig, &old);
-    assert_eq!(rig.stored(&old).result_digest, Some(expected_digest("a", 20, 2)));
+    rig.assert_right(&old, 20, 2);
     assert!(!rig.scheduler.needs(&[OLD]), "over is over");
 }

@@ -16,7 +16,7 @@ fn steps_a_result(workers: u32) -> f64 {
             completed.compute = Duration::from_millis(50) * given.range().count;
             rig.complete(completed);
         }
-        rig.scheduler.room.steps
+        rig.scheduler.queue.room.steps
     };
     // Everybody has worked once: evaluations are known to be short, and some is handed out in advance.
     let before = a_round_of_results(&mut rig);
@@ -36,14 +36,14 @@ fn steps_a_heartbeat(busy: u32) -> f64 {
     let sessions: Vec<SessionId> = workers.iter().map(|id| rig.connect(id, 1)).collect();
     rig.submit("wide", busy, 2);
     let given = rig.take().expect("work");
-    rig.complete(given.completed(given.delivery()));
+    rig.answer(&given);
     rig.now.since_start += Duration::from_millis(900);
-    let before = rig.scheduler.room.steps;
+    let before = rig.scheduler.queue.room.steps;
     let idle = workers.iter().zip(sessions).filter(|(id, _)| rig.given.iter().all(|g| *g.worker.0 != **id));
     for (id, session) in idle.collect::<Vec<_>>() {
         rig.heartbeat(id, session, 0);
     }
-    (rig.scheduler.room.steps - before) as f64 / f64::from(busy)
+    (rig.scheduler.queue.room.steps - before) as f64 / f64::from(busy)
 }
 
 #[test]
@@ -66,17 +66,17 @@ fn steps_beside_a_suspect(workers: u32) -> f64 {
     // Everybody has something in advance from now on.
     (0..workers).for_each(|_| result(&mut rig, 0));
     let dead = WorkerId("w0".into());
-    rig.scheduler.disconnect(rig.now, &dead, sessions[0]);
+    on_disconnect(&mut rig.scheduler, rig.now, &dead, sessions[0]);
     rig.given.retain(|g| g.worker != dead);
     rig.advance(LEASE / 5);
-    let cell = rig.scheduler.cells.values().next().expect("one is kept free").clone();
-    let before = rig.scheduler.room.steps;
+    let cell = rig.scheduler.queue.cells.values().next().expect("one is kept free").clone();
+    let before = rig.scheduler.queue.room.steps;
     for _ in 1..workers {
         let other = rig.given.iter().position(|g| g.worker != cell).expect("work");
         result(&mut rig, other);
     }
-    assert!(rig.scheduler.cells.values().eq([&cell]), "it is still waited for");
-    (rig.scheduler.room.steps - before) as f64 / f64::from(workers - 1)
+    assert!(rig.scheduler.queue.cells.values().eq([&cell]), "it is still waited for");
+    (rig.scheduler.queue.room.steps - before) as f64 / f64::from(workers - 1)
 }
 
 #[test]
@@ -91,11 +91,11 @@ fn many_leases_lost_at_once_are_noted_once() {
     rig.submit("a", 200, 1);
     for worker in 0..100 {
         let session = rig.connect(&format!("w{worker}"), 2);
-        rig.scheduler.disconnect(rig.now, &WorkerId(format!("w{worker}").into()), session);
+        rig.disconnect(&format!("w{worker}"), session);
     }
     rig.settle();
     rig.now.since_start += LEASE;
-    rig.scheduler.tick(rig.now);
+    on_tick(&mut rig.scheduler, rig.now);
     let written = rig.scheduler.take_actions().iter().filter(|a| matches!(a, Action::Write(_))).count();
     assert_eq!(written, 1);
 }

@@ -11,22 +11,21 @@ fn run_until_poisoned(rig: &mut Rig, job: &JobId, slots: u32, poison: u32, resta
         }
         if restarts {
             rig.given.clear();
-            rig.restart(|_| 20);
+            rig.restart();
         }
         let id = format!("w{crashes}");
         let session = rig.connect(&id, slots);
         rig.given.retain(|g| *g.worker.0 == *id);
         loop {
-            rig.given.retain(|g| !rig.cancelled.contains(&g.assignment));
+            rig.given.retain(|g| !rig.cancelled.contains(&g.id()));
             if rig.given.iter().any(|g| g.range().indexes().contains(&poison)) {
-                rig.scheduler.disconnect(rig.now, &WorkerId(id.as_str().into()), session);
+                rig.disconnect(id.as_str(), session);
                 rig.given.clear();
                 rig.advance(LEASE);
                 break;
             }
             let Some(given) = rig.take() else { break };
-            let delivery = given.delivery();
-            rig.complete(given.completed(delivery));
+            rig.answer(&given);
         }
     }
     panic!("the job does not end");
@@ -34,7 +33,7 @@ fn run_until_poisoned(rig: &mut Rig, job: &JobId, slots: u32, poison: u32, resta
 
 /// Tasks that are worked on alone, and how often each failed so.
 fn suspects(rig: &Rig, job: &JobId) -> BTreeMap<u32, u32> {
-    rig.scheduler.jobs[job].round.suspects()
+    rig.scheduler.jobs.active[job].round.suspects()
 }
 
 #[test]
@@ -45,10 +44,10 @@ fn a_crash_beside_others_charges_nobody_and_the_culprit_is_found_alone() {
         let crashes = run_until_poisoned(&mut rig, &job, 4, 13, restarts);
         assert_eq!(crashes, MAX_ATTEMPTS + 1, "once in company, then alone; restarts: {restarts}");
         let record = rig.stored(&job);
-        assert!(record.reason.contains("candidate 13 of generation 0 failed 3 times"), "{}", record.reason);
+        assert!(record.reason.contains("task 13 of round 0 failed 3 times"), "{}", record.reason);
         let poisoned = record.poisoned.expect("what to look at");
-        assert_eq!((poisoned.generation, poisoned.candidate, poisoned.attempts), (0, 13, MAX_ATTEMPTS));
-        assert_eq!(poisoned.genome, Fake::new(20).ask()[13]);
+        assert_eq!((poisoned.round, poisoned.index, poisoned.attempts), (0, 13, MAX_ATTEMPTS));
+        assert_eq!((poisoned.task, &*poisoned.what), (Fake::new(20, 1).task(13), "task 13 of round 0"));
     }
 }
 
@@ -74,7 +73,7 @@ fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
     let mut rig = Rig::new();
     let (job, other) = (rig.submit("a", 20, 1), rig.submit("b", 1000, 1));
     let session = rig.connect("dies", 8);
-    rig.scheduler.disconnect(rig.now, &WorkerId("dies".into()), session);
+    rig.disconnect("dies", session);
     rig.given.clear();
     rig.advance(LEASE);
     let suspects = suspects(&rig, &job).len() + suspects(&rig, &other).len();
@@ -84,15 +83,14 @@ fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
     rig.connect("x", 4);
     rig.connect("y", 4);
     while let Some(given) = rig.take() {
-        for worker in rig.scheduler.workers.values() {
-            let solo = worker.held.iter().any(|a| rig.scheduler.leases[a].solo);
+        for worker in rig.scheduler.fleet.workers.values() {
+            let solo = worker.held.iter().any(|a| rig.scheduler.leases.all[a].solo);
             assert!(!solo || worker.held.len() == 1, "a suspect has company");
         }
-        let delivery = given.delivery();
-        rig.complete(given.completed(delivery));
+        rig.answer(&given);
     }
-    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 20, 1)));
-    assert_eq!(rig.stored(&other).result_digest, Some(expected_digest("b", 1000, 1)));
+    rig.assert_right(&job, 20, 1);
+    rig.assert_right(&other, 1000, 1);
 }
 
 #[test]
@@ -103,30 +101,26 @@ fn attempts_and_suspicions_survive_a_restart_and_end_with_the_round() {
     let given = rig.take().unwrap();
     rig.complete(given.completed(Delivery::Failure("why".to_owned())));
     rig.given.clear();
-    rig.restart(|_| 2);
+    rig.restart();
     assert_eq!(suspects(&rig, &job), [(0, 1)].into());
     rig.connect("v", 1);
-    while rig.stored(&job).generations_done == 0 {
-        let given = rig.take().unwrap();
-        let delivery = given.delivery();
-        rig.complete(given.completed(delivery));
-    }
+    rig.work_to(&job, 1);
     assert!(rig.stored(&job).charges.is_empty(), "another generation is another matter");
 }
 
 /// The worker's connection breaks, and its lease runs out before it is back.
 fn cut_off(rig: &mut Rig, id: &str, session: SessionId) {
-    rig.scheduler.disconnect(rig.now, &WorkerId(id.into()), session);
+    rig.disconnect(id, session);
     rig.advance(LEASE);
-    assert!(!rig.scheduler.workers.contains_key(&WorkerId(id.into())), "it is taken for dead");
+    assert!(!rig.scheduler.fleet.workers.contains_key(&WorkerId(id.into())), "it is taken for dead");
 }
 
 /// The same worker is back, and says what it still works on.
 fn back(rig: &mut Rig, id: &str, slots: u32) -> SessionId {
     let mine = rig.given.iter().filter(|g| &*g.worker.0 == id);
-    let running = mine.map(|g| (g.assignment, g.job.clone(), g.range())).collect();
-    let welcome = rig.scheduler.connect(rig.now, Greeting { running, ..greeting(id, slots) });
-    rig.given.retain(|g| !welcome.drop.contains(&g.assignment));
+    let running = mine.map(Given::claim).collect();
+    let welcome = rig.greet(Greeting { running, ..greeting(id, slots) });
+    rig.given.retain(|g| !welcome.drop.contains(&g.id()));
     rig.settle();
     welcome.session
 }
@@ -141,7 +135,7 @@ fn a_worker_that_was_only_cut_off_blames_nobody_however_often() {
             cut_off(&mut rig, "w", session);
             assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "for all that is known it died with it");
             if restarts {
-                rig.restart(|_| 1);
+                rig.restart();
                 assert_eq!(suspects(&rig, &job), [(0, 1)].into());
             }
             session = back(&mut rig, "w", 1);
@@ -150,7 +144,7 @@ fn a_worker_that_was_only_cut_off_blames_nobody_however_often() {
             assert_eq!(leased(&rig, &job), 1, "it goes on with what it had");
         }
         rig.work_off();
-        assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 1, 2)), "restarts: {restarts}");
+        rig.assert_right(&job, 1, 2);
     }
 }
 
@@ -162,15 +156,14 @@ fn a_late_result_tells_that_its_worker_lives() {
     cut_off(&mut rig, "w", session);
     assert!(suspects(&rig, &job).len() >= 4, "{:?}", suspects(&rig, &job));
     let late = rig.take().unwrap();
-    let delivery = late.delivery();
-    assert_eq!(rig.complete(late.completed(delivery)), Verdict::Accepted);
+    assert_eq!(rig.answer(&late), Verdict::Accepted);
     assert_eq!(suspects(&rig, &job), [].into(), "what it had beside is not to blame either");
     rig.given.clear();
     // Nothing is forgotten, nor handed out one by one.
     rig.connect("v", 4);
     assert!(rig.given.iter().any(|g| g.range().count > 1), "{:?}", rig.given);
     rig.work_off();
-    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 1000, 1)));
+    rig.assert_right(&job, 1000, 1);
 }
 
 #[test]
@@ -189,7 +182,7 @@ fn who_comes_back_takes_back_nothing_but_its_own() {
     let given = rig.take_of("w").unwrap();
     rig.complete(given.completed(Delivery::Failure("why".to_owned())));
     assert_eq!(suspects(&rig, &job), [(0, 2)].into());
-    rig.scheduler.disconnect(rig.now, &WorkerId("w".into()), session);
+    rig.disconnect("w", session);
     back(&mut rig, "w", 1);
     assert_eq!(suspects(&rig, &job), [(0, 2)].into());
 }

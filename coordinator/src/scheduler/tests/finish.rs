@@ -1,134 +1,93 @@
-//! The promises of the rounds that follow the search.
+//! Laws about rounds of long tasks that follow those of short ones.
 
 use super::*;
 
 #[test]
-fn the_published_winner_is_the_archives_best_on_the_reference() {
-    let mut rig = Rig::new();
-    let (job, bare) = (rig.submit("a", 20, 3), rig.submit("bare", 20, 3));
-    rig.connect("w", 3);
-    rig.work_off();
-
-    let (record, report) = (rig.stored(&job), rig.report(&job));
-    assert_eq!(record.best.as_ref(), Some(&report.best));
-    let reference = |s: &Scored| sim_core::base::score::mean(&answer(&Examination::new(Question::Reference, s)).scores);
-    let means: Vec<_> = report.archive.iter().map(|a| reference(&a.candidate)).collect();
-    assert_eq!(means.len(), 4);
-    assert!(means.is_sorted_by(|a, b| !Direction::Maximise.better(*b, *a)), "ranked: {means:?}");
-    assert_eq!(report.winner, report.archive[0].candidate);
-    assert_eq!(record.winner.as_ref(), Some(&report.winner));
-    assert_eq!(report.archive[0].reference, report.winner_scores.reference);
-    assert!(!report.first_scores.reference.is_empty() && report.first_scores.less_friction.is_empty());
-    assert!(!report.winner_scores.less_friction.is_empty() && !report.winner_scores.without_reuse.is_empty());
-
-    // Every new global best is audited, in the order in which they came.
-    let history = at_once(rig.store.result(&job)).history;
-    let mut bests: Vec<f64> = history.iter().filter_map(|g| g.best_so_far).collect();
-    bests.dedup();
-    assert_eq!(report.audits.iter().map(|a| a.candidate.score).collect::<Vec<_>>(), bests);
-    for audit in &report.audits {
-        let examination = Examination::new(Question::WithoutReuse, &audit.candidate);
-        assert_eq!(audit.without_reuse, answer(&examination).scores);
-    }
-
-    let (record, report) = (rig.stored(&bare), rig.report(&bare));
-    assert_eq!((record.winner.as_ref(), &report.winner), (record.best.as_ref(), &report.best));
-    assert!(report.archive.is_empty() && report.audits.is_empty() && report.winner_scores.reference.is_empty());
-    assert_eq!(report.winner_scores.fresh.len(), 3);
-}
-
-#[test]
-fn examinations_are_shared_by_all_slots_and_told_as_progress() {
+fn long_tasks_are_leased_one_per_slot() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 20, 2);
     rig.connect("w", 1);
-    let first = rig.work_to_finish().unwrap();
-    assert_eq!(rig.stored(&job).state, JobState::Finishing);
+    let first = rig.work_to_long().unwrap();
+    assert_eq!(rig.phase(&job), "finishing");
     rig.connect("v", 3);
-    assert_eq!(leased(&rig, &job), 4, "one examination a slot, none in advance");
-    let (done, total) = rig.scheduler.round(&job).unwrap();
-    let audits = rig.scheduler.jobs[&job].round.size() - 4;
-    assert_eq!((done, total), (0, audits + 4));
-    let delivery = first.delivery();
-    rig.complete(first.completed(delivery));
-    assert_eq!(rig.scheduler.round(&job), Some((1, total)));
-    while rig.stored(&job).state == JobState::Finishing {
-        let given = rig.take().unwrap();
-        let delivery = given.delivery();
-        rig.complete(given.completed(delivery));
-    }
-    assert_eq!(rig.stored(&job).state, JobState::Reporting);
-    assert_eq!(leased(&rig, &job), 4);
+    assert_eq!(leased(&rig, &job), 4, "none in advance");
+    assert_eq!(rig.scheduler.round(&job), Some((0, 8)));
+    rig.answer(&first);
+    assert_eq!(rig.scheduler.round(&job), Some((1, 8)));
+    rig.work_to(&job, 3);
+    assert_eq!((rig.phase(&job).as_str(), leased(&rig, &job)), ("reporting", 4));
     rig.work_off();
-    assert_eq!(rig.stored(&job).state, JobState::Succeeded);
+    rig.assert_right(&job, 20, 2);
     assert_eq!(rig.scheduler.round(&job), None);
 }
 
 #[test]
-fn a_repeated_or_wrong_answer_is_told_as_such_as_long_as_the_job_runs() {
+fn measured_cost_holds_within_a_phase() {
     let mut rig = Rig::new();
-    let job = rig.submit("a", 6, 1);
-    rig.connect("w", 1);
-    let given = rig.work_to_finish().unwrap();
-    let right = given.delivery();
-    let Delivery::Examination { round, index, outcome } = right.clone() else { panic!("an examination") };
-    let mut outcome = outcome;
-    outcome.scores[1] = outcome.scores[1].map_or(Some(1.0), |s| Some(-s));
-    let wrong = Delivery::Examination { round, index, outcome: outcome.clone() };
-    assert_eq!(rig.complete(given.completed(right.clone())), Verdict::Accepted);
-    assert_eq!(rig.complete(given.completed(right.clone())), Verdict::Duplicate);
-    let by = |who: &str, delivery| Completed { worker: WorkerId(who.into()), ..given.completed(delivery) };
-    assert_eq!(rig.complete(by("x", wrong.clone())), Verdict::Conflict);
-    rig.connect("third", 1);
-    let beyond = Delivery::Examination { round, index: 99, outcome: outcome.clone() };
-    assert_eq!(rig.complete(given.completed(beyond)), Verdict::Unknown);
-    let as_scores = Delivery::Evaluations { generation: round, first: index, outcomes: vec![outcome] };
-    assert_eq!(rig.complete(given.completed(as_scores)), Verdict::Unknown, "a round is no generation");
-    while rig.stored(&job).state == JobState::Finishing {
-        let given = rig.take().unwrap();
-        let delivery = given.delivery();
-        rig.complete(given.completed(delivery));
-    }
-    // The round is sealed: the same answers still, after a restart too.
-    assert_eq!(rig.complete(given.completed(right.clone())), Verdict::Duplicate);
-    rig.restart(|_| 6);
-    assert_eq!(rig.complete(by("z", wrong)), Verdict::Conflict);
-    rig.connect("v", 1);
-    rig.given.retain(|g| g.worker.to_string() == "v");
-    rig.work_off();
-    assert_eq!(rig.complete(given.completed(right)), Verdict::Obsolete);
-    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 6, 1)));
+    let job = rig.submit("a", 20, 2);
+    rig.connect("w", 2);
+    let cost = |rig: &Rig| rig.scheduler.jobs.active[&job].cost;
+    assert_eq!(cost(&rig), None);
+    rig.work_to(&job, 1);
+    assert!(cost(&rig).is_some(), "the next round searches too");
+    let first = rig.work_to_long().unwrap();
+    assert_eq!(cost(&rig), None, "another phase has other tasks");
+    // One that is measured as short is not sent in advance either.
+    rig.complete(Completed { compute: Duration::from_millis(1), ..first.completed(first.delivery()) });
+    assert!(cost(&rig).is_some_and(|cost| cost < 0.01));
+    assert_eq!(leased(&rig, &job), 2);
 }
 
 #[test]
-fn after_a_restart_the_finish_goes_on_where_it_was() {
+fn repeated_or_wrong_result_of_long_task_gets_its_verdict() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 6, 1);
+    rig.connect("w", 1);
+    let given = rig.work_to_long().unwrap();
+    assert_eq!(rig.answer(&given), Verdict::Accepted);
+    assert_eq!(rig.answer(&given), Verdict::Duplicate);
+    assert_eq!(rig.lie(&rig.given_to("x", &given)), Verdict::Conflict);
+    rig.connect("third", 1);
+    let mut beyond = given.clone();
+    beyond.assign.range.first = 99;
+    assert_eq!(rig.answer(&rig.given_to("w", &beyond)), Verdict::Unknown);
+    rig.work_to(&job, 2);
+    // The round is sealed: the same answers, after a restart too.
+    assert_eq!(rig.answer(&given), Verdict::Duplicate);
+    rig.restart();
+    assert_eq!(rig.lie(&rig.given_to("z", &given)), Verdict::Conflict);
+    rig.connect("v", 1);
+    rig.given.retain(|g| &*g.worker.0 == "v");
+    rig.work_off();
+    assert_eq!(rig.answer(&given), Verdict::Obsolete);
+    rig.assert_right(&job, 6, 1);
+}
+
+#[test]
+fn job_resumes_in_mid_round_after_restart() {
     for (name, answered) in [("a", 0), ("a", 3), ("a", 7), ("a", 9), ("bare", 0), ("bare", 2)] {
         let mut rig = Rig::new();
         let job = rig.submit(name, 20, 3);
         rig.connect("w", 1);
-        let mut given = rig.work_to_finish().unwrap();
+        let mut given = rig.work_to_long().unwrap();
         for _ in 0..answered {
-            let delivery = given.delivery();
-            rig.complete(given.completed(delivery));
+            rig.answer(&given);
             given = rig.take().unwrap();
         }
-        let (state, round) = (rig.stored(&job).state, rig.scheduler.round(&job));
-        rig.restart(|_| 20);
-        assert_eq!((rig.stored(&job).state, rig.scheduler.round(&job)), (state, round), "{name} {answered}");
+        let (state, round) = (rig.stored(&job), rig.scheduler.round(&job));
+        rig.restart();
+        assert_eq!((rig.stored(&job), rig.scheduler.round(&job)), (state, round), "{name} {answered}");
         // Work that still runs is not done twice.
-        let claim = (given.assignment, given.job.clone(), given.range());
-        let welcome = rig.scheduler.connect(rig.now, Greeting { running: vec![claim], ..greeting("w", 1) });
-        rig.settle();
-        assert_eq!((welcome.keep, rig.take().is_none()), (vec![given.assignment], true));
-        let delivery = given.delivery();
-        assert_eq!(rig.complete(given.completed(delivery)), Verdict::Accepted);
+        let welcome = rig.greet(Greeting { running: vec![given.claim()], ..greeting("w", 1) });
+        assert_eq!((welcome.keep, rig.take().is_none()), (vec![given.id()], true));
+        assert_eq!(rig.answer(&given), Verdict::Accepted);
         rig.work_off();
-        assert_eq!(rig.stored(&job).result_digest, Some(expected_digest(name, 20, 3)), "{name} {answered}");
+        rig.assert_right(&job, 20, 3);
     }
 }
 
 #[test]
-fn an_examination_that_crashes_every_worker_fails_the_job_and_says_which_it_was() {
+fn long_task_that_crashes_all_workers_fails_its_job() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 8, 1);
     for round in 0..MAX_ATTEMPTS {
@@ -136,36 +95,76 @@ fn an_examination_that_crashes_every_worker_fails_the_job_and_says_which_it_was(
         let id = format!("w{round}");
         let session = rig.connect(&id, 1);
         loop {
-            let given = rig.work_to_finish().expect("the finish");
-            if given.question() == Some(Question::Traces) {
+            let given = rig.work_to_long().expect("a long task");
+            if given.range().round == 2 {
                 break;
             }
-            let delivery = given.delivery();
-            rig.complete(given.completed(delivery));
+            rig.answer(&given);
         }
-        rig.scheduler.disconnect(rig.now, &WorkerId(id.as_str().into()), session);
+        rig.disconnect(&id, session);
         rig.advance(LEASE);
     }
     let record = rig.stored(&job);
     assert_eq!(record.state, JobState::Failed);
-    let winner = record.winner.unwrap();
-    let who = format!("the traces of candidate {} of generation {}", winner.candidate, winner.generation);
-    assert!(record.reason.contains(&who) && record.reason.contains("failed 3 times"), "{}", record.reason);
+    let why = "task 0 of round 2 failed 3 times";
+    assert!(record.reason.contains(why), "{}", record.reason);
 }
 
 #[test]
-fn traces_that_are_none_fail_the_job_instead_of_the_coordinator() {
+fn procedure_that_fails_ends_its_job_with_the_reason() {
     let mut rig = Rig::new();
-    let job = rig.submit("bare", 2, 1);
-    rig.connect("w", 1);
-    let mut next = rig.work_to_finish();
-    while let Some(given) = next {
-        let Delivery::Examination { round, index, outcome } = given.delivery() else { panic!("an examination") };
-        let outcome = Outcome { traces: Vec::new(), ..outcome };
-        rig.complete(given.completed(Delivery::Examination { round, index, outcome }));
-        next = rig.take();
+    let job = rig.submit("a", 2, 2);
+    rig.connect("w", 2);
+    while let Some(given) = rig.take() {
+        let failed: Arc<[u8]> = fake::encode(None).into();
+        let results = vec![failed; given.range().count as usize];
+        rig.complete(given.completed(Delivery::Results(results)));
     }
     let record = rig.stored(&job);
-    assert_eq!(record.state, JobState::Failed);
-    assert!(record.reason.contains("the report can't be put together"), "{}", record.reason);
+    assert_eq!((record.state, record.rounds_sealed, record.result_digest), (JobState::Failed, 1, None));
+    assert_eq!(record.reason, "all 2 tasks of a round failed");
+}
+
+#[test]
+fn dispute_about_long_task_corrects_or_taints() {
+    for sealed in [false, true] {
+        let mut rig = Rig::new();
+        let job = rig.submit("a", 6, 1);
+        rig.connect("w", 1);
+        let given = rig.work_to_long().unwrap();
+        rig.lie(&given);
+        if sealed {
+            rig.work_to(&job, 2);
+        }
+        assert_eq!(rig.answer(&rig.given_to("x", &given)), Verdict::Conflict);
+        rig.connect("y", 1);
+        rig.work_off();
+        match sealed {
+            false => rig.assert_right(&job, 6, 1),
+            true => assert_eq!(rig.stored(&job).state, JobState::Tainted, "{}", rig.stored(&job).reason),
+        }
+    }
+}
+
+#[test]
+fn round_is_not_sealed_while_any_dispute_is_open() {
+    let mut rig = Rig::new();
+    let job = rig.submit("a", 3, 3);
+    rig.connect("w", 1);
+    let first = rig.take().unwrap();
+    rig.answer(&first);
+    rig.work_to(&job, 1);
+    // The dispute is about the round before.
+    assert_eq!(rig.lie(&rig.given_to("x", &first)), Verdict::Conflict);
+    rig.work_off();
+    assert_eq!(rig.scheduler.round(&job), Some((3, 3)), "all is done");
+    assert_eq!((rig.stored(&job).rounds_sealed, rig.rulings(&job)), (1, vec![None]));
+    rig.restart();
+    assert_eq!((rig.stored(&job).rounds_sealed, rig.scheduler.round(&job)), (1, Some((3, 3))), "after a restart too");
+    rig.connect("third", 1);
+    rig.answer(&rig.given[0].clone());
+    assert_eq!((rig.stored(&job).rounds_sealed, rig.rulings(&job)), (2, vec![Some(Ruling::Upheld)]));
+    rig.given.remove(0);
+    rig.work_off();
+    rig.assert_right(&job, 3, 3);
 }

@@ -35,19 +35,19 @@ fn a_straggler_gets_one_copy_once_it_is_clearly_late_and_the_first_result_wins()
         rig.heartbeat("fast", sessions["fast"], 0);
         let copy = rig.take_of("fast").expect("a copy");
         assert_eq!(copy.range(), slow.range());
-        let why = rig.scheduler.waits_for(&job).unwrap();
+        let why = rig.waits_for(&job);
         assert!(why.contains("computed twice"), "{why}");
         rig.connect("idle", 4);
         rig.advance(Duration::from_secs(1));
         assert!(rig.take_of("idle").is_none(), "one copy is enough");
 
         let (winner, loser) = if first == "fast" { (&copy, &slow) } else { (&slow, &copy) };
-        assert_eq!(rig.complete(winner.completed(winner.delivery())), Verdict::Accepted);
-        assert!(rig.cancelled.contains(&loser.assignment), "the other one may stop");
-        assert_eq!(rig.complete(loser.completed(loser.delivery())), Verdict::Duplicate);
-        rig.given.retain(|g| g.assignment != slow.assignment);
+        assert_eq!(rig.answer(&winner), Verdict::Accepted);
+        assert!(rig.cancelled.contains(&loser.id()), "the other one may stop");
+        assert_eq!(rig.answer(&loser), Verdict::Duplicate);
+        rig.given.retain(|g| g.id() != slow.id());
         rig.work_off();
-        assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 2, 1)), "first: {first}");
+        rig.assert_right(&job, 2, 1);
     }
 }
 
@@ -57,21 +57,21 @@ fn a_copy_takes_over_when_the_first_worker_goes() {
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
     let copy = rig.take_of("fast").expect("a copy");
-    rig.scheduler.drain(rig.now, &slow.worker, sessions["slow"], &[]);
+    on_drain(&mut rig.scheduler, rig.now, &slow.worker, sessions["slow"], &[]);
     rig.settle();
     assert_eq!(leased(&rig, &job), 1, "it is not handed out a third time");
-    assert_eq!(rig.scheduler.jobs[&job].round.pending(), 0);
-    assert_eq!(rig.complete(copy.completed(copy.delivery())), Verdict::Accepted);
+    assert_eq!(rig.scheduler.jobs.active[&job].round.pending(), 0);
+    assert_eq!(rig.answer(&copy), Verdict::Accepted);
 
     let (mut rig, job, _, sessions) = straggling();
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
-    rig.scheduler.drain(rig.now, &WorkerId("fast".into()), sessions["fast"], &[]);
+    rig.drain("fast", sessions["fast"], &[]);
     rig.settle();
-    assert_eq!((leased(&rig, &job), rig.scheduler.copies.len()), (1, 0), "the first goes on alone");
-    rig.scheduler.drain(rig.now, &WorkerId("slow".into()), sessions["slow"], &[]);
+    assert_eq!((leased(&rig, &job), rig.scheduler.leases.copies.len()), (1, 0), "the first goes on alone");
+    rig.drain("slow", sessions["slow"], &[]);
     rig.settle();
-    assert_eq!(rig.scheduler.jobs[&job].round.pending(), 1);
+    assert_eq!(rig.scheduler.jobs.active[&job].round.pending(), 1);
 }
 
 #[test]
@@ -94,12 +94,12 @@ fn work_that_stands_still_goes_to_others_though_its_worker_gives_signs_of_life()
     }
     for _ in 0..3 {
         beat(&mut rig, 7);
-        assert!(!rig.cancelled.contains(&stuck.assignment));
+        assert!(!rig.cancelled.contains(&stuck.id()));
     }
     beat(&mut rig, 7);
-    assert!(rig.cancelled.contains(&stuck.assignment), "its worker is told");
+    assert!(rig.cancelled.contains(&stuck.id()), "its worker is told");
     assert!(rig.take_of("stuck").is_none(), "others first");
-    rig.given.retain(|g| g.assignment != fine.assignment);
+    rig.given.retain(|g| g.id() != fine.id());
     assert_eq!(in_a_second(&mut rig, &fine), Verdict::Accepted);
     let again = rig.take_of("other").expect("somebody else gets it");
     assert_eq!(again.range(), stuck.range());
@@ -115,17 +115,16 @@ fn a_worker_that_does_not_count_is_left_alone_and_so_is_work_that_waits_for_its_
     let compute = Duration::from_millis(2) * first.range().count;
     let delivery = first.delivery();
     rig.complete(Completed { compute, ..first.completed(delivery) });
-    assert_eq!(rig.scheduler.workers.values().next().unwrap().held.len(), 2, "one in advance");
-    let ids: Vec<_> = rig.given.iter().map(|g| g.assignment).collect();
-    let id = WorkerId("w".into());
+    assert_eq!(rig.scheduler.fleet.workers.values().next().unwrap().held.len(), 2, "one in advance");
+    let ids: Vec<_> = rig.given.iter().map(|g| g.id()).collect();
     for beat in 0..10 {
         rig.now.since_start += LEASE / 2;
         // The first moves, the second waits behind it.
-        assert!(rig.scheduler.heartbeat(rig.now, &id, session, &ids, &[beat + 1, 0]));
+        assert!(rig.beat("w", session, &ids, &[beat + 1, 0]));
     }
     for _ in 0..10 {
         rig.now.since_start += LEASE / 2;
-        assert!(rig.scheduler.heartbeat(rig.now, &id, session, &ids, &[]));
+        assert!(rig.beat("w", session, &ids, &[]));
     }
     rig.settle();
     assert!(rig.cancelled.is_empty());
@@ -137,15 +136,14 @@ fn work_that_never_reached_its_worker_is_missed_and_given_again() {
     let job = rig.submit("a", 1, 1);
     let session = rig.connect("w", 1);
     let lost = rig.take().unwrap();
-    let id = WorkerId("w".into());
     // It may be on its way for a while.
     for _ in 0..4 {
         rig.now.since_start += LEASE / 5;
-        assert!(rig.scheduler.heartbeat(rig.now, &id, session, &[], &[]));
+        assert!(rig.beat("w", session, &[], &[]));
         rig.settle();
     }
     let again = rig.take().expect("it is given again");
-    assert!(again.assignment != lost.assignment && again.range() == lost.range());
+    assert!(again.id() != lost.id() && again.range() == lost.range());
     assert!(rig.stored(&job).charges.is_empty(), "nobody is to blame");
     // The first one came through after all, late: so much the better.
     assert_eq!(in_a_second(&mut rig, &lost), Verdict::Accepted);
@@ -165,7 +163,7 @@ fn what_waits_behind_a_slot_that_is_lost_goes_to_others_and_is_not_to_blame() {
     assert!(rig.stored(&job).charges.is_empty(), "{:?}", rig.stored(&job).charges);
     rig.connect("other", 2);
     rig.work_off();
-    assert_eq!(rig.stored(&job).result_digest, Some(expected_digest("a", 2, 1)));
+    rig.assert_right(&job, 2, 1);
 }
 
 #[test]
@@ -173,7 +171,7 @@ fn a_worker_that_finds_its_own_stuck_slots_is_given_the_time_to() {
     let mut rig = Rig::new();
     rig.submit("a", 1, 1);
     let stuck_after = Some(10 * LEASE);
-    let session = rig.scheduler.connect(rig.now, Greeting { stuck_after, ..greeting("slow", 1) }).session;
+    let session = rig.greet(Greeting { stuck_after, ..greeting("slow", 1) }).session;
     rig.settle();
     for beat in 0..25 {
         rig.now.since_start += LEASE / 2;
@@ -188,14 +186,14 @@ fn a_worker_that_gets_nowhere_again_and_again_gets_no_more_work_until_it_starts_
     rig.submit("a", 50, 1);
     let session = rig.connect("stuck", 1);
     for _ in 0..stuck::MOST_TIMES {
-        assert!(rig.scheduler.workers.values().next().unwrap().takes_work());
+        assert!(rig.scheduler.fleet.workers.values().next().unwrap().takes_work());
         for _ in 0..6 {
             rig.now.since_start += LEASE / 2;
             rig.heartbeat("stuck", session, 1);
         }
         rig.advance(LEASE / 2);
     }
-    let told = rig.scheduler.workers().remove(0);
+    let told = workers(&rig.scheduler).remove(0);
     assert!(told.reason.contains("stuck") && told.busy == 0, "{told:?}");
     rig.given.clear();
     rig.connect("stuck", 1);
@@ -211,7 +209,7 @@ fn what_does_not_fit_before_a_machine_goes_away_is_not_handed_out_there() {
     in_a_second(&mut rig, &first);
     let seconds = |s| Some(Duration::from_secs(s));
     let connect = |rig: &mut Rig, id: &str, time_left| {
-        rig.scheduler.connect(rig.now, Greeting { time_left, ..greeting(id, 1) });
+        rig.greet(Greeting { time_left, ..greeting(id, 1) });
         rig.settle();
         rig.take_of(id).map(|g| g.range().count)
     };
@@ -226,6 +224,6 @@ fn what_does_not_fit_before_a_machine_goes_away_is_not_handed_out_there() {
     rig.advance(Duration::from_secs(3));
     assert_eq!(rig.drained.last(), Some(&WorkerId("short".into())));
     assert_eq!(leased(&rig, &job), before - 1);
-    let why: Vec<String> = rig.scheduler.workers().into_iter().map(|w| format!("{} {}", w.id, w.reason)).collect();
+    let why: Vec<String> = workers(&rig.scheduler).into_iter().map(|w| format!("{} {}", w.id, w.reason)).collect();
     assert!(why.contains(&"short draining".to_owned()), "{why:?}");
 }
