@@ -77,8 +77,9 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
     let right = late.honest(&its);
     assert_eq!(late.delivers(&its, right).await, Verdict::Conflict);
     let shown = sandbox.told(&["show", &job.id]);
-    assert!(shown.contains("waits for another worker: two results of candidate 0 of generation 0 differ"), "{shown}");
-    assert!(shown.contains("dispute        candidate 0 of generation 0, open: wrong says"), "{shown}");
+    let what = "the evaluation of candidate 0 of generation 0";
+    assert!(shown.contains(&format!("waits for another worker: two results of {what} differ")), "{shown}");
+    assert!(shown.contains(&format!("dispute        {what}, open: wrong says")), "{shown}");
 
     let _worker = sandbox.worker(2);
     let decided = |job: &v1::Job| job.disputes.iter().any(|d| d.verdict() == dispute::Verdict::Corrected);
@@ -92,7 +93,7 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
         }
     };
     let reason = tokio::time::timeout(PATIENCE, told).await.expect("the worker is told");
-    assert!(reason.starts_with("quarantined: its result for candidate 0 of generation 0"), "{reason}");
+    assert!(reason.starts_with(&format!("quarantined: its result of {what}")), "{reason}");
 
     // Under the same id it gets nothing any more.
     let _again = Scripted::join(&sandbox, "wrong").await;
@@ -169,7 +170,7 @@ async fn wrong_result_sealed_long_ago_taints_job() {
     assert!(sandbox.job(&job.id).await.disputes.is_empty(), "nothing is stored before the tasks are there");
     assert_eq!(late.delivers_with_tasks(&its, right).await, Verdict::Conflict);
     let shown = sandbox.told(&["show", &job.id]);
-    assert!(shown.contains("waits for another worker: two results of"), "{shown}");
+    assert!(shown.contains("two results of task 0 of round 2 differ"), "{shown}");
     // It was committed before it was answered.
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
