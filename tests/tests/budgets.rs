@@ -6,8 +6,10 @@ use proto::v1::{ListJobsRequest, ListWorkersRequest, SubmitJobRequest};
 use std::time::{Duration, Instant};
 use tonic::{Code, Status};
 
-/// Most CPU time of the coordinator for a submission. A debug build reads TOML, hashes and writes several times slower.
-const SUBMISSION: Duration = Duration::from_millis(if cfg!(debug_assertions) { 150 } else { 50 });
+/// Most CPU time of the coordinator for a submission. A debug build takes a third of it.
+const SUBMISSION: Duration = Duration::from_millis(50);
+/// Most CPU time of a coordinator from its start until it serves. It waits for nothing else meanwhile.
+const RESTART: Duration = Duration::from_secs(3);
 /// Submissions that are measured together: the system counts CPU time in steps of 10 ms.
 const BATCH: u32 = 10;
 
@@ -53,7 +55,7 @@ async fn submission_of_dearest_jobs_costs_little_cpu() {
 }
 
 #[tokio::test]
-async fn coordinator_with_hundred_dearest_jobs_restarts_within_seconds() {
+async fn restart_with_hundred_dearest_jobs_costs_seconds() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let dearest = dearest_job(0);
@@ -63,12 +65,13 @@ async fn coordinator_with_hundred_dearest_jobs_restarts_within_seconds() {
     }
     coordinator.kill_9();
     let start = Instant::now();
-    let _coordinator = sandbox.coordinator();
+    let coordinator = sandbox.coordinator();
     let listed = sandbox.client().list_jobs(ListJobsRequest::default()).await.expect("it serves").into_inner().jobs;
-    let took = start.elapsed();
-    println!("served {} ms after the start", took.as_millis());
+    let (took, cost) = (start.elapsed(), coordinator.cpu_time());
+    println!("served {} ms after the start, with {} ms of CPU", took.as_millis(), cost.as_millis());
     assert_eq!(listed.len(), 100);
-    assert!(took < Duration::from_secs(3), "{took:?}");
+    // By the clock it depends on what else runs, as in a test that runs beside others.
+    assert!(cost < RESTART, "{cost:?}");
 }
 
 #[tokio::test]
@@ -95,6 +98,6 @@ async fn worker_that_settles_ends_within_its_grace() {
     println!("ended {} ms after SIGTERM", took.as_millis());
     assert!(took < Duration::from_secs(4), "2 s of grace, and a moment to say so: {took:?}");
     let job = sandbox.job(&id).await;
-    assert_eq!((job.rounds_sealed, job.reason.as_str()), (0, ""), "it was settling, and nothing is held against it");
-    assert!(sandbox.standing(&id).await.attempts.is_empty());
+    assert_eq!((job.rounds_sealed, job.tasks_done), (0, 0), "it was settling");
+    assert!(sandbox.standing(&id).await.attempts.is_empty(), "nothing is held against it");
 }
