@@ -1,6 +1,6 @@
 //! The scheduler under random events, held against its laws after each of them; and its laws one by one.
 //!
-//! The jobs' procedure is [`Fake`], whose results are a pure function of its tasks: what is tested here needs no physics.
+//! The jobs' procedure is [`Fake`], whose results are a pure function of its tasks: these tests need no physics.
 
 mod batches;
 mod builds;
@@ -46,7 +46,7 @@ pub fn job_of(name: &str, procedure: Fake) -> NewJob {
     }
 }
 
-/// A job with so many tasks in each of so many kept rounds; two rounds of long tasks follow, or one if it is called "bare".
+/// A job with so many tasks in each of so many kept rounds. Two rounds of long tasks follow; one if it is called "bare".
 pub fn new_job(name: &str, tasks: u32, rounds: u32) -> NewJob {
     job_of(name, Fake::of(name, tasks, rounds))
 }

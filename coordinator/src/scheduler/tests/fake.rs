@@ -1,5 +1,5 @@
-//! A procedure for tests. Each round's tasks follow from the results of the one before: a change of one bit changes all that
-//! follows.
+//! A procedure for tests. Each round's tasks follow from the results of the one before: a change of one bit changes all
+//! that follows.
 
 use sim_core::procedure::{Artefact, BadState, Procedure, Progress, Refused, Rejected, Round, Row, Step, Told, Value};
 use std::sync::Arc;

@@ -389,7 +389,7 @@ fn jobs_share_slot_time_by_priority() {
     let ratio = |(a, b): (f64, f64)| a / b;
     let even = ratio(shares((10, 10), (100, 100)));
     assert!((0.85..1.18).contains(&even), "{even}");
-    // Counted by tasks it would be 20. Not quite 1: a slot that became free while the cheap job waited for the last of a
+    // By tasks it would be 20. Not quite 1: a slot that became free while the cheap job waited for the last of a
     // round is the dear one's for a whole range.
     let dear_and_cheap = ratio(shares((10, 10), (1000, 50)));
     assert!((0.75..1.33).contains(&dear_and_cheap), "{dear_and_cheap}");
