@@ -39,12 +39,13 @@ until_is() {
 
 until_is 'sum(up)' 2
 until_is 'evogait_slots' 2
-until_is 'evogait_generations_sealed_total' 0
+until_is 'evogait_rounds_sealed_total' 0
 EVOGAIT_COORDINATOR=$url "$bin/evogait" submit scenarios/jobs/quadropod-quick.toml > "$out/job.log"
 until_is 'evogait_jobs_ended_total{state="succeeded"}' 1
 generations=$(sed -n 's/^generations *= *\([0-9]*\).*/\1/p' scenarios/jobs/quadropod-quick.toml)
-until_is 'evogait_generations_sealed_total' "$generations"
-until_is 'evogait_generation_seconds_count' "$generations"
+rounds=$((generations + 3)) # The preparation, the finish and the report.
+until_is 'evogait_rounds_sealed_total' "$rounds"
+until_is 'evogait_round_seconds_count' "$rounds"
 [ "$(ask 'histogram_quantile(0.5, evogait_commit_seconds_bucket) > 0')" ] || fail "the histogram of commits is empty"
 [ "$(ask 'evogait_worker_tasks_total > 0')" ] || fail "the worker counts nothing"
 # Every series that an alarm looks at is there.

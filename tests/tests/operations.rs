@@ -175,7 +175,7 @@ async fn what_happens_is_counted_and_can_be_scraped() {
     let (coordinator_metrics, worker_metrics) = (free_port(), free_port());
     let _coordinator = sandbox.coordinator_with(&["--metrics", &coordinator_metrics]);
     let fresh = scrape(&coordinator_metrics);
-    assert_eq!(fresh["evogait_generations_sealed_total"], 0.0);
+    assert_eq!(fresh["evogait_rounds_sealed_total"], 0.0);
     assert_eq!((fresh["evogait_epoch"], fresh["evogait_active"], fresh["evogait_slots"]), (1.0, 1.0, 0.0));
     assert!(fresh.keys().any(|k| k.starts_with("evogait_engine_info{engine=\"rapier")), "{fresh:#?}");
 
@@ -184,10 +184,10 @@ async fn what_happens_is_counted_and_can_be_scraped() {
     let job = sandbox.submit("r", &tiny_job(21, 2)).await;
     sandbox.result(&job.id).await;
     let done = scrape(&coordinator_metrics);
-    assert_eq!(done["evogait_generations_sealed_total"], 2.0);
+    assert_eq!(done["evogait_rounds_sealed_total"], 2.0);
     assert_eq!(done["evogait_evaluations_total"], 10.0);
     assert_eq!(done["evogait_jobs_ended_total{state=\"succeeded\"}"], 1.0);
-    assert_eq!(done["evogait_generation_seconds_count"], 2.0);
+    assert_eq!(done["evogait_round_seconds_count"], 2.0);
     let (results, examinations) =
         (done["evogait_results_total{verdict=\"accepted\"}"], done["evogait_examinations_total"]);
     assert!(examinations > 0.0 && results > examinations, "{done:#?}");
@@ -200,11 +200,11 @@ async fn what_happens_is_counted_and_can_be_scraped() {
 
     // A worker that dies with work in hand.
     sandbox.submit("long", &tiny_job(22, 1000)).await;
-    until(&coordinator_metrics, |s| s["evogait_candidates{state=\"leased\"}"] > 0.0);
+    until(&coordinator_metrics, |s| s["evogait_round_tasks{state=\"leased\"}"] > 0.0);
     worker.kill_9();
     let lost = until(&coordinator_metrics, |s| s["evogait_workers_lost_total"] == 1.0);
     assert!(lost["evogait_leases_ended_total{why=\"lost\"}"] > 0.0, "{lost:#?}");
-    assert_eq!((lost["evogait_slots"], lost["evogait_candidates{state=\"leased\"}"]), (0.0, 0.0));
+    assert_eq!((lost["evogait_slots"], lost["evogait_round_tasks{state=\"leased\"}"]), (0.0, 0.0));
     assert_eq!(lost["evogait_jobs{state=\"running\"}"], 1.0);
 
     assert_eq!(ask(&coordinator_metrics, "GET", "/healthz"), ("HTTP/1.1 200 OK".to_owned(), "active\n".to_owned()));
