@@ -35,7 +35,7 @@ impl Burst {
 
 fn completed(message: v1::CoordinatorMessage) -> Option<Completed> {
     let Some(coordinator_message::Message::Assign(assign)) = message.message else { return None };
-    let results = assign.tasks.iter().map(|task| result_of(task)).collect();
+    let results = assign.tasks.iter().map(|task| result_of(task).into()).collect();
     Some(Completed {
         worker: WorkerId("w".into()),
         assignment: AssignmentId(assign.assignment_id),

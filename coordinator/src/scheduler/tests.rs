@@ -1,6 +1,6 @@
 //! The scheduler under random events, held against its laws after each of them; and its laws one by one.
 //!
-//! The jobs' procedure is [`Fake`], whose results are a pure function of its tasks: what is tested here needs no physics.
+//! The jobs' procedure is [`Fake`], whose results are a pure function of its tasks: these tests need no physics.
 
 mod batches;
 mod builds;
@@ -46,7 +46,7 @@ pub fn job_of(name: &str, procedure: Fake) -> NewJob {
     }
 }
 
-/// A job with so many tasks in each of so many kept rounds; two rounds of long tasks follow, or one if it is called "bare".
+/// A job with so many tasks in each of so many kept rounds. Two rounds of long tasks follow; one if it is called "bare".
 pub fn new_job(name: &str, tasks: u32, rounds: u32) -> NewJob {
     job_of(name, Fake::of(name, tasks, rounds))
 }
@@ -56,7 +56,7 @@ pub fn expected_digest(name: &str, tasks: u32, rounds: u32) -> Digest {
     digest_of(name, Fake::of(name, tasks, rounds)).0
 }
 
-/// The same of any procedure, and what it makes.
+/// The result digest and the artefacts of a whole job of any procedure.
 pub fn digest_of(name: &str, mut fake: Fake) -> (Digest, Vec<sim_core::procedure::Artefact>) {
     let mut digest = sim_core::base::digest::ResultDigest::start(&Digest::of("test job", &name));
     loop {
@@ -144,7 +144,7 @@ impl Given {
         &self.assign.job
     }
 
-    /// A worker with enough to do: whether it is one of the long tasks after the kept rounds.
+    /// Whether it is one of the long tasks after the kept rounds.
     pub fn is_long(&self) -> bool {
         self.assign.tasks[0][0] > 0
     }
@@ -432,7 +432,7 @@ impl Rig {
         assert_eq!((record.state, record.result_digest), (JobState::Succeeded, expected), "{}", record.reason);
     }
 
-    /// The coordinator dies and starts again on its store.
+    /// The coordinator exits and starts again on its store.
     pub fn restart(&mut self) {
         let loaded = at_once(self.store.start());
         self.epoch = loaded.epoch;

@@ -1,4 +1,4 @@
-//! The promises about jobs that were submitted to another build: they wait for its workers, and for nobody else.
+//! Laws about jobs that were submitted to another build: they wait for its workers.
 
 use super::*;
 
@@ -28,7 +28,7 @@ fn work_off(rig: &mut Rig, old: &JobId) {
 }
 
 #[test]
-fn a_job_of_another_build_waits_for_that_one_s_workers_and_says_so() {
+fn job_of_other_build_waits_for_its_workers() {
     let (mut rig, old, own) = upgraded();
     let said = |rig: &Rig| waits_for(&rig.scheduler, &old).expect("it waits");
     let version = rig.stored(&old).version;

@@ -1,4 +1,4 @@
-//! What an event costs: as much as it changes, and not as much as there is.
+//! Laws about the cost of an event: it grows with the changes, not with the fleet.
 
 use super::*;
 
@@ -18,13 +18,13 @@ fn steps_a_result(workers: u32) -> f64 {
         }
         rig.scheduler.queue.room.steps
     };
-    // Everybody has worked once: evaluations are known to be short, and some is handed out in advance.
+    // Every worker has worked once: tasks are known to be short, and some is handed out in advance.
     let before = a_round_of_results(&mut rig);
     (a_round_of_results(&mut rig) - before) as f64 / f64::from(workers)
 }
 
 #[test]
-fn what_a_result_costs_does_not_grow_with_the_workers() {
+fn cost_of_result_is_constant_in_workers() {
     let (few, many) = (steps_a_result(10), steps_a_result(1000));
     assert!(many <= few + 2.0, "{few} steps with 10 workers, {many} with 1000");
 }
@@ -47,7 +47,7 @@ fn steps_a_heartbeat(busy: u32) -> f64 {
 }
 
 #[test]
-fn what_a_heartbeat_costs_does_not_grow_with_the_work_that_is_out() {
+fn cost_of_heartbeat_is_constant_in_leases() {
     let (few, many) = (steps_a_heartbeat(10), steps_a_heartbeat(500));
     assert!(many <= few + 2.0, "{few} looks with 10 ranges out, {many} with 500");
 }
@@ -63,7 +63,7 @@ fn steps_beside_a_suspect(workers: u32) -> f64 {
         completed.compute = Duration::from_millis(50) * given.range().count;
         rig.complete(completed);
     };
-    // Everybody has something in advance from now on.
+    // Every worker has a lease in advance from now on.
     (0..workers).for_each(|_| result(&mut rig, 0));
     let dead = WorkerId("w0".into());
     on_disconnect(&mut rig.scheduler, rig.now, &dead, sessions[0]);
@@ -80,13 +80,13 @@ fn steps_beside_a_suspect(workers: u32) -> f64 {
 }
 
 #[test]
-fn a_suspect_that_waits_costs_no_look_at_all_workers() {
+fn waiting_suspect_costs_no_scan_of_workers() {
     let (few, many) = (steps_beside_a_suspect(10), steps_beside_a_suspect(500));
     assert!(many <= few + 2.0, "{few} looks with 10 workers, {many} with 500");
 }
 
 #[test]
-fn many_leases_lost_at_once_are_noted_once() {
+fn leases_lost_together_are_written_once() {
     let mut rig = Rig::new();
     rig.submit("a", 200, 1);
     for worker in 0..100 {

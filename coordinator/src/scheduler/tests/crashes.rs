@@ -1,8 +1,8 @@
-//! The promises about tasks that take workers down.
+//! Laws about tasks that crash workers.
 
 use super::*;
 
-/// Workers with so many slots come and crash whenever they work on a poisoned candidate, until the job ends. Returns how
+/// Workers with so many slots come and crash whenever they work on a poisoned task, until the job ends. Returns how
 /// many crashed.
 fn run_until_poisoned(rig: &mut Rig, job: &JobId, slots: u32, poison: u32, restarts: bool) -> u32 {
     for crashes in 0..100 {
@@ -37,7 +37,7 @@ fn suspects(rig: &Rig, job: &JobId) -> BTreeMap<u32, u32> {
 }
 
 #[test]
-fn a_crash_beside_others_charges_nobody_and_the_culprit_is_found_alone() {
+fn culprit_of_shared_crash_is_found_alone() {
     for restarts in [false, true] {
         let mut rig = Rig::new();
         let job = rig.submit("a", 20, 1);
@@ -52,7 +52,7 @@ fn a_crash_beside_others_charges_nobody_and_the_culprit_is_found_alone() {
 }
 
 #[test]
-fn a_range_that_fails_makes_suspects_of_all_and_charges_none() {
+fn failed_range_makes_suspects_without_attempts() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2000, 1);
     rig.connect("w", 1);
@@ -69,7 +69,7 @@ fn a_range_that_fails_makes_suspects_of_all_and_charges_none() {
 }
 
 #[test]
-fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
+fn suspect_runs_alone_while_other_workers_continue() {
     let mut rig = Rig::new();
     let (job, other) = (rig.submit("a", 20, 1), rig.submit("b", 1000, 1));
     let session = rig.connect("dies", 8);
@@ -78,7 +78,7 @@ fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
     rig.advance(LEASE);
     let suspects = suspects(&rig, &job).len() + suspects(&rig, &other).len();
     assert!(suspects > 8, "{suspects}");
-    assert!(rig.stored(&job).charges.iter().all(|charge| !charge.attempt), "in company nobody is charged");
+    assert!(rig.stored(&job).charges.iter().all(|charge| !charge.attempt), "a crash of several is no attempt");
 
     rig.connect("x", 4);
     rig.connect("y", 4);
@@ -94,7 +94,7 @@ fn nothing_runs_beside_a_suspect_and_other_workers_go_on() {
 }
 
 #[test]
-fn attempts_and_suspicions_survive_a_restart_and_end_with_the_round() {
+fn charges_survive_restart_and_end_with_round() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     rig.connect("w", 1);
@@ -105,7 +105,7 @@ fn attempts_and_suspicions_survive_a_restart_and_end_with_the_round() {
     assert_eq!(suspects(&rig, &job), [(0, 1)].into());
     rig.connect("v", 1);
     rig.work_to(&job, 1);
-    assert!(rig.stored(&job).charges.is_empty(), "another generation is another matter");
+    assert!(rig.stored(&job).charges.is_empty(), "charges end with their round");
 }
 
 /// The worker's connection breaks, and its lease runs out before it is back.
@@ -115,7 +115,7 @@ fn cut_off(rig: &mut Rig, id: &str, session: SessionId) {
     assert!(!rig.scheduler.fleet.workers.contains_key(&WorkerId(id.into())), "it is taken for dead");
 }
 
-/// The same worker is back, and says what it still works on.
+/// The same worker is back, with the leases that it still works on.
 fn back(rig: &mut Rig, id: &str, slots: u32) -> SessionId {
     let mine = rig.given.iter().filter(|g| &*g.worker.0 == id);
     let running = mine.map(Given::claim).collect();
@@ -126,7 +126,7 @@ fn back(rig: &mut Rig, id: &str, slots: u32) -> SessionId {
 }
 
 #[test]
-fn a_worker_that_was_only_cut_off_blames_nobody_however_often() {
+fn returning_worker_withdraws_its_charges() {
     for restarts in [false, true] {
         let mut rig = Rig::new();
         let job = rig.submit("a", 1, 2);
@@ -149,7 +149,7 @@ fn a_worker_that_was_only_cut_off_blames_nobody_however_often() {
 }
 
 #[test]
-fn a_late_result_tells_that_its_worker_lives() {
+fn late_result_withdraws_its_workers_charges() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1000, 1);
     let session = rig.connect("w", 4);
@@ -167,7 +167,7 @@ fn a_late_result_tells_that_its_worker_lives() {
 }
 
 #[test]
-fn who_comes_back_takes_back_nothing_but_its_own() {
+fn returning_worker_withdraws_no_other_charges() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1, 1);
     let session = rig.connect("dies", 1);
@@ -178,7 +178,7 @@ fn who_comes_back_takes_back_nothing_but_its_own() {
     assert_eq!(suspects(&rig, &job), [(0, 2)].into());
     let session = back(&mut rig, "w", 1);
     assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "another one did die with it");
-    // What a worker itself tells stays, whatever becomes of it.
+    // A failure that the worker reported is not withdrawn.
     let given = rig.take_of("w").unwrap();
     rig.complete(given.completed(Delivery::Failure("why".to_owned())));
     assert_eq!(suspects(&rig, &job), [(0, 2)].into());

@@ -1,4 +1,4 @@
-//! The promises about results that differ.
+//! Laws about results that differ.
 
 use super::*;
 
@@ -17,7 +17,7 @@ fn disputed(honest: &str) -> (Rig, JobId, Given) {
 }
 
 #[test]
-fn a_round_with_a_dispute_is_not_sealed_and_says_what_it_waits_for() {
+fn disputed_round_is_not_sealed_and_says_why() {
     let (mut rig, job, _) = disputed("a");
     rig.work_off();
     assert_eq!(rig.scheduler.round(&job), Some((2, 2)), "all is done");
@@ -32,7 +32,7 @@ fn a_round_with_a_dispute_is_not_sealed_and_says_what_it_waits_for() {
 }
 
 #[test]
-fn a_third_worker_decides_and_whoever_stands_alone_gets_no_more_work() {
+fn third_worker_decides_and_minority_is_quarantined() {
     for (honest, ruling) in [("a", Ruling::Upheld), ("b", Ruling::Corrected)] {
         let liar = if honest == "a" { "b" } else { "a" };
         let (mut rig, job, first) = disputed(honest);
@@ -64,19 +64,19 @@ fn a_third_worker_decides_and_whoever_stands_alone_gets_no_more_work() {
 }
 
 #[test]
-fn a_result_that_decides_and_completes_a_round_leaves_nothing_behind_that_a_restart_stumbles_over() {
-    // In the last generation another kind of round follows.
+fn result_that_decides_and_completes_round_survives_restart() {
+    // After the last of these rounds another phase follows.
     for last in [false, true] {
-        let generations = if last { 1 } else { 2 };
+        let rounds = if last { 1 } else { 2 };
         let mut rig = Rig::new();
-        let job = rig.submit("a", 2, generations);
+        let job = rig.submit("a", 2, rounds);
         rig.connect("a", 1);
         rig.connect("b", 1);
         let first = rig.take_of("a").unwrap();
         rig.answer(&first);
         let lie = rig.given_to("b", &first).completed(first.wrong(0));
         assert_eq!(rig.complete(lie), Verdict::Conflict);
-        // A third one, cut off since before, brings both candidates at once.
+        // A third one, cut off since before, brings both tasks at once.
         let both = rig.early("c", &job, 0..2);
         rig.answer(&both);
         assert_eq!(
@@ -87,12 +87,12 @@ fn a_result_that_decides_and_completes_a_round_leaves_nothing_behind_that_a_rest
         rig.restart();
         rig.connect("d", 1);
         rig.work_off();
-        rig.assert_right(&job, 2, generations);
+        rig.assert_right(&job, 2, rounds);
     }
 }
 
 #[test]
-fn what_was_decided_holds_after_a_restart_in_mid_round() {
+fn ruling_holds_after_restart_in_mid_round() {
     let (mut rig, job, _) = disputed("b");
     rig.given.clear();
     rig.restart();
@@ -110,7 +110,7 @@ fn what_was_decided_holds_after_a_restart_in_mid_round() {
 }
 
 #[test]
-fn the_third_is_on_another_machine_where_there_is_one() {
+fn arbiter_is_on_another_host_if_possible() {
     let (mut rig, job, _) = disputed("a");
     rig.pause(&job, true);
     rig.connect("c", 1);
@@ -123,7 +123,7 @@ fn the_third_is_on_another_machine_where_there_is_one() {
 }
 
 #[test]
-fn a_sealed_value_never_changes_and_the_job_is_tainted_if_it_loses() {
+fn sealed_result_that_loses_taints_its_job() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 3);
     rig.connect("liar", 1);
@@ -161,7 +161,7 @@ fn a_sealed_value_never_changes_and_the_job_is_tainted_if_it_loses() {
 }
 
 #[test]
-fn three_answers_that_all_differ_ask_a_fourth() {
+fn three_different_results_ask_a_fourth_worker() {
     let (mut rig, job, _) = disputed("a");
     rig.connect("c", 1);
     let question = rig.take_of("c").unwrap();
@@ -175,7 +175,7 @@ fn three_answers_that_all_differ_ask_a_fourth() {
 }
 
 #[test]
-fn a_worker_that_contradicts_itself_has_no_say() {
+fn self_contradicting_worker_has_no_vote() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 3, 1);
     rig.connect("a", 1);
@@ -209,7 +209,7 @@ fn is_asked(rig: &Rig, worker: &str) -> bool {
     rig.scheduler.leases.all.values().any(|l| l.kind == lease::Kind::Arbitration && &*l.worker.0 == worker)
 }
 
-/// What "bad" on one machine found and "good" on another one did not; nobody has decided.
+/// "bad" on one host and "good" on another differ about a task, and no third worker has decided.
 fn two_machines_differ() -> (Rig, JobId, Given) {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
@@ -222,10 +222,10 @@ fn two_machines_differ() -> (Rig, JobId, Given) {
 }
 
 #[test]
-fn one_machine_does_not_outvote_another_with_the_number_of_its_workers() {
+fn host_with_more_workers_has_no_majority() {
     let (mut rig, job, _) = two_machines_differ();
     connect_at(&mut rig, "bad too", 1);
-    assert!(is_asked(&rig, "bad too"), "there is nobody else");
+    assert!(is_asked(&rig, "bad too"), "there is no other worker");
     answers(&mut rig, "bad too", true);
     assert_eq!(rig.rulings(&job), [None], "one machine against another");
     assert!(rig.quarantined().is_empty());
@@ -250,7 +250,7 @@ fn one_machine_does_not_outvote_another_with_the_number_of_its_workers() {
 }
 
 #[test]
-fn a_result_from_nobody_knows_where_does_not_decide_between_two_machines() {
+fn claim_of_unknown_host_does_not_decide() {
     let (mut rig, job, given) = two_machines_differ();
     rig.says_first("never connected", &given, true);
     assert_eq!(rig.rulings(&job), [None], "it may be on the first one");
@@ -260,7 +260,7 @@ fn a_result_from_nobody_knows_where_does_not_decide_between_two_machines() {
 }
 
 #[test]
-fn another_worker_on_the_same_machine_can_show_that_the_first_one_was_wrong() {
+fn same_host_can_refute_its_own_worker() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     for (id, host) in [("bad", 1), ("good", 2), ("beside it", 1)] {
@@ -275,7 +275,7 @@ fn another_worker_on_the_same_machine_can_show_that_the_first_one_was_wrong() {
 }
 
 #[test]
-fn a_worker_that_contradicts_itself_speaks_for_no_machine() {
+fn self_contradicting_worker_counts_for_no_host() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     connect_at(&mut rig, "a", 1);
@@ -290,7 +290,7 @@ fn a_worker_that_contradicts_itself_speaks_for_no_machine() {
 }
 
 #[test]
-fn workers_that_are_all_on_one_machine_decide_among_themselves() {
+fn workers_on_one_host_decide_alone() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     for id in ["a", "b", "c"] {
@@ -304,7 +304,7 @@ fn workers_that_are_all_on_one_machine_decide_among_themselves() {
     assert_eq!(rig.rulings(&job), [Some(Ruling::Corrected)]);
 }
 
-/// A result of machine 1, its generation sealed or not, and a coordinator that was started again since.
+/// A result of host 1, its round sealed or not, and a coordinator that was restarted since.
 fn found_before_a_restart(sealed: bool, wrong: bool) -> (Rig, JobId, Given) {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 3);
@@ -322,7 +322,7 @@ fn found_before_a_restart(sealed: bool, wrong: bool) -> (Rig, JobId, Given) {
 }
 
 #[test]
-fn it_is_known_after_a_restart_on_which_machine_something_was_found() {
+fn hosts_of_results_survive_restart() {
     for sealed in [false, true] {
         let (mut rig, job, given) = found_before_a_restart(sealed, true);
         for (id, host) in [("good", 2), ("bad too", 1)] {

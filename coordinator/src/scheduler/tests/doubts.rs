@@ -1,4 +1,4 @@
-//! The promises about what a worker found that turned out to compute wrongly.
+//! Laws about the results of a worker that turned out to compute wrongly.
 
 use super::*;
 
@@ -15,7 +15,7 @@ fn rulings(rig: &Rig, job: &JobId) -> Vec<(u32, Option<Ruling>)> {
 }
 
 #[test]
-fn a_message_of_wrong_results_does_no_harm_though_only_one_of_them_was_found_twice() {
+fn wrong_results_are_recomputed_after_one_is_refuted() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 11, 2);
     assert_eq!(rig.says("bad", &job, 0..10, true), Verdict::Accepted);
@@ -38,11 +38,11 @@ fn a_message_of_wrong_results_does_no_harm_though_only_one_of_them_was_found_twi
     rig.work_off();
     let record = rig.stored(&job);
     assert_eq!((record.state, record.result_digest), (JobState::Succeeded, Some(expected_digest("a", 11, 2))));
-    assert_eq!(rig.quarantined().len(), 1, "whoever confirms nothing is not to blame");
+    assert_eq!(rig.quarantined().len(), 1, "workers without confirmation are not to blame");
 }
 
 #[test]
-fn one_answer_that_agrees_clears_what_was_in_doubt() {
+fn one_agreeing_result_clears_doubt() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 6, 2);
     rig.says("bad", &job, 0..4, false);
@@ -59,7 +59,7 @@ fn one_answer_that_agrees_clears_what_was_in_doubt() {
 }
 
 #[test]
-fn what_it_found_for_other_jobs_is_asked_again_with_one_write_each() {
+fn doubts_in_other_jobs_cost_one_write_each() {
     for lied in [false, true] {
         let mut rig = Rig::new();
         let job = rig.submit("a", 6, 2);
@@ -93,7 +93,7 @@ fn what_it_found_for_other_jobs_is_asked_again_with_one_write_each() {
 }
 
 #[test]
-fn answers_about_the_archive_come_into_doubt_too() {
+fn results_of_long_tasks_come_into_doubt() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 6, 1);
     rig.connect("bad", 1);
@@ -107,9 +107,9 @@ fn answers_about_the_archive_come_into_doubt_too() {
     }
     let record = rig.stored(&job);
     let doubted: Vec<_> = record.disputes.iter().filter(|d| d.ruling.is_none()).map(|d| (d.round, d.index)).collect();
-    let mut generation: Vec<_> = (0..6).map(|index| (0, index)).collect();
-    generation.push((second.range().round, second.range().first));
-    assert_eq!(doubted, generation, "the answer, and the generation sealed last");
+    let mut expected: Vec<_> = (0..6).map(|index| (0, index)).collect();
+    expected.push((second.range().round, second.range().first));
+    assert_eq!(doubted, expected, "the answer, and the round sealed last");
     rig.given.clear();
     rig.connect("d", 1);
     rig.connect("e", 1);
@@ -118,7 +118,7 @@ fn answers_about_the_archive_come_into_doubt_too() {
 }
 
 #[test]
-fn two_that_compute_wrongly_do_not_clear_each_other() {
+fn quarantined_workers_do_not_confirm_each_other() {
     for sealed in [true, false] {
         let mut rig = Rig::new();
         let (job, other) = (rig.submit("a", 5, 2), rig.submit("b", 3, 1));
@@ -146,7 +146,7 @@ fn two_that_compute_wrongly_do_not_clear_each_other() {
 }
 
 #[test]
-fn what_was_corrected_by_two_that_compute_wrongly_is_corrected_again() {
+fn wrong_correction_by_quarantined_workers_is_corrected_again() {
     let mut rig = Rig::new();
     let (job, other) = (rig.submit("a", 4, 2), rig.submit("b", 3, 1));
     rig.says("a", &job, 0..1, false);
@@ -173,7 +173,7 @@ fn what_was_corrected_by_two_that_compute_wrongly_is_corrected_again() {
 }
 
 #[test]
-fn thousands_in_doubt_cost_an_event_nothing_while_nobody_is_free() {
+fn doubts_cost_nothing_while_no_slot_is_free() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 3000, 1);
     let session = rig.connect("d", 1);
@@ -184,7 +184,7 @@ fn thousands_in_doubt_cost_an_event_nothing_while_nobody_is_free() {
     let before = rig.scheduler.queue.room.steps;
     rig.heartbeat("d", session, 1);
     assert!(rig.scheduler.queue.room.steps - before < 10);
-    // All of them are handed out in ranges as soon as somebody is.
+    // All of them are handed out in ranges as soon as a slot is free.
     rig.work_off();
     rig.connect("e", 1);
     rig.work_off();

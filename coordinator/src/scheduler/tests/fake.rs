@@ -1,4 +1,4 @@
-//! A procedure for tests: each round's tasks follow from the results of the one before, so any change of one bit changes all
+//! A procedure for tests. Each round's tasks follow from the results of the one before: a change of one bit changes all
 //! that follows.
 
 use sim_core::procedure::{Artefact, BadState, Procedure, Progress, Refused, Rejected, Round, Row, Step, Told, Value};

@@ -1,9 +1,9 @@
-//! One promise a test.
+//! Laws about the course of a job and of its leases.
 
 use super::*;
 
 #[test]
-fn a_job_runs_from_submission_to_its_report() {
+fn job_runs_from_submission_to_artefacts() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 20, 3);
     assert_eq!(rig.stored(&job).state, JobState::Queued);
@@ -24,7 +24,7 @@ fn a_job_runs_from_submission_to_its_report() {
 }
 
 #[test]
-fn all_slots_are_filled_from_the_start() {
+fn all_slots_are_filled_at_start() {
     let mut rig = Rig::new();
     rig.submit("a", 20, 1);
     rig.connect("w", 2);
@@ -35,7 +35,7 @@ fn all_slots_are_filled_from_the_start() {
 }
 
 #[test]
-fn slots_are_wanted_for_whole_rounds_until_the_last_job_has_ended() {
+fn demand_counts_whole_rounds_of_active_jobs() {
     let mut rig = Rig::new();
     assert_eq!(demand(&rig.scheduler), Demand::default());
     let a = rig.submit("bare a", 20, 2);
@@ -54,7 +54,7 @@ fn slots_are_wanted_for_whole_rounds_until_the_last_job_has_ended() {
 }
 
 #[test]
-fn measured_short_work_is_handed_out_in_advance() {
+fn short_tasks_are_leased_in_advance() {
     let mut rig = Rig::new();
     rig.submit("a", 2000, 1);
     rig.connect("w", 2);
@@ -66,7 +66,7 @@ fn measured_short_work_is_handed_out_in_advance() {
 }
 
 #[test]
-fn the_answer_to_a_repeated_late_or_wrong_result_says_what_it_is() {
+fn repeated_late_or_wrong_result_gets_its_verdict() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 6, 3);
     rig.connect("w", 6);
@@ -104,7 +104,7 @@ fn the_answer_to_a_repeated_late_or_wrong_result_says_what_it_is() {
 }
 
 #[test]
-fn a_silent_worker_loses_its_work_and_a_late_result_still_counts() {
+fn late_result_after_expired_lease_counts() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1, 1);
     rig.connect("slow", 1);
@@ -123,7 +123,7 @@ fn a_silent_worker_loses_its_work_and_a_late_result_still_counts() {
 }
 
 #[test]
-fn a_paused_job_rests_over_a_restart_takes_what_still_runs_and_goes_on() {
+fn paused_job_stays_paused_over_restart() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 8, 2);
     rig.connect("w", 2);
@@ -149,7 +149,7 @@ fn a_paused_job_rests_over_a_restart_takes_what_still_runs_and_goes_on() {
 }
 
 #[test]
-fn a_paused_job_can_be_cancelled_and_leaves_its_slots_to_others() {
+fn paused_job_frees_slots_and_can_be_cancelled() {
     let mut rig = Rig::new();
     let (job, other) = (rig.submit("a", 8, 2), rig.submit("b", 8, 2));
     rig.pause(&job, true);
@@ -163,7 +163,7 @@ fn a_paused_job_can_be_cancelled_and_leaves_its_slots_to_others() {
 }
 
 #[test]
-fn a_heartbeat_of_a_worker_that_was_given_up_is_refused() {
+fn heartbeat_of_lost_worker_is_refused() {
     let mut rig = Rig::new();
     let session = rig.connect("w", 1);
     let id = WorkerId("w".into());
@@ -173,7 +173,7 @@ fn a_heartbeat_of_a_worker_that_was_given_up_is_refused() {
 }
 
 #[test]
-fn drained_and_rejected_work_goes_elsewhere_and_costs_nothing() {
+fn returned_leases_cost_nothing() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 4, 1);
     for round in 0..5 {
@@ -199,7 +199,7 @@ fn drained_and_rejected_work_goes_elsewhere_and_costs_nothing() {
 }
 
 #[test]
-fn a_worker_that_drains_keeps_what_it_says_it_finishes_and_gets_nothing_new() {
+fn draining_worker_keeps_only_what_it_finishes() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 8, 1);
     let session = rig.connect("leaves", 3);
@@ -209,7 +209,7 @@ fn a_worker_that_drains_keeps_what_it_says_it_finishes_and_gets_nothing_new() {
     rig.settle();
     assert_eq!(leased(&rig, &job), 1);
 
-    // It says so again, with what it gives up in the end.
+    // A second announcement returns the rest.
     let second = rig.connect("also leaves", 1);
     let given_up = rig.given.pop().expect("it has work");
     on_drain(&mut rig.scheduler, rig.now, &given_up.worker, second, &[given_up.id()]);
@@ -226,7 +226,7 @@ fn a_worker_that_drains_keeps_what_it_says_it_finishes_and_gets_nothing_new() {
 }
 
 #[test]
-fn a_range_that_crashes_is_split_and_the_culprit_fails_the_job_with_the_reason() {
+fn poisoned_task_fails_its_job_with_reason() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 8, 1);
     let poison = 3;
@@ -252,7 +252,7 @@ fn a_range_that_crashes_is_split_and_the_culprit_fails_the_job_with_the_reason()
 }
 
 #[test]
-fn a_failure_that_a_worker_reports_counts_like_a_crash() {
+fn reported_failure_counts_as_attempt() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1, 1);
     rig.connect("w", 1);
@@ -267,7 +267,7 @@ fn a_failure_that_a_worker_reports_counts_like_a_crash() {
 }
 
 #[test]
-fn one_sick_worker_poisons_nothing_that_others_can_do() {
+fn one_failing_worker_fails_no_job() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 5, 2);
     rig.connect("healthy", 1);
@@ -289,7 +289,7 @@ fn one_sick_worker_poisons_nothing_that_others_can_do() {
 }
 
 #[test]
-fn a_coordinator_that_stood_still_has_lost_nobody() {
+fn standstill_of_coordinator_expires_no_lease() {
     let mut rig = Rig::new();
     rig.submit("a", 5, 1);
     rig.connect("w", 1);
@@ -298,11 +298,11 @@ fn a_coordinator_that_stood_still_has_lost_nobody() {
     rig.advance(Duration::ZERO);
     assert_eq!(rig.scheduler.leases.all.len(), 1);
     rig.advance(LEASE);
-    assert!(rig.scheduler.leases.all.is_empty(), "who says nothing from then on is lost");
+    assert!(rig.scheduler.leases.all.is_empty(), "a worker that stays silent from then on is lost");
 }
 
 #[test]
-fn a_worker_that_comes_back_keeps_what_is_still_its_own() {
+fn reconnected_worker_keeps_its_leases() {
     let mut rig = Rig::new();
     rig.submit("a", 8, 1);
     let session = rig.connect("w", 2);
@@ -320,7 +320,7 @@ fn a_worker_that_comes_back_keeps_what_is_still_its_own() {
 }
 
 #[test]
-fn after_a_restart_work_that_still_runs_is_not_done_twice() {
+fn running_work_is_adopted_after_restart() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 8, 1);
     rig.connect("w", 1);
@@ -336,7 +336,7 @@ fn after_a_restart_work_that_still_runs_is_not_done_twice() {
     rig.assert_right(&job, 8, 1);
 }
 
-/// Runs two endless jobs on four workers for a while, in simulated time; an evaluation of the first takes `costs.0` ms,
+/// Runs two endless jobs on four workers for a while, in simulated time; a task of the first takes `costs.0` ms,
 /// of the second `costs.1`. Returns the slot time each got.
 fn shares(priorities: (u32, u32), costs: (u64, u64)) -> (f64, f64) {
     let mut rig = Rig::new();
@@ -372,7 +372,7 @@ fn shares(priorities: (u32, u32), costs: (u64, u64)) -> (f64, f64) {
         }
         let delivery = given.delivery();
         rig.complete(Completed { compute, ..given.completed(delivery) });
-        // Who had nothing to do goes on from now.
+        // Idle workers go on from now.
         for worker in rig.scheduler.fleet.workers.keys() {
             let idle = !rig.given.iter().any(|g| g.worker == *worker) || *worker == given.worker;
             let free = free_at.entry(worker.clone()).or_default();
@@ -385,12 +385,12 @@ fn shares(priorities: (u32, u32), costs: (u64, u64)) -> (f64, f64) {
 }
 
 #[test]
-fn jobs_share_by_slot_time_and_priority_not_by_the_number_of_tasks() {
+fn jobs_share_slot_time_by_priority() {
     let ratio = |(a, b): (f64, f64)| a / b;
     let even = ratio(shares((10, 10), (100, 100)));
     assert!((0.85..1.18).contains(&even), "{even}");
-    // Counted by tasks it would be 20. Not quite 1: a slot that became free while the cheap job waited for the last of a
-    // generation is the dear one's for a whole range.
+    // By tasks it would be 20. Not quite 1: a slot that became free while the cheap job waited for the last of a
+    // round is the dear one's for a whole range.
     let dear_and_cheap = ratio(shares((10, 10), (1000, 50)));
     assert!((0.75..1.33).contains(&dear_and_cheap), "{dear_and_cheap}");
     let twice = ratio(shares((20, 10), (100, 100)));
@@ -398,7 +398,7 @@ fn jobs_share_by_slot_time_and_priority_not_by_the_number_of_tasks() {
 }
 
 #[test]
-fn a_job_whose_engine_nobody_has_waits_and_says_so() {
+fn job_of_missing_engine_waits_and_says_so() {
     let mut rig = Rig::new();
     let other = NewJob { engine_digest: Digest([8; 32]), ..new_job("a", 4, 1) };
     let job = on_submit(&mut rig.scheduler, rig.now, other).id;

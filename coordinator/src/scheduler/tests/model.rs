@@ -5,8 +5,8 @@ mod check;
 use super::*;
 use proptest::prelude::*;
 
-const POPULATIONS: [u32; 3] = [1, 5, 13];
-const GENERATIONS: u32 = 3;
+const TASKS: [u32; 3] = [1, 5, 13];
+const ROUNDS: u32 = 3;
 const WORKERS: u8 = 4;
 /// One of the workers now and then computes wrongly.
 const LIAR: u8 = 0;
@@ -209,12 +209,13 @@ impl World {
         let given = self.rig.given[at].clone();
         let at_hand = self.rig.scheduler.jobs.active.get(given.job()).map(|job| job.round.number());
         let count = given.range().count as usize;
+        let bytes = |bytes: &[u8], count| std::iter::repeat_n(Arc::from(bytes), count).collect();
         let results: Vec<Arc<[u8]>> = match how {
             // Of a sealed round only digests are compared, so these would be lies.
             0 | 1 if at_hand != Some(given.range().round) => Vec::new(),
-            0 => vec![Arc::new([]); count],
-            1 => vec![Arc::new([2; 9]); count],
-            2 => vec![fake::encode(Some(1)).into(); count - 1],
+            0 => bytes(&[], count),
+            1 => bytes(&[2; 9], count),
+            2 => bytes(&fake::encode(Some(1)), count - 1),
             _ => Vec::new(),
         };
         let (quarantined, before) = (self.rig.quarantined(), self.records());
@@ -235,7 +236,7 @@ impl World {
         match step {
             Step::Submit(slot) => {
                 if !self.jobs.contains_key(&slot) {
-                    let id = self.rig.submit(NAMES[slot as usize], POPULATIONS[slot as usize], GENERATIONS);
+                    let id = self.rig.submit(NAMES[slot as usize], TASKS[slot as usize], ROUNDS);
                     self.jobs.insert(slot, id);
                 }
             }
@@ -384,7 +385,7 @@ impl World {
         self.rig.work_off();
         for (slot, id) in self.jobs.clone() {
             let record = self.rig.stored(&id);
-            let expected = expected_digest(NAMES[slot as usize], POPULATIONS[slot as usize], GENERATIONS);
+            let expected = expected_digest(NAMES[slot as usize], TASKS[slot as usize], ROUNDS);
             match record.state {
                 JobState::Succeeded => {
                     assert_eq!(at_once(self.rig.store.result(&id)).artefacts.len(), 1);
@@ -398,8 +399,8 @@ impl World {
                 JobState::Tainted => {
                     assert!(self.deceived.contains(&id), "{}", record.reason);
                     let wrong = |d: &&crate::record::Dispute| d.ruling == Some(Ruling::Tainted);
-                    let from = record.disputes.iter().find(wrong).expect("why it is").round.min(GENERATIONS);
-                    let again = self.rig.submit_again(&id, POPULATIONS[slot as usize], GENERATIONS, from);
+                    let from = record.disputes.iter().find(wrong).expect("why it is").round.min(ROUNDS);
+                    let again = self.rig.submit_again(&id, TASKS[slot as usize], ROUNDS, from);
                     self.rig.work_off();
                     // Unless an earlier lie was never found out.
                     if !self.lies.iter().any(|(job, round, _)| *job == id && *round < from) {

@@ -21,7 +21,7 @@ impl Seen {
         range.indexes().map(|index| self.tasks[&(job.clone(), range.round, index)].clone()).collect()
     }
 
-    /// What is about to be committed and sent: no result twice, nothing for a round that is sealed, the same task always.
+    /// Checks what is about to be committed and sent: no result twice, none of a sealed round, the same task always.
     pub fn writes(&mut self, actions: &[Action]) {
         for action in actions {
             match action {

@@ -1,4 +1,4 @@
-//! The promises about time: stragglers, work that stands still, machines that go away.
+//! Laws about time: stragglers, work that stands still, machines that go away.
 
 use super::*;
 
@@ -8,7 +8,7 @@ fn in_a_second(rig: &mut Rig, given: &Given) -> Verdict {
     rig.complete(Completed { compute, ..given.completed(given.delivery()) })
 }
 
-/// A job of two candidates, the second with a worker that takes its time; "fast" has a free slot.
+/// A job of two tasks, the second with a slow worker; "fast" has a free slot.
 fn straggling() -> (Rig, JobId, Given, BTreeMap<&'static str, SessionId>) {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 1);
@@ -23,7 +23,7 @@ fn straggling() -> (Rig, JobId, Given, BTreeMap<&'static str, SessionId>) {
 }
 
 #[test]
-fn a_straggler_gets_one_copy_once_it_is_clearly_late_and_the_first_result_wins() {
+fn straggler_gets_one_copy_and_first_result_wins() {
     for first in ["fast", "slow"] {
         let (mut rig, job, slow, sessions) = straggling();
         rig.now.since_start += Duration::from_millis(1900);
@@ -52,7 +52,7 @@ fn a_straggler_gets_one_copy_once_it_is_clearly_late_and_the_first_result_wins()
 }
 
 #[test]
-fn a_copy_takes_over_when_the_first_worker_goes() {
+fn copy_takes_over_from_drained_original() {
     let (mut rig, job, slow, sessions) = straggling();
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
@@ -75,7 +75,7 @@ fn a_copy_takes_over_when_the_first_worker_goes() {
 }
 
 #[test]
-fn work_that_stands_still_goes_to_others_though_its_worker_gives_signs_of_life() {
+fn stuck_lease_is_revoked_despite_heartbeats() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 1);
     let session = rig.connect("stuck", 1);
@@ -101,13 +101,13 @@ fn work_that_stands_still_goes_to_others_though_its_worker_gives_signs_of_life()
     assert!(rig.take_of("stuck").is_none(), "others first");
     rig.given.retain(|g| g.id() != fine.id());
     assert_eq!(in_a_second(&mut rig, &fine), Verdict::Accepted);
-    let again = rig.take_of("other").expect("somebody else gets it");
+    let again = rig.take_of("other").expect("another worker gets it");
     assert_eq!(again.range(), stuck.range());
     assert_eq!(rig.stored(&job).state, JobState::Running);
 }
 
 #[test]
-fn a_worker_that_does_not_count_is_left_alone_and_so_is_work_that_waits_for_its_slot() {
+fn queued_or_uncounted_lease_is_not_revoked() {
     let mut rig = Rig::new();
     rig.submit("a", 2000, 1);
     let session = rig.connect("w", 1);
@@ -131,7 +131,7 @@ fn a_worker_that_does_not_count_is_left_alone_and_so_is_work_that_waits_for_its_
 }
 
 #[test]
-fn work_that_never_reached_its_worker_is_missed_and_given_again() {
+fn undelivered_lease_is_given_again() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1, 1);
     let session = rig.connect("w", 1);
@@ -144,13 +144,13 @@ fn work_that_never_reached_its_worker_is_missed_and_given_again() {
     }
     let again = rig.take().expect("it is given again");
     assert!(again.id() != lost.id() && again.range() == lost.range());
-    assert!(rig.stored(&job).charges.is_empty(), "nobody is to blame");
+    assert!(rig.stored(&job).charges.is_empty(), "no task is to blame");
     // The first one came through after all, late: so much the better.
     assert_eq!(in_a_second(&mut rig, &lost), Verdict::Accepted);
 }
 
 #[test]
-fn what_waits_behind_a_slot_that_is_lost_goes_to_others_and_is_not_to_blame() {
+fn lease_behind_hung_slots_is_revoked_without_charge() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 1);
     let session = rig.connect("lost", 2);
@@ -167,7 +167,7 @@ fn what_waits_behind_a_slot_that_is_lost_goes_to_others_and_is_not_to_blame() {
 }
 
 #[test]
-fn a_worker_that_finds_its_own_stuck_slots_is_given_the_time_to() {
+fn worker_with_own_stuck_timeout_gets_more_time() {
     let mut rig = Rig::new();
     rig.submit("a", 1, 1);
     let stuck_after = Some(10 * LEASE);
@@ -181,7 +181,7 @@ fn a_worker_that_finds_its_own_stuck_slots_is_given_the_time_to() {
 }
 
 #[test]
-fn a_worker_that_gets_nowhere_again_and_again_gets_no_more_work_until_it_starts_anew() {
+fn repeatedly_stuck_worker_gets_no_work_until_reconnect() {
     let mut rig = Rig::new();
     rig.submit("a", 50, 1);
     let session = rig.connect("stuck", 1);
@@ -201,7 +201,7 @@ fn a_worker_that_gets_nowhere_again_and_again_gets_no_more_work_until_it_starts_
 }
 
 #[test]
-fn what_does_not_fit_before_a_machine_goes_away_is_not_handed_out_there() {
+fn leaving_worker_gets_only_tasks_that_fit() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 100, 1);
     rig.connect("w", 1);

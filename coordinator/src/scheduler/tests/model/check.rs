@@ -129,7 +129,7 @@ impl World {
         assert!(!self.rig.seen.sealed.contains_key(&next), "a sealed round stays sealed");
         let history = at_once(self.rig.store.result(id)).history;
         let numbers: Vec<u32> = history.iter().map(|row| row.index).collect();
-        assert_eq!(numbers, (0..record.rounds_sealed.min(GENERATIONS)).collect::<Vec<_>>(), "each sealed exactly once");
+        assert_eq!(numbers, (0..record.rounds_sealed.min(ROUNDS)).collect::<Vec<_>>(), "each sealed exactly once");
         let events = at_once(self.rig.store.events(id, 0, 10_000));
         let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
         assert_eq!(sequence, (1..=record.last_event).collect::<Vec<_>>(), "events without a gap");
