@@ -1,7 +1,9 @@
 //! Real coordinator and worker processes in a folder of their own, on ports of their own.
 
 use proto::v1::job_service_client::JobServiceClient;
-use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobState, Standing, SubmitJobRequest};
+use proto::v1::{
+    GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState, Standing, SubmitJobRequest,
+};
 use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
@@ -326,6 +328,11 @@ impl Sandbox {
         self.until(id, |job| job.state() == JobState::Succeeded).await;
         self.client().get_result(GetResultRequest { id: id.to_owned() }).await.expect("a result").into_inner()
     }
+}
+
+/// Whether an event is the last one of a job that has succeeded.
+pub fn is_last(event: &JobEvent) -> bool {
+    event.job.as_ref().is_some_and(|job| job.state() == JobState::Succeeded && event.sequence >= job.last_event)
 }
 
 /// What a job's procedure does, in a word: "searching".

@@ -1,7 +1,7 @@
 //! Bad networks between processes: delays, partitions in one direction, cuts. Progress resumes, and no bit changes.
 
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job, undisturbed};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, is_last, tiny_job, undisturbed};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{CancelJobRequest, Job, JobEvent, JobState, ListWorkersRequest, WatchJobRequest};
@@ -138,7 +138,7 @@ async fn watch_over_breaking_network_has_no_gap() {
     let job = sandbox.submit("r", &cheap_job(33, 12)).await;
 
     let mut events: Vec<JobEvent> = Vec::new();
-    while events.last().is_none_or(|e| e.job.as_ref().is_some_and(|job| job.state() != JobState::Succeeded)) {
+    while !events.last().is_some_and(is_last) {
         let after = events.last().map_or(0, |e| e.sequence);
         let mut client = JobServiceClient::connect(proxy.url()).await.expect("the network is up again");
         let request = WatchJobRequest { id: job.id.clone(), after };

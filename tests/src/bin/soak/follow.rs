@@ -1,5 +1,6 @@
 //! A client that submits a job again and again, watches it over everything that happens, and holds it to what it said.
 
+use cluster_tests::sandbox::is_last;
 use proto::dial::{Dial, Way};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
@@ -104,7 +105,7 @@ async fn watch(client: &mut Client, id: &str) -> Result<Vec<JobEvent>, String> {
     let mut events: Vec<JobEvent> = Vec::new();
     let mut told = (0, 0, 0);
     let mut asked = Instant::now();
-    while events.last().and_then(|e| e.job.as_ref()).is_none_or(|job| job.state() != JobState::Succeeded) {
+    while !events.last().is_some_and(is_last) {
         let job = patiently(client, |mut client| {
             let request = GetJobRequest { id: id.to_owned() };
             async move { client.get_job(request).await }
