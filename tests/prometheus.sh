@@ -43,9 +43,9 @@ until_is 'evogait_rounds_sealed_total' 0
 EVOGAIT_COORDINATOR=$url "$bin/evogait" submit scenarios/jobs/quadropod-quick.toml > "$out/job.log"
 until_is 'evogait_jobs_ended_total{state="succeeded"}' 1
 generations=$(sed -n 's/^generations *= *\([0-9]*\).*/\1/p' scenarios/jobs/quadropod-quick.toml)
-rounds=$((generations + 3)) # The preparation, the finish and the report.
-until_is 'evogait_rounds_sealed_total' "$rounds"
-until_is 'evogait_round_seconds_count' "$rounds"
+# Beside the search: the preparation, the finish and the report.
+until_is 'evogait_rounds_sealed_total' $((generations + 3))
+until_is 'evogait_round_seconds_count' $((generations + 3))
 [ "$(ask 'histogram_quantile(0.5, evogait_commit_seconds_bucket) > 0')" ] || fail "the histogram of commits is empty"
 [ "$(ask 'evogait_worker_tasks_total > 0')" ] || fail "the worker counts nothing"
 # Every series that an alarm looks at is there.

@@ -126,10 +126,10 @@ pub(crate) fn is_stored(event: &v1::JobEvent) -> bool {
     !matches!(event.event, Some(job_event::Event::TasksDone(_)))
 }
 
-/// Whether the job of an event has ended.
-pub(crate) fn has_ended(event: &v1::JobEvent) -> bool {
-    let state = event.job.as_ref().and_then(|job| asked_state(job.state()));
-    state.is_some_and(JobState::is_end)
+/// Whether an event is its job's last one. The seal of the last round is followed by the job's end.
+pub(crate) fn is_last(event: &v1::JobEvent) -> bool {
+    let Some(job) = &event.job else { return false };
+    asked_state(job.state()).is_some_and(JobState::is_end) && event.sequence >= job.last_event
 }
 
 /// A message for a worker.

@@ -63,11 +63,11 @@ impl Told {
         if let Some(before) = &self.job {
             assert_eq!(now.id, before.id, "the same request is the same job");
             assert!(now.last_event >= before.last_event, "{now:?} after {before:?}");
-            assert!(now.generations_done >= before.generations_done, "{now:?} after {before:?}");
+            assert!(now.rounds_sealed >= before.rounds_sealed, "{now:?} after {before:?}");
             if now.last_event == before.last_event {
                 // The round is read a moment after the record: it belongs to it only if the record stands still.
-                assert!(before.round_done >= self.round_done, "{before:?} after {} were done", self.round_done);
-                self.round_done = before.round_done;
+                assert!(before.tasks_done >= self.round_done, "{before:?} after {} were done", self.round_done);
+                self.round_done = before.tasks_done;
             } else {
                 self.round_done = 0;
             }
@@ -180,7 +180,7 @@ async fn ask(
         return Ok(Some(Life::Over));
     }
     match wish {
-        Wish::Cancel if now.generations_done > 0 => {
+        Wish::Cancel if now.rounds_sealed > 1 => {
             let answer = client.cancel_job(CancelJobRequest { id }).await?.into_inner().job.expect("the job");
             assert_eq!(answer.state(), JobState::Cancelled);
             told.cancelled = true;

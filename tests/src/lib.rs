@@ -1,6 +1,7 @@
 //! Tests across processes: real coordinators and workers, talking over loopback, killed at will.
 
 pub mod certificates;
+pub mod chains;
 pub mod crashes;
 pub mod openmetrics;
 pub mod parsers;

@@ -1,6 +1,7 @@
 //! Every parser as a function of bytes: what `fuzz/` feeds, and what the recorded inputs in `fuzz/regressions` are run
 //! through. A parser may refuse; it may not panic, hang or take memory without bound.
 
+use crate::sandbox::tiny_job;
 use prost::Message;
 use proto::{credentials::Token, dial::Addresses, v1};
 use sim_core::base::limits::MAX_TOML_LENGTH;
@@ -11,7 +12,11 @@ use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::physics::{Physics, Scale};
-use sim_core::problem::Job;
+use sim_core::problem::{Checked, Job, Preparation};
+use sim_core::procedure::evolve::{Task, TaskResult};
+use sim_core::procedure::preparing::Outcome;
+use sim_core::procedure::{self, Bench, Hooks, Procedure};
+use std::sync::{Arc, LazyLock};
 
 /// A parser.
 pub type Parser = fn(&[u8]);
@@ -26,8 +31,11 @@ pub const PARSERS: &[(&str, Parser)] = &[
     ("fidelity", fidelity),
     ("hello", coordinator::parsers::hello),
     ("complete", coordinator::parsers::complete),
-    ("assign", assign),
     ("messages", messages),
+    ("task", task),
+    ("task-result", task_result),
+    ("preparation", preparation),
+    ("state", state),
     ("blob", coordinator::parsers::blob),
     ("store-url", |bytes| with_text(bytes, coordinator::parsers::store_url)),
     ("tokens", |bytes| with_text(bytes, coordinator::parsers::tokens)),
@@ -38,8 +46,6 @@ pub const PARSERS: &[(&str, Parser)] = &[
 /// Inputs that a parser takes, to begin with.
 pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
     let shipped = |entries: &[Entry]| entries.iter().map(|entry| entry.toml.as_bytes().to_vec()).collect();
-    let candidate = || v1::ScoredCandidate { generation: 1, candidate: 2, score: Some(0.5), genome: vec![0.1, -0.0] };
-    let counts = || v1::Counts { rollouts: 1, simulated_ms: 1000, ..Default::default() };
     match parser {
         "job" | "job-spec" => shipped(catalogue::jobs()),
         "robot" => shipped(catalogue::robots()),
@@ -69,50 +75,49 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
             vec![hello.encode_to_vec()]
         }
         "complete" => {
-            let evaluations = vec![v1::EvaluationResult { score: Some(0.5), counts: Some(counts()) }; 2];
-            let evaluated = v1::EvaluateResult { generation: 1, first: 2, evaluations };
-            let scores = vec![v1::Score { score: Some(f64::NAN) }, v1::Score { score: None }];
-            let traces_json = b"{\"gaits\":[]}".to_vec();
-            let examined = v1::ExamineResult { round: 1, index: 2, scores, counts: Some(counts()), traces_json };
-            let with = |result| v1::CompleteRequest {
+            let with = |outcome| v1::CompleteRequest {
                 worker_id: "w".to_owned(),
                 assignment_id: 7,
                 job_id: "j1".to_owned(),
                 engine_digest: vec![7; 32],
-                result: Some(result),
+                round: 2,
+                first: 2,
+                count: 2,
+                permit: vec![1; 64],
                 compute_us: 1000,
+                outcome: Some(outcome),
+                tasks: vec![vec![2]; 2],
             };
             [
-                v1::complete_request::Result::Evaluate(evaluated),
-                v1::complete_request::Result::Examine(examined),
-                v1::complete_request::Result::Failure("it panicked".to_owned()),
+                v1::complete_request::Outcome::Results(v1::Results { results: vec![vec![3; 9]; 2] }),
+                v1::complete_request::Outcome::Failure("it panicked".to_owned()),
             ]
-            .map(|result| with(result).encode_to_vec())
+            .map(|outcome| with(outcome).encode_to_vec())
             .into()
         }
-        "assign" => {
-            let genomes = vec![v1::Genome { values: vec![0.1, 0.2] }; 2];
-            let evaluate = v1::EvaluateTask { generation: 1, first: 2, genomes };
-            let examine = v1::ExamineTask { round: 1, index: 2, question: 1, candidate: Some(candidate()) };
-            [v1::assign::Task::Evaluate(evaluate), v1::assign::Task::Examine(examine)]
-                .map(|task| {
-                    let assign = v1::Assign { job_id: "j1".to_owned(), task: Some(task), ..Default::default() };
-                    let message = Some(v1::coordinator_message::Message::Assign(assign));
-                    v1::CoordinatorMessage { message }.encode_to_vec()
-                })
-                .into()
-        }
         "messages" => {
-            let job =
-                v1::Job { id: "j1".to_owned(), best: Some(candidate()), counts: Some(counts()), ..Default::default() };
+            let best = v1::Value { name: "best".to_owned(), unit: "%".to_owned(), value: Some(f64::NAN) };
+            let row = v1::Row { series: "generations".to_owned(), index: 1, values: vec![best.clone()] };
+            let progress = v1::Progress { phase: "searching".to_owned(), values: vec![best], ..Default::default() };
+            let job = v1::Job { id: "j1".to_owned(), progress: Some(progress.clone()), ..Default::default() };
             let event = v1::JobEvent { sequence: 1, job: Some(job), ..Default::default() };
-            vec![
-                [&[4], event.encode_to_vec().as_slice()].concat(),
-                [&[8], candidate().encode_to_vec().as_slice()].concat(),
+            let assign = v1::Assign { job_id: "j1".to_owned(), tasks: vec![vec![1; 9]], ..Default::default() };
+            let message = Some(v1::coordinator_message::Message::Assign(assign));
+            [
+                (4, event.encode_to_vec()),
+                (8, row.encode_to_vec()),
+                (9, progress.encode_to_vec()),
+                (10, v1::CoordinatorMessage { message }.encode_to_vec()),
             ]
+            .map(|(kind, message)| [&[kind], message.as_slice()].concat())
+            .into()
         }
-        // A version byte, then a message.
-        "blob" => vec![[&[1], candidate().encode_to_vec().as_slice()].concat()],
+        "task" => EXAMPLE.tasks.clone(),
+        "task-result" => EXAMPLE.results.clone(),
+        "preparation" => vec![EXAMPLE.outcome.clone(), EXAMPLE.preparation.clone()],
+        "state" => EXAMPLE.states.clone(),
+        // A version byte, then MessagePack by field name: results and the worker that delivered them.
+        "blob" => vec![b"\x02\x82\xa7results\x91\xc4\x01\x07\xa6finder\x82\xa6worker\xa1w\xa4host\xa1h".to_vec()],
         "store-url" => {
             ["sqlite:a/b.db", "sqlite:///a.db", "memory:", "postgres://user:word@host:5432/name?sslmode=disable"]
                 .map(|text| text.as_bytes().to_vec())
@@ -175,26 +180,12 @@ fn fidelity(bytes: &[u8]) {
     with_text(bytes, |text| drop(Known::from_toml(text)));
 }
 
-/// What a worker is told to do.
-fn assign(bytes: &[u8]) {
-    let Ok(v1::CoordinatorMessage { message: Some(v1::coordinator_message::Message::Assign(assign)) }) =
-        v1::CoordinatorMessage::decode(bytes)
-    else {
-        return;
-    };
-    match assign.task {
-        Some(v1::assign::Task::Evaluate(task)) => drop(proto::range_length(task.first, task.genomes.len())),
-        Some(v1::assign::Task::Examine(task)) => drop(proto::examination(task)),
-        None => {}
-    }
-}
-
 /// Everything else that crosses the wire.
 fn messages(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;
     };
-    match kind % 10 {
+    match kind % 11 {
         0 => drop(v1::SubmitJobRequest::decode(bytes)),
         1 => drop(v1::ListJobsRequest::decode(bytes)),
         2 => drop(v1::WatchJobRequest::decode(bytes)),
@@ -203,8 +194,102 @@ fn messages(bytes: &[u8]) {
         5 => drop(v1::GetResultResponse::decode(bytes)),
         6 => drop(v1::ListWorkersResponse::decode(bytes)),
         7 => drop(v1::ListJobsResponse::decode(bytes)),
-        8 => drop(v1::ScoredCandidate::decode(bytes).map(sim_core::search::Scored::try_from)),
-        _ => drop(v1::EvaluateResult::decode(bytes).map(|result| proto::evaluations(&result))),
+        8 => drop(v1::Row::decode(bytes).map(procedure::Row::from)),
+        9 => drop(v1::Progress::decode(bytes).map(procedure::Progress::from)),
+        _ => drop(v1::CoordinatorMessage::decode(bytes)),
+    }
+}
+
+/// A small job and what its rounds look like as bytes.
+struct Example {
+    problem: Checked,
+    /// Its preparation, as all later tasks share it.
+    preparation: Vec<u8>,
+    /// The result of round 0.
+    outcome: Vec<u8>,
+    /// Its search, before the first generation.
+    searching: Vec<u8>,
+    /// Before round 0 and before the first generation.
+    states: Vec<Vec<u8>>,
+    /// Of the first generation.
+    tasks: Vec<Vec<u8>>,
+    results: Vec<Vec<u8>>,
+}
+
+static EXAMPLE: LazyLock<Example> = LazyLock::new(|| Example::of(&tiny_job(1, 2)));
+
+/// Lets everything run to its end.
+struct Patient;
+
+impl Hooks for Patient {
+    fn stop(&self) -> bool {
+        false
+    }
+}
+
+impl Example {
+    fn of(job_toml: &str) -> Self {
+        let problem = Checked::from_toml(job_toml).expect("a valid job");
+        let bench = Bench::of(problem.clone());
+        let mut procedure = procedure::start(&problem).expect("a valid job");
+        let before = procedure.save();
+        let outcome = bench.run(0, &[], &[(0, procedure.task(0))], &Patient).expect("it runs").swap_remove(0);
+        let _ = procedure.tell(&[outcome.clone().into()]);
+        let round = procedure.round();
+        let tasks: Vec<Vec<u8>> = (0..round.tasks).map(|index| procedure.task(index)).collect();
+        let numbered: Vec<(u32, Vec<u8>)> = (0..).zip(tasks.clone()).collect();
+        let results = bench.run(round.number, &round.shared, &numbered, &Patient).expect("it runs");
+        let searching = procedure.save();
+        let states = vec![before, searching.clone()];
+        Self { problem, preparation: round.shared.to_vec(), outcome, searching, states, tasks, results }
+    }
+
+    fn procedure(&self, saved: &[u8]) -> Option<Box<dyn Procedure>> {
+        procedure::load(&self.problem, saved).ok()
+    }
+}
+
+/// A task of a search, as a worker reads it.
+fn task(bytes: &[u8]) {
+    if let Ok(task) = Task::decode(bytes) {
+        assert_eq!(task.encode(), bytes, "a task has one encoding");
+    }
+}
+
+/// A result of a task, as a coordinator reads and checks it.
+fn task_result(bytes: &[u8]) {
+    let decoded = TaskResult::decode(bytes);
+    let searching = EXAMPLE.procedure(&EXAMPLE.searching).expect("what was saved can be loaded");
+    let checked = searching.check(0, bytes);
+    let _ = searching.show(bytes);
+    match decoded {
+        Ok(result) => assert_eq!(result.encode(), bytes, "a result has one encoding"),
+        Err(_) => assert!(checked.is_err(), "what can't be read is refused"),
+    }
+}
+
+/// The result of round 0, and what later rounds share.
+fn preparation(bytes: &[u8]) {
+    if let Ok(outcome) = Outcome::decode(bytes) {
+        assert_eq!(outcome.encode(), bytes, "an outcome has one encoding");
+    }
+    if let Ok(preparation) = Preparation::decode(bytes) {
+        assert_eq!(preparation.encode(), bytes, "a preparation has one encoding");
+        let _ = EXAMPLE.problem.takes(&preparation);
+    }
+    let preparing = procedure::start(&EXAMPLE.problem).expect("a valid job");
+    let _ = (preparing.check(0, bytes), preparing.show(bytes));
+}
+
+/// A saved state of a job, and the round that it is in.
+fn state(bytes: &[u8]) {
+    if let Some(mut procedure) = EXAMPLE.procedure(bytes) {
+        let round = procedure.round();
+        let _ = (procedure.task(round.tasks - 1), procedure.describe(0), procedure.progress(), procedure.save());
+        let result: Arc<[u8]> = EXAMPLE.results[0].clone().into();
+        if (0..round.tasks).all(|index| procedure.check(index, &result).is_ok()) {
+            let _ = procedure.tell(&vec![result; round.tasks as usize]);
+        }
     }
 }
 

@@ -1,7 +1,9 @@
 //! Real coordinator and worker processes in a folder of their own, on ports of their own.
 
 use proto::v1::job_service_client::JobServiceClient;
-use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, Job, JobState, SubmitJobRequest};
+use proto::v1::{
+    GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState, Standing, SubmitJobRequest,
+};
 use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
@@ -84,6 +86,16 @@ impl Process {
     pub fn signal(&self, name: &str) {
         let status = Command::new("kill").arg(format!("-{name}")).arg(self.0.id().to_string()).status();
         assert!(status.expect("kill runs").success());
+    }
+
+    /// CPU time that it has used so far, in steps of 10 ms.
+    pub fn cpu_time(&self) -> Duration {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.0.id())).expect("a process has its numbers");
+        // Its name may have spaces in it.
+        let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+        let ticks: u64 = fields[11..13].iter().map(|field| field.parse::<u64>().expect("a count")).sum();
+        // Linux counts hundredths of a second for programs.
+        Duration::from_millis(ticks * 10)
     }
 
     /// Whether it has ended.
@@ -291,6 +303,12 @@ impl Sandbox {
         }
     }
 
+    /// Where a job that has not ended stands: who works on what, and what went wrong.
+    pub async fn standing(&self, id: &str) -> Standing {
+        let answer = self.client().get_job(GetJobRequest { id: id.to_owned() }).await.expect("an answer").into_inner();
+        answer.standing.expect("it has not ended")
+    }
+
     /// Waits until a job is as wanted.
     pub async fn until(&self, id: &str, wanted: impl Fn(&Job) -> bool) -> Job {
         let start = Instant::now();
@@ -310,6 +328,23 @@ impl Sandbox {
         self.until(id, |job| job.state() == JobState::Succeeded).await;
         self.client().get_result(GetResultRequest { id: id.to_owned() }).await.expect("a result").into_inner()
     }
+}
+
+/// Whether an event is the last one of a job that has succeeded.
+pub fn is_last(event: &JobEvent) -> bool {
+    event.job.as_ref().is_some_and(|job| job.state() == JobState::Succeeded && event.sequence >= job.last_event)
+}
+
+/// What a job's procedure does, in a word: "searching".
+pub fn phase(job: &Job) -> &str {
+    job.progress.as_ref().map_or("", |progress| progress.phase.as_str())
+}
+
+/// A number that a job's procedure reports, such as "evaluations".
+pub fn value(job: &Job, name: &str) -> f64 {
+    let values = job.progress.iter().flat_map(|progress| &progress.values);
+    let value = values.filter(|value| value.name == name).find_map(|value| value.value);
+    value.unwrap_or_else(|| panic!("{name} is not told: {job:?}"))
 }
 
 /// An address of this machine that was free a moment ago.

@@ -1,19 +1,19 @@
-//! A worker whose every word is chosen by the test: it speaks the protocol, and lies or fails when it is told to.
+//! A worker whose every message is chosen by the test: it follows the protocol, and fails or falsifies results on request.
 
 use crate::sandbox::{PATIENCE, Sandbox};
 use proto::credentials::Credentials;
 use proto::dial::{Dial, Way};
-use proto::v1::complete_request::Result as Outcome;
+pub use proto::v1::complete_request::Outcome;
 use proto::v1::complete_response::Verdict;
 use proto::v1::worker_service_client::WorkerServiceClient;
 use proto::v1::{
-    Assign, CompleteRequest, CoordinatorMessage, EvaluateResult, EvaluateTask, ExamineResult, Heartbeat, Hello,
-    WorkerMessage, assign, coordinator_message, worker_message,
+    Assign, CompleteRequest, CoordinatorMessage, Drain, Heartbeat, Hello, Results, WorkerMessage, coordinator_message,
+    worker_message,
 };
 use sim_core::base::digest::Digest;
-use sim_core::evaluate::evaluate;
-use sim_core::problem::Job;
-use sim_core::procedure::evolve::finish::{Answer, examine};
+use sim_core::procedure::evolve::{Task, TaskResult};
+use sim_core::procedure::{Bench, Hooks};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::mpsc::{UnboundedSender, unbounded_channel};
@@ -26,11 +26,16 @@ pub struct Scripted {
     id: String,
     client: WorkerServiceClient<Way>,
     heard: Streaming<CoordinatorMessage>,
-    /// What it was ever given: it says that it still works on it.
+    said: UnboundedSender<WorkerMessage>,
+    /// All assignments it was ever given: its heartbeats name them as running.
     given: Arc<Mutex<Vec<u64>>>,
-    /// The engine that it says it computes on, if it plays a worker of another build.
+    /// The engine that it reports, if it plays a worker of another build.
     other_build: Option<Digest>,
-    /// Gives signs of life.
+    /// The jobs that it was sent, by id.
+    jobs: BTreeMap<String, Bench>,
+    /// What rounds share, by digest.
+    shared: BTreeMap<Vec<u8>, Vec<u8>>,
+    /// Sends heartbeats.
     heart: JoinHandle<()>,
 }
 
@@ -49,7 +54,7 @@ impl Scripted {
         Self::join_by(open(sandbox), id).await
     }
 
-    /// The same at a door that may be closed.
+    /// The same over a connection with credentials.
     pub async fn join_by(way: Way, id: &str) -> Self {
         Self::connect(way, id, None).await.expect("it is let in")
     }
@@ -79,8 +84,9 @@ impl Scripted {
         let stream = UnboundedReceiverStream::new(outgoing);
         let heard = client.session(stream).await?.into_inner();
         let given = Arc::new(Mutex::new(Vec::new()));
-        let heart = tokio::spawn(beat(said, given.clone()));
-        Ok(Self { id: id.to_owned(), client, heard, given, other_build, heart })
+        let heart = tokio::spawn(beat(said.clone(), given.clone()));
+        let (id, jobs, shared) = (id.to_owned(), BTreeMap::new(), BTreeMap::new());
+        Ok(Self { id, client, heard, said, given, other_build, jobs, shared, heart })
     }
 
     /// The next thing it is told.
@@ -99,62 +105,110 @@ impl Scripted {
         }
     }
 
-    /// The next evaluations it is given.
-    pub async fn is_given(&mut self) -> (Assign, EvaluateTask) {
+    /// The next assignment it is given, whatever its tasks.
+    pub async fn is_given_any(&mut self) -> Assign {
         loop {
-            if let coordinator_message::Message::Assign(assign) = self.hears().await
-                && let Some(assign::Task::Evaluate(task)) = assign.task.clone()
-            {
+            if let coordinator_message::Message::Assign(assign) = self.hears().await {
                 self.given.lock().expect("nobody panics with it").push(assign.assignment_id);
-                return (assign, task);
+                if !assign.job_toml.is_empty() {
+                    let bench = Bench::open(&assign.job_toml).expect("a job that was taken in is valid");
+                    self.jobs.insert(assign.job_id.clone(), bench);
+                }
+                if !assign.shared.is_empty() {
+                    self.shared.insert(assign.shared_digest.clone(), assign.shared.clone());
+                }
+                return assign;
             }
         }
     }
 
-    /// Does honestly all that it is given of a job, for as long as it is let.
-    pub async fn works(mut self, job: Job) {
+    /// The next evaluations it is given. Preparations that come before them it carries out.
+    pub async fn is_given(&mut self) -> Assign {
         loop {
-            let coordinator_message::Message::Assign(assign) = self.hears().await else { continue };
-            self.given.lock().expect("nobody panics with it").push(assign.assignment_id);
-            let outcome = match assign.task.clone().expect("an assignment has a task") {
-                assign::Task::Evaluate(task) => honest(&job, &task),
-                assign::Task::Examine(task) => {
-                    let (round, index) = (task.round, task.index);
-                    let examination = proto::examination(task).expect("a question");
-                    let Answer { scores, counts, traces } =
-                        examine(&job, &examination, &|| false).expect("nobody stops it");
-                    let traces_json = traces.map(|t| serde_json::to_vec(&t).expect("traces are JSON"));
-                    Outcome::Examine(ExamineResult {
-                        round,
-                        index,
-                        scores: proto::scores(&scores),
-                        counts: Some(counts.into()),
-                        traces_json: traces_json.unwrap_or_default(),
-                    })
-                }
-            };
-            self.delivers(&assign, &job, outcome).await;
+            let assign = self.is_given_any().await;
+            if assign.round == 0 {
+                let prepared = self.honest(&assign);
+                self.delivers(&assign, prepared).await;
+            } else if matches!(task(&assign), Task::Evaluate { .. }) {
+                return assign;
+            }
         }
     }
 
-    /// Delivers in its own name.
-    pub async fn delivers(&mut self, assign: &Assign, job: &Job, outcome: Outcome) -> Verdict {
-        let id = self.id.clone();
-        self.delivers_as(&id, assign, job, outcome).await
+    /// Carries out all that it is given, without an end.
+    pub async fn works(mut self) {
+        loop {
+            let assign = self.is_given_any().await;
+            let outcome = self.honest(&assign);
+            self.delivers(&assign, outcome).await;
+        }
     }
 
-    /// Delivers in the name of any worker.
-    pub async fn delivers_as(&mut self, worker: &str, assign: &Assign, job: &Job, outcome: Outcome) -> Verdict {
-        let request = CompleteRequest {
-            worker_id: worker.to_owned(),
+    /// The right results of an assignment that it was given.
+    pub fn honest(&self, assign: &Assign) -> Outcome {
+        let bench = self.jobs.get(&assign.job_id).expect("the job's text came with its first assignment");
+        let shared = self.shared.get(&assign.shared_digest).map(Vec::as_slice).unwrap_or_default();
+        let tasks: Vec<(u32, Vec<u8>)> = (assign.first..).zip(assign.tasks.clone()).collect();
+        let results = bench.run(assign.round, shared, &tasks, &Patient).expect("tasks of this build run");
+        Outcome::Results(Results { results })
+    }
+
+    /// Announces that it stops, and returns what it was given. It may deliver results all the same.
+    pub fn gives_back(&self) {
+        self.given.lock().expect("nobody panics with it").clear();
+        let drain =
+            worker_message::Message::Drain(Drain { reason: "the test says so".to_owned(), finishing: Vec::new() });
+        self.said.send(WorkerMessage { message: Some(drain) }).expect("the session stands");
+    }
+
+    /// A delivery of an outcome, as a worker sends it.
+    pub fn delivery(&self, assign: &Assign, outcome: Outcome) -> CompleteRequest {
+        let engine = self.other_build.unwrap_or_else(|| self.jobs[&assign.job_id].engine_digest());
+        CompleteRequest {
+            worker_id: self.id.clone(),
             assignment_id: assign.assignment_id,
             job_id: assign.job_id.clone(),
-            engine_digest: self.other_build.unwrap_or_else(|| job.engine_digest()).0.to_vec(),
-            result: Some(outcome),
+            engine_digest: engine.0.to_vec(),
+            round: assign.round,
+            first: assign.first,
+            count: assign.tasks.len() as u32,
+            permit: assign.permit.clone(),
             compute_us: 1000,
-        };
-        self.client.complete(request).await.expect("it is answered").into_inner().verdict()
+            outcome: Some(outcome),
+            tasks: Vec::new(),
+        }
     }
+
+    /// Sends any delivery.
+    pub async fn sends(&mut self, delivery: CompleteRequest) -> Result<Verdict, Status> {
+        Ok(self.client.complete(delivery).await?.into_inner().verdict())
+    }
+
+    /// Delivers an outcome of an assignment.
+    pub async fn delivers(&mut self, assign: &Assign, outcome: Outcome) -> Verdict {
+        let delivery = self.delivery(assign, outcome);
+        self.sends(delivery).await.expect("it is answered")
+    }
+
+    /// The same with the tasks beside it, as [`Verdict::NeedsTasks`] asks for.
+    pub async fn delivers_with_tasks(&mut self, assign: &Assign, outcome: Outcome) -> Verdict {
+        let delivery = CompleteRequest { tasks: assign.tasks.clone(), ..self.delivery(assign, outcome) };
+        self.sends(delivery).await.expect("it is answered")
+    }
+}
+
+/// Lets tasks run to their end.
+struct Patient;
+
+impl Hooks for Patient {
+    fn stop(&self) -> bool {
+        false
+    }
+}
+
+/// The first task of an assignment of a search or of what follows it.
+pub fn task(assign: &Assign) -> Task {
+    Task::decode(&assign.tasks[0]).expect("a task of this build")
 }
 
 fn open(sandbox: &Sandbox) -> Way {
@@ -172,18 +226,19 @@ async fn beat(said: UnboundedSender<WorkerMessage>, given: Arc<Mutex<Vec<u64>>>)
     }
 }
 
-/// What an honest worker delivers for a task.
-pub fn honest(job: &Job, task: &EvaluateTask) -> Outcome {
-    let candidates: Vec<_> = (task.first..).zip(task.genomes.iter().map(|g| g.values.clone())).collect();
-    let done = evaluate(job, task.generation, &candidates, &|| false).expect("nobody stops it");
-    let evaluations = done.iter().map(Into::into).collect();
-    Outcome::Evaluate(EvaluateResult { generation: task.generation, first: task.first, evaluations })
+/// The same results, the first one changed.
+pub fn with_first(outcome: Outcome, change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Outcome {
+    let Outcome::Results(Results { mut results }) = outcome else { panic!("results") };
+    results[0] = change(std::mem::take(&mut results[0]));
+    Outcome::Results(Results { results })
 }
 
-/// The same with the last bit of the first score flipped.
+/// The same results with the last bit of the first score flipped.
 pub fn one_bit_off(outcome: Outcome) -> Outcome {
-    let Outcome::Evaluate(mut result) = outcome else { panic!("evaluations") };
-    let first = result.evaluations.first_mut().expect("a range is not empty");
-    first.score = Some(first.score.map_or(1.0, |score| f64::from_bits(score.to_bits() ^ 1)));
-    Outcome::Evaluate(result)
+    with_first(outcome, |result| {
+        let mut result = TaskResult::decode(&result).expect("a result of this build");
+        let TaskResult::Evaluated { score, .. } = &mut result else { panic!("an evaluation") };
+        *score = Some(score.map_or(1.0, |score| f64::from_bits(score.to_bits() ^ 1)));
+        result.encode()
+    })
 }

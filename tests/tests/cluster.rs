@@ -1,8 +1,10 @@
 //! Coordinator and workers as processes of their own.
 
-use cluster_tests::sandbox::{Process, Sandbox, output_of, program, tiny_job};
+use cluster_tests::sandbox::{Process, Sandbox, output_of, phase, program, tiny_job, value};
 use proto::v1::job_event::Event;
-use proto::v1::{CancelJobRequest, JobEvent, JobState, ListWorkersRequest, SubmitJobRequest, WatchJobRequest};
+use proto::v1::{
+    CancelJobRequest, JobEvent, JobState, ListWorkersRequest, RoundSealed, SubmitJobRequest, WatchJobRequest,
+};
 use std::time::Duration;
 use tonic::{Code, Status};
 
@@ -25,15 +27,15 @@ async fn digest_of(job: &str, generations: u32, workers: usize) -> Vec<u8> {
     let result = sandbox.result(&job.id).await;
     assert_eq!(result.result_digest.len(), 32);
     assert_eq!(result.history.len(), generations as usize);
-    let report: serde_json::Value = serde_json::from_slice(&result.report_json).expect("the report is JSON");
-    assert_eq!(report["winner"]["score"].as_f64(), result.winner.and_then(|w| w.score));
+    let report = result.artefacts.iter().find(|artefact| artefact.name == "report").expect("a report");
+    let report: serde_json::Value = serde_json::from_slice(&report.content).expect("the report is JSON");
     assert_eq!(report["archive"].as_array().map(Vec::len), Some(3));
     assert_eq!(report["winner"], report["archive"][0]["candidate"]);
     result.result_digest
 }
 
 #[tokio::test]
-async fn the_same_job_gives_the_same_bits_with_one_two_and_five_workers() {
+async fn same_job_on_more_workers_gives_same_bits() {
     let one = digest_with_workers(1, GENERATIONS, 1).await;
     assert_eq!(one, digest_with_workers(1, GENERATIONS, 2).await);
     assert_eq!(one, digest_with_workers(1, GENERATIONS, 5).await);
@@ -41,7 +43,7 @@ async fn the_same_job_gives_the_same_bits_with_one_two_and_five_workers() {
 }
 
 #[tokio::test]
-async fn so_does_a_job_that_searches_on_the_lockstep_engine_and_finishes_on_rapier() {
+async fn lockstep_search_finished_on_rapier_gives_same_bits() {
     let job = tiny_job(1, GENERATIONS).replace("\"rapier\"", "\"lockstep\"");
     let one = digest_of(&job, GENERATIONS, 1).await;
     assert_eq!(one, digest_of(&job, GENERATIONS, 2).await);
@@ -49,12 +51,12 @@ async fn so_does_a_job_that_searches_on_the_lockstep_engine_and_finishes_on_rapi
 }
 
 #[tokio::test]
-async fn a_killed_worker_changes_no_bit() {
+async fn killed_worker_changes_no_bit() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let victim = sandbox.worker(2);
     let job = sandbox.submit("r", &tiny_job(3, GENERATIONS)).await;
-    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
     victim.kill_9();
     assert_eq!(sandbox.job(&job.id).await.state(), JobState::Running, "it was killed in mid-run");
     let _other = sandbox.worker(1);
@@ -62,12 +64,12 @@ async fn a_killed_worker_changes_no_bit() {
 }
 
 #[tokio::test]
-async fn a_worker_that_is_told_to_stop_gives_its_work_back_at_once() {
+async fn stopped_worker_returns_its_work_at_once() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let leaves = sandbox.worker(2);
     let job = sandbox.submit("r", &tiny_job(13, GENERATIONS)).await;
-    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
     let _stays = sandbox.worker(1);
     assert_eq!(leaves.terminate(), Some(0));
     let running = sandbox.job(&job.id).await;
@@ -78,17 +80,17 @@ async fn a_worker_that_is_told_to_stop_gives_its_work_back_at_once() {
 }
 
 #[tokio::test]
-async fn a_killed_coordinator_goes_on_where_it_was_and_changes_no_bit() {
+async fn killed_coordinator_resumes_and_changes_no_bit() {
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();
     let _worker = sandbox.worker(2);
     let job = sandbox.submit("r", &tiny_job(4, 6)).await;
     for generations in [1, 3] {
-        let before = sandbox.until(&job.id, |job| job.generations_done >= generations).await;
+        let before = sandbox.until(&job.id, |job| job.rounds_sealed >= generations).await;
         coordinator.kill_9();
         coordinator = sandbox.coordinator();
         let after = sandbox.job(&job.id).await;
-        assert!(after.generations_done >= before.generations_done, "what was told was stored");
+        assert!(after.rounds_sealed >= before.rounds_sealed, "what was told was stored");
     }
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(4, 6).await);
     drop(coordinator);
@@ -100,14 +102,14 @@ fn long_finish(seed: u32) -> String {
 }
 
 #[tokio::test]
-async fn whoever_is_killed_in_the_finish_changes_no_bit() {
+async fn kills_during_finish_change_no_bit() {
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();
     let mut worker = sandbox.worker(2);
     let job = sandbox.submit("r", &long_finish(14)).await;
     // The coordinator, the worker, and both of them.
     for (done, dies) in [(2, [true, false]), (4, [false, true]), (6, [true, true])] {
-        let half = |job: &proto::v1::Job| job.state() == JobState::Finishing && job.round_done >= done;
+        let half = |job: &proto::v1::Job| phase(job) == "finishing" && job.tasks_done >= done;
         let before = sandbox.until(&job.id, half).await;
         if dies[0] {
             coordinator.kill_9();
@@ -118,9 +120,9 @@ async fn whoever_is_killed_in_the_finish_changes_no_bit() {
             worker = sandbox.worker(1);
         }
         let after = sandbox.job(&job.id).await;
-        assert!(after.round_done >= before.round_done, "what was told was stored");
+        assert!(after.tasks_done >= before.tasks_done, "what was told was stored");
     }
-    sandbox.until(&job.id, |job| job.state() == JobState::Reporting && job.round_done >= 1).await;
+    sandbox.until(&job.id, |job| phase(job) == "reporting" && job.tasks_done >= 1).await;
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
     let digest = sandbox.result(&job.id).await.result_digest;
@@ -134,7 +136,7 @@ async fn whoever_is_killed_in_the_finish_changes_no_bit() {
 }
 
 #[tokio::test]
-async fn submitting_twice_gives_one_job() {
+async fn repeated_submission_gives_one_job() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let first = sandbox.submit("same", &tiny_job(5, 2)).await;
@@ -158,7 +160,7 @@ async fn submitting_twice_gives_one_job() {
 }
 
 #[tokio::test]
-async fn of_two_jobs_submitted_at_once_under_one_request_id_only_one_is_taken() {
+async fn concurrent_submissions_under_one_request_id_take_one() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let submit = |seed| {
@@ -175,12 +177,12 @@ async fn of_two_jobs_submitted_at_once_under_one_request_id_only_one_is_taken() 
 }
 
 #[tokio::test]
-async fn a_cancelled_job_stays_cancelled() {
+async fn cancelled_job_stays_cancelled() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let worker = sandbox.worker(2);
     let job = sandbox.submit("r", &tiny_job(7, 1000)).await;
-    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
     let cancel = || CancelJobRequest { id: job.id.clone() };
     let cancelled = sandbox.client().cancel_job(cancel()).await.unwrap().into_inner().job.unwrap();
     assert_eq!(cancelled.state(), JobState::Cancelled);
@@ -203,7 +205,7 @@ async fn watch(sandbox: &Sandbox, id: &str, after: u64, most: usize) -> Vec<JobE
     while events.len() < most
         && let Some(event) = stream.message().await.expect("the stream ends in an orderly way")
     {
-        if !matches!(event.event, Some(Event::Progress(_))) {
+        if !matches!(event.event, Some(Event::TasksDone(_))) {
             events.push(event);
         }
     }
@@ -211,7 +213,7 @@ async fn watch(sandbox: &Sandbox, id: &str, after: u64, most: usize) -> Vec<JobE
 }
 
 #[tokio::test]
-async fn watching_resumes_without_a_gap() {
+async fn resumed_watch_has_no_gap() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let _worker = sandbox.worker(2);
@@ -224,9 +226,11 @@ async fn watching_resumes_without_a_gap() {
     let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
     assert_eq!(sequence, (1..=events.len() as u64).collect::<Vec<_>>());
     assert_eq!(events.last().unwrap().job.as_ref().unwrap().state(), JobState::Succeeded);
-    let generation =
-        |e: &JobEvent| if let Some(Event::GenerationSealed(g)) = &e.event { Some(g.generation) } else { None };
-    assert_eq!(events.iter().filter_map(generation).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    let sealed = |e: &JobEvent| if let Some(Event::RoundSealed(round)) = &e.event { Some(round.clone()) } else { None };
+    let sealed: Vec<RoundSealed> = events.iter().filter_map(sealed).collect();
+    assert_eq!(sealed.iter().map(|round| round.round).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7]);
+    let rows = sealed.iter().filter_map(|round| round.row.as_ref()).map(|row| row.index);
+    assert_eq!(rows.collect::<Vec<_>>(), [0, 1, 2, 3, 4], "generations");
     assert_eq!(watch(&sandbox, &job.id, 0, usize::MAX).await, events, "an ended job tells the same again");
 
     let beyond = WatchJobRequest { id: job.id, after: 1000 };
@@ -234,22 +238,22 @@ async fn watching_resumes_without_a_gap() {
 }
 
 #[tokio::test]
-async fn two_jobs_share_the_workers() {
+async fn two_jobs_share_workers() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let _worker = sandbox.worker(2);
     let long = sandbox.submit("long", &tiny_job(10, 1000)).await;
-    sandbox.until(&long.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&long.id, |job| job.rounds_sealed > 1).await;
     let short = sandbox.submit("short", &tiny_job(11, GENERATIONS)).await;
-    let before = sandbox.job(&long.id).await.evaluations;
+    let before = value(&sandbox.job(&long.id).await, "evaluations");
     let digest = sandbox.result(&short.id).await.result_digest;
-    let long_got = sandbox.job(&long.id).await.evaluations - before;
-    assert!(long_got >= 5, "the long job went on beside the short one: {long_got}");
+    let long_got = value(&sandbox.job(&long.id).await, "evaluations") - before;
+    assert!(long_got >= 5.0, "the long job went on beside the short one: {long_got}");
     assert_eq!(digest, undisturbed(11, GENERATIONS).await);
 }
 
 #[tokio::test]
-async fn a_worker_waits_for_its_coordinator() {
+async fn worker_waits_for_its_coordinator() {
     let mut sandbox = Sandbox::new();
     sandbox.reserve_port();
     let worker = sandbox.worker(3);
@@ -263,7 +267,7 @@ async fn a_worker_waits_for_its_coordinator() {
 }
 
 #[test]
-fn a_coordinator_that_can_not_start_says_why_in_one_sentence() {
+fn coordinator_that_cannot_start_gives_one_sentence() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let output = output_of(&mut sandbox.coordinator_command());

@@ -4,7 +4,7 @@ use cluster_tests::crashes::{POINTS, Wish, cancelled_through_crashes, paused_thr
 use cluster_tests::sandbox::{Sandbox, tiny_job, undisturbed};
 
 #[tokio::test]
-async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bit() {
+async fn coordinator_killed_at_every_commit_loses_nothing() {
     let job = tiny_job(21, 1);
     let passed = through_crashes(&mut Sandbox::new(), &[], &job, Wish::Result, POINTS).await;
     println!("it died {} times", passed.lives);
@@ -13,12 +13,12 @@ async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bi
 }
 
 #[tokio::test]
-async fn a_cancel_that_was_answered_stays_whatever_dies() {
+async fn answered_cancel_survives_every_kill() {
     cancelled_through_crashes(Sandbox::new, &[], &tiny_job(22, 1000)).await;
 }
 
 #[tokio::test]
-async fn a_pause_that_was_answered_holds_until_it_is_resumed_whatever_dies() {
+async fn answered_pause_survives_every_kill() {
     let job = tiny_job(23, 20);
     assert_eq!(paused_through_crashes(&mut Sandbox::new(), &[], &job).await, undisturbed(&job).await);
 }

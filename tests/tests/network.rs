@@ -1,7 +1,7 @@
 //! Bad networks between processes: delays, partitions in one direction, cuts. Progress resumes, and no bit changes.
 
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job, undisturbed};
+use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, is_last, tiny_job, undisturbed};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{CancelJobRequest, Job, JobEvent, JobState, ListWorkersRequest, WatchJobRequest};
@@ -18,8 +18,8 @@ fn behind(sandbox: &Sandbox, proxy: &Proxy, slots: u32) -> Process {
 }
 
 fn further(before: &Job) -> impl Fn(&Job) -> bool {
-    let (generations, tasks) = (before.generations_done, before.round_done);
-    move |job| (job.generations_done, job.round_done) > (generations, tasks) || job.state() == JobState::Succeeded
+    let (rounds, tasks) = (before.rounds_sealed, before.tasks_done);
+    move |job| (job.rounds_sealed, job.tasks_done) > (rounds, tasks) || job.state() == JobState::Succeeded
 }
 
 /// After everything: no slot is held for anybody, and work finds them again.
@@ -38,13 +38,13 @@ async fn assert_slots_are_free(sandbox: &Sandbox) {
 }
 
 #[tokio::test]
-async fn progress_resumes_after_every_kind_of_bad_network_and_no_bit_changes() {
+async fn job_survives_every_kind_of_bad_network_unchanged() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let proxy = Proxy::to(&sandbox.url());
     let _worker = behind(&sandbox, &proxy, 2);
     let job = sandbox.submit("r", &cheap_job(30, 40)).await;
-    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
 
     // Longer than a lease of 2 s each time: the work is given up, done again elsewhere if there is an elsewhere, and what
     // comes late or twice is welcome or harmless.
@@ -76,21 +76,21 @@ fn falls_silent(proxy: &Proxy) {
 }
 
 #[tokio::test]
-async fn a_worker_leaves_a_coordinator_that_fell_silent_for_the_next_address() {
+async fn worker_leaves_silent_coordinator_for_next_address() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let (silent, other) = (Proxy::to(&sandbox.url()), Proxy::to(&sandbox.url()));
     let both = format!("{},{}", silent.url(), other.url());
     let _worker = Process::start(sandbox.worker_command(&both, 2).env("EVOGAIT_FAULT", "slow@ms=20"));
     let job = sandbox.submit("r", &cheap_job(35, 20)).await;
-    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
     falls_silent(&silent);
     assert_ne!(sandbox.job(&job.id).await.state(), JobState::Succeeded, "it has something left to do");
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(35, 20)).await);
 }
 
 #[tokio::test]
-async fn commands_leave_a_coordinator_that_fell_silent_for_the_next_address() {
+async fn commands_leave_silent_coordinator_for_next_address() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let (silent, other) = (Proxy::to(&sandbox.url()), Proxy::to(&sandbox.url()));
@@ -111,13 +111,13 @@ async fn commands_leave_a_coordinator_that_fell_silent_for_the_next_address() {
 }
 
 #[tokio::test]
-async fn a_cancelled_job_stays_cancelled_though_results_come_late() {
+async fn cancelled_job_ignores_late_results() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let proxy = Proxy::to(&sandbox.url());
     let _worker = behind(&sandbox, &proxy, 2);
     let job = sandbox.submit("r", &cheap_job(32, 1000)).await;
-    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
     proxy.block(Direction::Up, true);
     tokio::time::sleep(Duration::from_millis(200)).await;
     let cancel = CancelJobRequest { id: job.id.clone() };
@@ -129,7 +129,7 @@ async fn a_cancelled_job_stays_cancelled_though_results_come_late() {
 }
 
 #[tokio::test]
-async fn watching_resumes_without_a_gap_over_a_network_that_breaks() {
+async fn watch_over_breaking_network_has_no_gap() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let direct = Proxy::to(&sandbox.url());
@@ -138,7 +138,7 @@ async fn watching_resumes_without_a_gap_over_a_network_that_breaks() {
     let job = sandbox.submit("r", &cheap_job(33, 12)).await;
 
     let mut events: Vec<JobEvent> = Vec::new();
-    while events.last().is_none_or(|e| e.job.as_ref().is_some_and(|job| job.state() != JobState::Succeeded)) {
+    while !events.last().is_some_and(is_last) {
         let after = events.last().map_or(0, |e| e.sequence);
         let mut client = JobServiceClient::connect(proxy.url()).await.expect("the network is up again");
         let request = WatchJobRequest { id: job.id.clone(), after };
@@ -146,7 +146,7 @@ async fn watching_resumes_without_a_gap_over_a_network_that_breaks() {
         let until = events.len() + 3;
         // What is on its way is lost with the connection.
         while let Ok(Some(event)) = stream.message().await {
-            if !matches!(event.event, Some(Event::Progress(_))) {
+            if !matches!(event.event, Some(Event::TasksDone(_))) {
                 events.push(event);
             }
             if events.len() == until {
@@ -160,7 +160,7 @@ async fn watching_resumes_without_a_gap_over_a_network_that_breaks() {
 }
 
 #[tokio::test]
-async fn whoever_watches_by_command_sees_every_event_once_over_a_network_that_breaks() {
+async fn watch_command_over_breaking_network_repeats_no_event() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let direct = Proxy::to(&sandbox.url());
@@ -185,7 +185,7 @@ async fn whoever_watches_by_command_sees_every_event_once_over_a_network_that_br
 }
 
 #[tokio::test]
-async fn the_same_bits_with_one_two_and_seven_workers_under_kills_stops_and_delays() {
+async fn kills_stops_and_delays_change_no_bit() {
     // Without a finish: an examination is long, and three kills with the same one would rightly fail the job.
     let job = cheap_job(34, 20).replace("particles = 5", "particles = 14");
     let job = format!("{}[finish]\nkind = \"none\"\n", job.split("[finish]").next().expect("a job has text"));

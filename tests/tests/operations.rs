@@ -30,6 +30,11 @@ fn scrape(address: &str) -> Series {
     openmetrics::parse(&body).unwrap_or_else(|why| panic!("{why}\n{body}"))
 }
 
+/// Tasks that were done, of all phases.
+fn tasks(series: &Series) -> f64 {
+    series.iter().filter(|(name, _)| name.starts_with("evogait_tasks_total{")).map(|(_, count)| count).sum()
+}
+
 /// Scrapes until the numbers are as wanted.
 fn until(address: &str, wanted: impl Fn(&Series) -> bool) -> Series {
     let start = Instant::now();
@@ -47,7 +52,7 @@ fn until(address: &str, wanted: impl Fn(&Series) -> bool) -> Series {
 const CLOSED_WITHIN: Duration = Duration::from_secs(45);
 
 #[tokio::test]
-async fn a_connection_whose_other_end_is_gone_without_a_word_is_closed() {
+async fn connection_without_other_end_is_closed() {
     let mut sandbox = Sandbox::new();
     let metrics = free_port();
     let _coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
@@ -67,7 +72,7 @@ async fn a_connection_whose_other_end_is_gone_without_a_word_is_closed() {
 }
 
 #[tokio::test]
-async fn what_is_done_and_not_yet_answered_is_not_handed_out_again() {
+async fn unanswered_result_is_not_assigned_again() {
     let mut sandbox = Sandbox::new();
     let metrics = free_port();
     let _coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
@@ -120,15 +125,15 @@ impl SlowWorker {
     async fn computed_once(self) {
         self.sandbox.result(&self.job.id).await;
         let (taken, done) = (scrape(&self.of_coordinator), scrape(&self.of_worker));
-        assert_eq!(taken["evogait_evaluations_total"], 5.0);
-        let needed = 5.0 + taken["evogait_examinations_total"];
+        assert_eq!(taken["evogait_tasks_total{phase=\"searching\"}"], 5.0);
+        let needed = tasks(&taken);
         assert_eq!(done["evogait_worker_tasks_total"], needed, "{done:#?}");
         assert_eq!(self.worker.terminate(), Some(0));
     }
 }
 
 #[tokio::test]
-async fn a_result_that_finds_nobody_is_delivered_when_the_coordinator_is_back() {
+async fn undeliverable_result_is_delivered_after_coordinator_returns() {
     let mut slow = SlowWorker::at_work().await;
     slow.coordinator.kill_9();
     until(&slow.of_worker, |s| s["evogait_worker_delivery_retries_total"] >= 2.0);
@@ -137,19 +142,19 @@ async fn a_result_that_finds_nobody_is_delivered_when_the_coordinator_is_back() 
 }
 
 #[tokio::test]
-async fn a_worker_computes_on_while_it_is_cut_off_and_delivers_late() {
+async fn partitioned_worker_computes_on_and_delivers_late() {
     let slow = SlowWorker::at_work().await;
     slow.way.block(Direction::Up, true);
     slow.way.block(Direction::Down, true);
     until(&slow.of_coordinator, |s| s["evogait_leases_ended_total{why=\"lost\"}"] > 0.0);
     until(&slow.of_worker, |s| s["evogait_worker_tasks_total"] > 0.0);
-    assert_eq!(slow.sandbox.job(&slow.job.id).await.generations_done, 0);
+    assert_eq!(slow.sandbox.job(&slow.job.id).await.rounds_sealed, 0);
     slow.way.heal();
     slow.computed_once().await;
 }
 
 #[tokio::test]
-async fn a_coordinator_that_stood_still_holds_nothing_against_its_workers() {
+async fn stopped_coordinator_blames_no_worker_when_continued() {
     let mut sandbox = Sandbox::new();
     let metrics = free_port();
     let coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
@@ -170,7 +175,7 @@ async fn a_coordinator_that_stood_still_holds_nothing_against_its_workers() {
 }
 
 #[tokio::test]
-async fn what_happens_is_counted_and_can_be_scraped() {
+async fn metrics_count_what_happens() {
     let mut sandbox = Sandbox::new();
     let (coordinator_metrics, worker_metrics) = (free_port(), free_port());
     let _coordinator = sandbox.coordinator_with(&["--metrics", &coordinator_metrics]);
@@ -184,18 +189,21 @@ async fn what_happens_is_counted_and_can_be_scraped() {
     let job = sandbox.submit("r", &tiny_job(21, 2)).await;
     sandbox.result(&job.id).await;
     let done = scrape(&coordinator_metrics);
-    assert_eq!(done["evogait_rounds_sealed_total"], 2.0);
-    assert_eq!(done["evogait_evaluations_total"], 10.0);
+    // The preparation, two generations, the finish and the report.
+    assert_eq!(done["evogait_rounds_sealed_total"], 5.0);
+    assert_eq!(done["evogait_round_seconds_count"], 5.0);
+    let of = |phase: &str| done[&format!("evogait_tasks_total{{phase=\"{phase}\"}}")];
+    assert_eq!((of("preparing"), of("searching")), (1.0, 10.0));
+    assert!(of("finishing") > 0.0 && of("reporting") > 0.0, "{done:#?}");
     assert_eq!(done["evogait_jobs_ended_total{state=\"succeeded\"}"], 1.0);
-    assert_eq!(done["evogait_round_seconds_count"], 2.0);
-    let (results, examinations) =
-        (done["evogait_results_total{verdict=\"accepted\"}"], done["evogait_examinations_total"]);
-    assert!(examinations > 0.0 && results > examinations, "{done:#?}");
+    let results = done["evogait_results_total{verdict=\"accepted\"}"];
+    assert!(results > of("finishing") + of("reporting"), "{done:#?}");
+    assert_eq!((done["evogait_results_total{verdict=\"refused\"}"], done["evogait_marks_total"]), (0.0, 0.0));
     assert!(done["evogait_commit_seconds_count"] >= 4.0 && done["evogait_commit_seconds_sum"] > 0.0);
     assert_eq!(done["evogait_jobs{state=\"running\"}"], 0.0);
 
     let theirs = until(&worker_metrics, |s| s["evogait_worker_results_total{verdict=\"accepted\"}"] == results);
-    assert_eq!(theirs["evogait_worker_tasks_total"], 10.0 + examinations);
+    assert_eq!(theirs["evogait_worker_tasks_total"], tasks(&done));
     assert_eq!((theirs["evogait_worker_slots"], theirs["evogait_worker_connected"]), (2.0, 1.0));
 
     // A worker that dies with work in hand.
@@ -213,7 +221,7 @@ async fn what_happens_is_counted_and_can_be_scraped() {
 }
 
 #[test]
-fn metrics_are_not_shown_to_other_machines_by_accident() {
+fn metrics_on_public_address_need_a_flag() {
     let sandbox = Sandbox::new();
     let output = output_of(sandbox.coordinator_command().args(["--metrics", "0.0.0.0:0"]));
     let text = String::from_utf8(output.stderr).expect("messages are text");
@@ -222,7 +230,7 @@ fn metrics_are_not_shown_to_other_machines_by_accident() {
 }
 
 #[tokio::test]
-async fn a_log_in_json_can_be_searched_by_job_worker_and_call() {
+async fn json_log_names_job_worker_and_call() {
     let mut sandbox = Sandbox::new();
     let log = sandbox.path().join("log");
     let file = std::fs::File::create(&log).expect("a log");
@@ -241,11 +249,8 @@ async fn a_log_in_json_can_be_searched_by_job_worker_and_call() {
         line.unwrap_or_else(|| panic!("nothing says '{message}' in {text}")).clone()
     };
     assert_eq!(said("job submitted")["job"], job.id.as_str());
-    let sealed = said("generation sealed");
-    assert_eq!(
-        (&sealed["job"], &sealed["generation"], &sealed["epoch"]),
-        (&job.id.as_str().into(), &0.into(), &1.into())
-    );
+    let sealed = said("round sealed");
+    assert_eq!((&sealed["job"], &sealed["round"], &sealed["epoch"]), (&job.id.as_str().into(), &0.into(), &1.into()));
     let result = said("result");
     assert!(
         result["worker"].is_string() && result["assignment"].is_u64() && result["verdict"] == "accepted",

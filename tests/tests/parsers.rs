@@ -14,7 +14,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn no_parser_goes_wrong_again_on_what_it_once_went_wrong_on() {
+fn recorded_inputs_break_no_parser() {
     let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/regressions");
     for folder in files(&fuzz) {
         let name = folder.file_name().and_then(|n| n.to_str()).expect("a parser's name").to_owned();
@@ -27,7 +27,7 @@ fn no_parser_goes_wrong_again_on_what_it_once_went_wrong_on() {
 }
 
 #[test]
-fn fuzzing_of_every_parser_begins_with_what_it_takes() {
+fn every_parser_has_seeds_that_it_takes() {
     for (name, parser) in PARSERS {
         let seeds = seeds(name);
         assert!(!seeds.is_empty(), "{name} has nothing to begin with");
@@ -38,7 +38,7 @@ fn fuzzing_of_every_parser_begins_with_what_it_takes() {
 }
 
 #[test]
-fn every_parser_takes_what_is_empty_cut_off_or_no_text() {
+fn empty_cut_or_binary_input_breaks_no_parser() {
     let shipped =
         concat!(include_str!("../../scenarios/jobs/quadropod-quick.toml"), "\n", "[planner]\niterations = 1e400");
     for (_, parser) in PARSERS {
@@ -106,7 +106,7 @@ fn made_up(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
 
 /// A little of what `tests/fuzz.sh` does for long and guided by coverage. `EVOGAIT_INPUTS` makes it more.
 #[test]
-fn no_parser_goes_wrong_on_what_is_nearly_right() {
+fn changed_seeds_break_no_parser() {
     let more: Option<usize> = std::env::var("EVOGAIT_INPUTS").ok().and_then(|n| n.parse().ok());
     let only = std::env::var("EVOGAIT_PARSER").ok();
     for (name, parser) in PARSERS.iter().filter(|(name, _)| only.as_ref().is_none_or(|only| only == name)) {

@@ -34,7 +34,7 @@ async fn digest(mut sandbox: Sandbox, toml: &str, workers: usize) -> Vec<u8> {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn both_stores_give_the_same_bits_with_one_two_and_seven_workers() {
+async fn both_stores_give_same_bits_with_any_workers() {
     let toml = tiny_job(31, GENERATIONS);
     let reference = digest(Sandbox::new(), &toml, 1).await;
     assert_eq!(reference.len(), 32);
@@ -49,7 +49,7 @@ async fn both_stores_give_the_same_bits_with_one_two_and_seven_workers() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bit() {
+async fn coordinator_killed_at_every_commit_loses_nothing() {
     let toml = tiny_job(21, 1);
     let mut sandbox = Sandbox::on(&new_database());
     let passed = through_crashes(&mut sandbox, SOON_REPLACED, &toml, Wish::Result, POINTS).await;
@@ -59,13 +59,13 @@ async fn a_coordinator_that_dies_at_every_commit_loses_nothing_and_changes_no_bi
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_cancel_that_was_answered_stays_whatever_dies() {
+async fn answered_cancel_survives_every_kill() {
     cancelled_through_crashes(|| Sandbox::on(&new_database()), SOON_REPLACED, &tiny_job(22, 1000)).await;
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_pause_that_was_answered_holds_until_it_is_resumed_whatever_dies() {
+async fn answered_pause_survives_every_kill() {
     let toml = tiny_job(23, 20);
     let passed = paused_through_crashes(&mut Sandbox::on(&new_database()), SOON_REPLACED, &toml).await;
     assert_eq!(digest(Sandbox::new(), &toml, 1).await, passed);
@@ -99,7 +99,7 @@ async fn taken_over(sandbox: &Sandbox, id: &str) -> (Job, Duration) {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_standby_takes_over_when_the_other_one_dies_and_changes_no_bit() {
+async fn standby_takes_over_and_changes_no_bit() {
     let toml = tiny_job(33, 6);
     let url = new_database();
     let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&url));
@@ -114,18 +114,18 @@ async fn a_standby_takes_over_when_the_other_one_dies_and_changes_no_bit() {
     assert_eq!(health(&second).await, ServingStatus::NotServing);
     assert_eq!(health(&first).await, ServingStatus::Serving);
 
-    let before = first.until(&job.id, |job| job.generations_done >= 2).await;
+    let before = first.until(&job.id, |job| job.rounds_sealed > 2).await;
     dies.kill_9();
     let (after, took) = taken_over(&second, &job.id).await;
     println!("taken over {} ms after a kill", took.as_millis());
-    assert!(after.generations_done >= before.generations_done, "what was told was stored");
+    assert!(after.rounds_sealed >= before.rounds_sealed, "what was told was stored");
     assert_eq!(after.state(), JobState::Running, "it was killed in mid-run");
     assert_eq!(health(&second).await, ServingStatus::Serving);
 
     // Back again, now as the one that waits; and the other one stops in an orderly way.
     let _back = coordinator(&mut first, SOON, &["--standby"]);
     assert_eq!(health(&first).await, ServingStatus::NotServing);
-    second.until(&job.id, |job| job.generations_done >= 4).await;
+    second.until(&job.id, |job| job.rounds_sealed > 4).await;
     assert_eq!(stops.terminate(), Some(0));
     // It would be taken for dead much later.
     let (_, took) = taken_over(&first, &job.id).await;
@@ -135,19 +135,19 @@ async fn a_standby_takes_over_when_the_other_one_dies_and_changes_no_bit() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_coordinator_that_was_stopped_for_a_while_changes_nothing_any_more_and_ends() {
+async fn replaced_coordinator_writes_nothing_when_continued() {
     let url = new_database();
     let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&url));
     let mut sleeps = coordinator(&mut first, SOON, &[]);
     let _worker = first.worker(2);
     let job = first.submit("r", &tiny_job(34, 1000)).await;
-    first.until(&job.id, |job| job.generations_done >= 1).await;
+    first.until(&job.id, |job| job.rounds_sealed > 1).await;
     sleeps.signal("STOP");
     let _other = coordinator(&mut second, SOON, &["--standby"]);
     taken_over(&second, &job.id).await;
     // With no worker of its own the second one writes nothing: whatever changes now was written by the first one.
     tokio::time::sleep(Duration::from_millis(300)).await;
-    let written = "SELECT (SELECT count(*) FROM evogait.events), (SELECT count(*) FROM evogait.generations),
+    let written = "SELECT (SELECT count(*) FROM evogait.events), (SELECT count(*) FROM evogait.rounds),
                           (SELECT count(*) FROM evogait.results), (SELECT epoch FROM evogait.coordinator),
                           (SELECT md5(string_agg(record::TEXT, ',')) FROM evogait.jobs)";
     let before = ask(&url, written);
@@ -158,7 +158,7 @@ async fn a_coordinator_that_was_stopped_for_a_while_changes_nothing_any_more_and
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_coordinator_that_is_cut_off_from_the_database_ends_and_what_it_sent_late_changes_no_bit() {
+async fn partitioned_coordinator_exits_and_its_late_writes_are_void() {
     let toml = tiny_job(36, 12);
     let reference = digest(Sandbox::new(), &toml, 1).await;
     for blocked in [vec![Direction::Up], vec![Direction::Down], vec![Direction::Up, Direction::Down]] {
@@ -170,11 +170,11 @@ async fn a_coordinator_that_is_cut_off_from_the_database_ends_and_what_it_sent_l
         let job = first.submit("r", &toml).await;
         let _stands_by = coordinator(&mut second, LATER, &["--standby"]);
         let _other_worker = second.worker(1);
-        first.until(&job.id, |job| job.generations_done >= 2).await;
+        first.until(&job.id, |job| job.rounds_sealed > 2).await;
 
         blocked.iter().for_each(|direction| proxy.block(*direction, true));
         let (after, _) = taken_over(&second, &job.id).await;
-        assert!(after.generations_done >= 2, "{blocked:?}: what was told was stored");
+        assert!(after.rounds_sealed > 2, "{blocked:?}: what was told was stored");
         assert_eq!(cut_off.wait(), Some(1), "{blocked:?}: it can't know whether it was replaced");
         // What stood still arrives now, with nobody behind it.
         proxy.heal();
@@ -184,7 +184,7 @@ async fn a_coordinator_that_is_cut_off_from_the_database_ends_and_what_it_sent_l
 
 #[test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-fn a_coordinator_whose_database_is_out_of_reach_stops_when_told_and_does_not_start() {
+fn coordinator_without_database_stops_and_does_not_start() {
     let (proxy, beyond) = beyond_a_network(&new_database_by_tcp());
     let mut sandbox = Sandbox::on(&beyond);
     let stops = coordinator(&mut sandbox, SOON, &[]);
@@ -208,7 +208,7 @@ fn nobody_is_answered(url: &str, seconds: u32) -> Process {
 
 #[test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-fn a_coordinator_whose_database_does_not_answer_ends_before_another_one_may_take_over() {
+fn coordinator_with_silent_database_exits_before_a_takeover() {
     let url = new_database();
     let mut waits = coordinator(&mut Sandbox::on(&url), SOON, &[]);
     let mut holder = nobody_is_answered(&url, 20);
@@ -218,7 +218,7 @@ fn a_coordinator_whose_database_does_not_answer_ends_before_another_one_may_take
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_standby_whose_question_went_astray_asks_again() {
+async fn standby_repeats_a_lost_question() {
     let url = new_database_by_tcp();
     let (proxy, beyond) = beyond_a_network(&url);
     let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&beyond));
@@ -241,7 +241,7 @@ async fn a_standby_whose_question_went_astray_asks_again() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_second_coordinator_is_refused_unless_it_is_a_standby_and_shows_no_password() {
+async fn second_coordinator_is_refused_without_showing_a_password() {
     let url = new_database().replace("evogait@", "evogait:s3cret@");
     let mut sandbox = Sandbox::on(&url);
     let _coordinator = sandbox.coordinator();
@@ -262,7 +262,7 @@ async fn a_second_coordinator_is_refused_unless_it_is_a_standby_and_shows_no_pas
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn the_way_to_the_database_is_encrypted_and_its_other_end_is_verified() {
+async fn database_connection_is_encrypted_and_verified() {
     let (url, ca, other_ca) = new_database_by_tls();
     let toml = tiny_job(34, 1);
     let mut sandbox = Sandbox::on(&format!("{url}?sslmode=verify-full&sslrootcert={ca}"));

@@ -139,7 +139,7 @@ fn code<T>(answer: Result<T, Status>) -> Code {
 }
 
 #[tokio::test]
-async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_another_s_work() {
+async fn secured_cluster_gives_same_bits_and_enforces_roles() {
     let mut cluster = Cluster::new();
     let coordinator = cluster.coordinator();
     let mut command = cluster.shown(talkative("worker"), "worker");
@@ -203,7 +203,7 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
     let id = submit(client(), "long", tiny_job(23, 1000)).await.unwrap();
     let mut watched = watch(client(), &id).await;
     let mut by_admin = watch(admin(), &id).await;
-    while !matches!(watched.message().await.unwrap().unwrap().event, Some(Event::GenerationSealed(_))) {}
+    while !matches!(watched.message().await.unwrap().unwrap().event, Some(Event::RoundSealed(_))) {}
     cluster.forget_all_but_the_admin().await;
     assert_eq!(code(list(client()).await), Code::Unauthenticated);
     assert_eq!(code(list(admin()).await), Code::Ok);
@@ -247,7 +247,7 @@ async fn a_cluster_with_closed_doors_computes_the_same_and_lets_nobody_do_anothe
 const EXPELLED: usize = 20;
 
 #[tokio::test]
-async fn what_a_worker_without_a_token_held_goes_back_at_once_and_nothing_is_to_blame() {
+async fn worker_with_revoked_token_returns_work_without_blame() {
     let mut cluster = Cluster::new();
     let _coordinator = cluster.coordinator();
     let job = tiny_job(24, 1000).replace("particles = 5", &format!("particles = {EXPELLED}"));
@@ -284,7 +284,7 @@ async fn what_a_worker_without_a_token_held_goes_back_at_once_and_nothing_is_to_
 }
 
 #[test]
-fn plain_text_beyond_loopback_is_refused_on_both_sides() {
+fn plain_text_beyond_loopback_is_refused() {
     let cluster = Cluster::new();
     let coordinator = |options: &[(&str, &str)]| {
         let mut command = talkative("coordinator");
@@ -327,7 +327,7 @@ fn plain_text_beyond_loopback_is_refused_on_both_sides() {
 }
 
 #[tokio::test]
-async fn workers_and_clients_go_on_with_the_coordinator_that_stands_in() {
+async fn workers_and_clients_follow_the_standby() {
     let mut sandbox = Sandbox::new();
     let first = sandbox.coordinator();
     let url = sandbox.url();
@@ -343,7 +343,7 @@ async fn workers_and_clients_go_on_with_the_coordinator_that_stands_in() {
     let start = Instant::now();
     let id = loop {
         let listed = sandbox.client().list_jobs(ListJobsRequest::default()).await.unwrap().into_inner().jobs;
-        if let Some(job) = listed.first().filter(|job| job.generations_done >= 1) {
+        if let Some(job) = listed.first().filter(|job| job.rounds_sealed > 1) {
             break job.id.clone();
         }
         assert!(start.elapsed() < PATIENCE, "the job does not get on");
@@ -375,7 +375,7 @@ async fn workers_and_clients_go_on_with_the_coordinator_that_stands_in() {
 }
 
 #[tokio::test]
-async fn a_job_leads_to_no_file() {
+async fn submitted_job_reads_no_file() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let robot = sandbox.path().join("robot.toml");

@@ -1,12 +1,14 @@
-//! An upgrade in mid-job: a job that an older build took in is kept, waits for a worker of that build, and says so.
+//! Upgrades: a job that an older build took in waits for a worker of that build; stores of other formats load or are refused.
 
-use cluster_tests::sandbox::{Sandbox, tiny_job};
+use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job, undisturbed, value};
 use cluster_tests::scripted::Scripted;
 use coordinator::store::{SqliteStore, Store as _, Write};
 use proto::v1::job_event::Event;
-use proto::v1::{JobState, ListWorkersRequest, WatchJobRequest};
+use proto::v1::{Job, JobState, ListWorkersRequest, WatchJobRequest};
 use sim_core::base::digest::{Digest, ResultDigest};
-use sim_core::problem::Job;
+use sim_core::problem::Checked;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tonic::Code;
 
@@ -16,43 +18,40 @@ const OLD: Digest = Digest([7; 32]);
 const GENERATIONS: u32 = 12;
 
 /// Makes the stored job one that an older build took in, as if that one had run it so far.
-async fn age(sandbox: &Sandbox, job: &Job) {
+async fn age(sandbox: &Sandbox, job: &Checked) {
     let store = SqliteStore::open(&sandbox.file("store.db")).await.expect("nobody has it open");
     let mut loaded = store.start().await.expect("an epoch");
     let mut record = loaded.active.remove(0).record;
     record.engine_digest = OLD;
     record.job_digest = job.digest_on(OLD);
     record.version = "0.0.9".to_owned();
-    record.scores_digest = ResultDigest::start(&record.job_digest);
-    for generation in 0..record.generations_done {
-        let scores = store.scores(&record.id, generation).await.expect("it can be read").expect("it is sealed");
-        record.scores_digest.generation(generation, &scores);
+    let mut folded = ResultDigest::start(&record.job_digest);
+    for round in 0..record.rounds_sealed {
+        let digests = store.digests(&record.id, round).await.expect("it can be read").expect("it is sealed");
+        folded.round(round, &digests);
     }
+    record.results_digest = folded.value();
     store.commit(loaded.epoch, vec![Write::Note { record }]).await.expect("it is written");
     store.close().await.expect("it closes");
 }
 
 // The worker that the test plays computes here.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_others() {
+async fn job_of_older_build_waits_for_its_workers() {
     let toml = tiny_job(41, GENERATIONS);
-    let job = Job::from_toml(&toml).expect("a valid job");
+    let job = Checked::from_toml(&toml).expect("a valid job");
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let worker = sandbox.worker(1);
     let id = sandbox.submit("r", &toml).await.id;
-    sandbox.until(&id, |job| job.generations_done >= 2).await;
+    sandbox.until(&id, |job| job.rounds_sealed > 2).await;
     assert_eq!(coordinator.terminate(), Some(0));
     drop(worker);
     age(&sandbox, &job).await;
 
     let coordinator = sandbox.coordinator();
     let before = sandbox.job(&id).await;
-    assert!(
-        before.generations_done >= 2 && before.generations_done < GENERATIONS,
-        "in mid-job: {}",
-        before.generations_done
-    );
+    assert!(before.rounds_sealed > 2 && before.rounds_sealed < GENERATIONS, "in mid-job: {}", before.rounds_sealed);
     let _new = sandbox.worker(2);
     let beside = sandbox.submit("beside", &tiny_job(42, 1)).await;
     sandbox.result(&beside.id).await;
@@ -77,17 +76,19 @@ async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_oth
     assert!(refused.message().contains("080808080808") && refused.message().contains("no job"), "{refused}");
 
     let old = Scripted::of_another_build(&sandbox, "old", OLD).await.expect("a job needs it");
-    let works = tokio::spawn(old.works(job.clone()));
+    let works = tokio::spawn(old.works());
     let result = sandbox.result(&id).await;
     works.abort();
     let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("an answer").into_inner().workers;
     let new = workers.iter().find(|w| w.slots == 2).expect("it is still there");
     let of_beside = sandbox.job(&beside.id).await;
-    assert!(new.evaluations >= of_beside.evaluations, "{workers:?}");
-    assert!(new.evaluations < of_beside.evaluations + 30, "the new one had no part in it: {workers:?}");
+    // The preparation, one generation, and what follows the search.
+    let tasks_of_beside = 1.0 + value(&of_beside, "evaluations");
+    assert!(new.tasks as f64 >= tasks_of_beside, "{workers:?}");
+    assert!((new.tasks as f64) < tasks_of_beside + 30.0, "the new one had no part in it: {workers:?}");
     assert_eq!(result.job.as_ref().map(|job| job.engine_digest.clone()), Some(OLD.0.to_vec()));
     sandbox.told(&["fetch", &id, "--out", "fetched"]);
-    let file = std::fs::read_to_string(sandbox.file("fetched").join("result.json")).expect("it was written");
+    let file = fs::read_to_string(sandbox.file("fetched").join("result.json")).expect("it was written");
     assert!(file.contains(&OLD.to_string()), "the result says on which engine it was computed: {file}");
     assert_eq!(coordinator.terminate(), Some(0));
 
@@ -96,5 +97,74 @@ async fn a_job_goes_on_with_workers_of_the_build_that_took_it_in_and_with_no_oth
     let _worker = undisturbed.worker(2);
     let same = undisturbed.submit("r", &toml).await;
     let same = undisturbed.result(&same.id).await;
-    assert_eq!((result.winner, result.first, result.history), (same.winner, same.first, same.history));
+    assert_eq!((result.artefacts, result.history), (same.artefacts, same.history));
+}
+
+/// A file of `tests/fixtures`.
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// Written by the release before jobs were rounds of tasks: a job of 400 generations, one of them sealed.
+#[test]
+fn store_of_older_format_is_refused_and_unchanged() {
+    let sandbox = Sandbox::new();
+    let before = fs::read(fixture("store-v3.sqlite")).expect("a fixture");
+    fs::write(sandbox.file("store.db"), &before).expect("a copy");
+    let output = output_of(&mut sandbox.coordinator_command());
+    let text = String::from_utf8(output.stderr).expect("messages are text");
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("store.db") && text.contains("an older version of evogait"), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+    assert!(fs::read(sandbox.file("store.db")).expect("it is there") == before, "the file is as it was");
+}
+
+/// The jobs of the recorded store: one that ended, and one in the middle of its search.
+fn recorded_jobs() -> [String; 2] {
+    let cheap = |seed, generations| tiny_job(seed, generations).replace("\"rapier\"", "\"lockstep\"");
+    [cheap(61, 2), cheap(62, 40)]
+}
+
+/// Records the store and the result digests anew: `EVOGAIT_RECORD=1 cargo test -p cluster-tests --test upgrade recorded`.
+async fn record() {
+    let [ended, unfinished] = recorded_jobs();
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let mut worker = sandbox.worker_command(&sandbox.url(), 1);
+    let worker = Process::start(worker.args(["--grace", "0.1"]).env("EVOGAIT_FAULT", "slow@ms=20"));
+    let id = sandbox.submit("ended", &ended).await.id;
+    let of_ended = sandbox.result(&id).await.result_digest;
+    let id = sandbox.submit("unfinished", &unfinished).await.id;
+    let half_done = |job: &Job| job.rounds_sealed > 3 && job.tasks_done > 0;
+    sandbox.until(&id, half_done).await;
+    assert_eq!(coordinator.terminate(), Some(0));
+    drop(worker);
+    fs::copy(sandbox.file("store.db"), fixture("store-v4.sqlite")).expect("the fixture is written");
+    let hex = |digest: Vec<u8>| digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let of_unfinished = undisturbed(&unfinished).await;
+    let digests = format!("ended = \"{}\"\nunfinished = \"{}\"\n", hex(of_ended), hex(of_unfinished));
+    fs::write(fixture("store-v4.toml"), digests).expect("the digests are written");
+}
+
+#[tokio::test]
+async fn recorded_store_loads_and_gives_recorded_digests() {
+    if std::env::var_os("EVOGAIT_RECORD").is_some() {
+        record().await;
+    }
+    let text = fs::read_to_string(fixture("store-v4.toml")).expect("a fixture");
+    let digests: toml::Table = toml::from_str(&text).expect("digests by name");
+    let mut sandbox = Sandbox::new();
+    fs::copy(fixture("store-v4.sqlite"), sandbox.file("store.db")).expect("a copy");
+    let _coordinator = sandbox.coordinator();
+    // The same requests as then: no job is new.
+    let [ended, unfinished] = recorded_jobs();
+    let (ended, unfinished) = (sandbox.submit("ended", &ended).await, sandbox.submit("unfinished", &unfinished).await);
+    assert_eq!(ended.state(), JobState::Succeeded);
+    assert!(unfinished.rounds_sealed > 3 && unfinished.ended_at_ms == 0, "{unfinished:?}");
+    let _worker = sandbox.worker(2);
+    for (name, id) in [("ended", ended.id), ("unfinished", unfinished.id)] {
+        let result = sandbox.result(&id).await.result_digest;
+        let result: String = result.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(digests[name].as_str(), Some(result.as_str()), "{name}");
+    }
 }

@@ -1,16 +1,11 @@
 //! Jobs that are paused, doubted, tainted, poisoned and done again, with real programs and what a user sees of it.
 
 use cluster_tests::sandbox::{PATIENCE, Sandbox, tiny_job, undisturbed};
-use cluster_tests::scripted::{Scripted, honest, one_bit_off};
-use proto::v1::complete_request::Result as Outcome;
+use cluster_tests::scripted::{Outcome, Scripted, one_bit_off, task};
 use proto::v1::complete_response::Verdict;
-use proto::v1::{self, JobState, coordinator_message, dispute};
-use sim_core::problem::Job;
+use proto::v1::{self, JobState, Results, coordinator_message, dispute};
+use sim_core::procedure::evolve::{Task, TaskResult};
 use std::time::{Duration, Instant};
-
-fn read(job_toml: &str) -> Job {
-    Job::from_toml(job_toml).expect("a valid job")
-}
 
 /// Waits until a job has ended.
 async fn ended(sandbox: &Sandbox, id: &str) -> v1::Job {
@@ -26,13 +21,13 @@ async fn ended(sandbox: &Sandbox, id: &str) -> v1::Job {
 }
 
 #[tokio::test]
-async fn a_paused_job_rests_over_a_kill_and_goes_on_to_the_same_bits() {
+async fn paused_job_rests_over_kill_and_resumes_to_same_bits() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let _worker = sandbox.worker(2);
     let text = tiny_job(31, 4);
     let job = sandbox.submit("r", &text).await;
-    sandbox.until(&job.id, |job| job.generations_done >= 1).await;
+    sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
     assert!(sandbox.told(&["pause", &job.id]).contains("is paused: what runs may finish"));
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
@@ -43,7 +38,7 @@ async fn a_paused_job_rests_over_a_kill_and_goes_on_to_the_same_bits() {
     let before = sandbox.job(&job.id).await;
     tokio::time::sleep(Duration::from_secs(1)).await;
     let after = sandbox.job(&job.id).await;
-    assert_eq!((before.generations_done, before.round_done), (after.generations_done, after.round_done));
+    assert_eq!((before.rounds_sealed, before.tasks_done), (after.rounds_sealed, after.tasks_done));
     let shown = sandbox.told(&["show", &job.id]);
     assert!(shown.contains(", paused: nothing new is handed out until `evogait resume"), "{shown}");
     assert!(sandbox.told(&["list"]).contains(", paused"));
@@ -56,21 +51,35 @@ async fn a_paused_job_rests_over_a_kill_and_goes_on_to_the_same_bits() {
     assert!(refused.status.code() == Some(1) && text.contains("has ended (succeeded)"), "{text}");
 }
 
+/// Lets a worker carry out a job's rounds until that many are sealed.
+async fn works_until(worker: &mut Scripted, sandbox: &Sandbox, id: &str, rounds: u32) {
+    while sandbox.job(id).await.rounds_sealed < rounds {
+        let assign = worker.is_given().await;
+        let right = worker.honest(&assign);
+        worker.delivers(&assign, right).await;
+    }
+}
+
 #[tokio::test]
-async fn a_wrong_result_is_found_decided_by_a_third_and_leaves_no_trace_in_the_bits() {
+async fn wrong_result_is_corrected_by_a_third_worker() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let text = tiny_job(32, 2);
     let job = sandbox.submit("r", &text).await;
-    let parsed = read(&text);
-    let mut liar = Scripted::join(&sandbox, "liar").await;
-    let (assign, task) = liar.is_given().await;
-    let right = honest(&parsed, &task);
-    assert_eq!(liar.delivers(&assign, &parsed, one_bit_off(right.clone())).await, Verdict::Accepted);
-    assert_eq!(liar.delivers_as("late", &assign, &parsed, right).await, Verdict::Conflict);
+    let mut late = Scripted::join(&sandbox, "late").await;
+    let its = late.is_given().await;
+    late.gives_back();
+    let mut wrong = Scripted::join(&sandbox, "wrong").await;
+    let assign = wrong.is_given().await;
+    assert_eq!((assign.round, assign.first), (its.round, its.first), "what is returned goes to the next worker");
+    let right = wrong.honest(&assign);
+    assert_eq!(wrong.delivers(&assign, one_bit_off(right)).await, Verdict::Accepted);
+    let right = late.honest(&its);
+    assert_eq!(late.delivers(&its, right).await, Verdict::Conflict);
     let shown = sandbox.told(&["show", &job.id]);
-    assert!(shown.contains("waits for another worker: two results of candidate 0 of generation 0 differ"), "{shown}");
-    assert!(shown.contains("dispute        candidate 0 of generation 0, open: liar says"), "{shown}");
+    let what = "the evaluation of candidate 0 of generation 0";
+    assert!(shown.contains(&format!("waits for another worker: two results of {what} differ")), "{shown}");
+    assert!(shown.contains(&format!("dispute        {what}, open: wrong says")), "{shown}");
 
     let _worker = sandbox.worker(2);
     let decided = |job: &v1::Job| job.disputes.iter().any(|d| d.verdict() == dispute::Verdict::Corrected);
@@ -78,55 +87,52 @@ async fn a_wrong_result_is_found_decided_by_a_third_and_leaves_no_trace_in_the_b
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&text).await);
     let told = async {
         loop {
-            if let coordinator_message::Message::Drain(drain) = liar.hears().await {
+            if let coordinator_message::Message::Drain(drain) = wrong.hears().await {
                 return drain.reason;
             }
         }
     };
-    let reason = tokio::time::timeout(PATIENCE, told).await.expect("the liar is told");
-    assert!(reason.starts_with("quarantined: its result for candidate 0 of generation 0"), "{reason}");
+    let reason = tokio::time::timeout(PATIENCE, told).await.expect("the worker is told");
+    assert!(reason.starts_with(&format!("quarantined: its result of {what}")), "{reason}");
 
     // Under the same id it gets nothing any more.
-    let _again = Scripted::join(&sandbox, "liar").await;
+    let _again = Scripted::join(&sandbox, "wrong").await;
     let workers: serde_json::Value = serde_json::from_str(&sandbox.told(&["workers", "--json"])).expect("JSON");
-    let liar = workers.as_array().and_then(|w| w.iter().find(|w| w["id"] == "liar")).expect("it is connected");
-    assert_eq!(liar["quarantined"], true, "{liar}");
+    let entry = workers.as_array().and_then(|w| w.iter().find(|w| w["id"] == "wrong")).expect("it is connected");
+    assert_eq!(entry["quarantined"], true, "{entry}");
 }
 
 #[tokio::test]
-async fn a_sealed_value_that_loses_taints_the_job_and_a_restart_gives_the_bits_of_an_undisturbed_run() {
+async fn wrong_sealed_result_taints_job_and_restart_repairs() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let text = tiny_job(33, 3);
     let job = sandbox.submit("r", &text).await;
-    let parsed = read(&text);
-    let mut liar = Scripted::join(&sandbox, "liar").await;
-    let mut lie = None;
-    while sandbox.job(&job.id).await.generations_done < 2 {
-        let (assign, task) = liar.is_given().await;
-        let right = honest(&parsed, &task);
-        if task.generation == 1 && lie.is_none() {
-            liar.delivers(&assign, &parsed, one_bit_off(right.clone())).await;
-            lie = Some((assign, right));
-        } else {
-            liar.delivers(&assign, &parsed, right).await;
-        }
-    }
-    let (assign, right) = lie.expect("it lied");
-    assert_eq!(liar.delivers_as("late", &assign, &parsed, right).await, Verdict::Conflict);
-    drop(liar);
+    let mut late = Scripted::join(&sandbox, "late").await;
+    works_until(&mut late, &sandbox, &job.id, 2).await;
+    let its = late.is_given().await;
+    late.gives_back();
+    let mut wrong = Scripted::join(&sandbox, "wrong").await;
+    let assign = wrong.is_given().await;
+    assert_eq!((assign.round, assign.first), (2, its.first), "generation 1");
+    let right = wrong.honest(&assign);
+    assert_eq!(wrong.delivers(&assign, one_bit_off(right)).await, Verdict::Accepted);
+    works_until(&mut wrong, &sandbox, &job.id, 3).await;
+    let right = late.honest(&its);
+    assert_eq!(late.delivers(&its, right).await, Verdict::Conflict);
+    drop((wrong, late));
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
     let _worker = sandbox.worker(2);
     let tainted = ended(&sandbox, &job.id).await;
     assert_eq!(tainted.state(), JobState::Tainted, "{}", tainted.reason);
-    for part in ["of generation 1", "liar", "evogait restart"] {
+    for part in ["of generation 1", "wrong", "evogait restart"] {
         assert!(tainted.reason.contains(part), "{part}: {}", tainted.reason);
     }
     assert!(sandbox.told(&["show", &job.id]).contains(&format!("next           evogait restart {}", job.id)));
     let refused = sandbox.evogait(&["restart", &job.id, "--from-generation", "2"]);
     let why = String::from_utf8(refused.stderr).expect("messages are text");
-    assert!(!refused.status.success() && why.contains("restart from generation 1 or an earlier one"), "{why}");
+    assert!(!refused.status.success() && why.contains("restart from round 2 or an earlier one"), "{why}");
 
     let again = sandbox.told(&["restart", &job.id]);
     assert_eq!(sandbox.told(&["restart", &job.id]), again, "twice is once");
@@ -135,73 +141,55 @@ async fn a_sealed_value_that_loses_taints_the_job_and_a_restart_gives_the_bits_o
     assert_eq!(result.result_digest, undisturbed(&text).await);
     assert_eq!(result.history.len(), 3);
     let shown = sandbox.told(&["show", again]);
-    assert!(shown.contains(&format!("does again     {}: generations 0 to 0 were taken over", job.id)), "{shown}");
+    assert!(shown.contains(&format!("does again     {}", job.id)), "{shown}");
 }
 
 #[tokio::test]
-async fn a_wrong_value_of_long_ago_is_found_by_a_late_result_and_taints_the_job() {
+async fn wrong_result_sealed_long_ago_taints_job() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let text = tiny_job(35, 5);
     let job = sandbox.submit("r", &text).await;
-    let parsed = read(&text);
-    let mut liar = Scripted::join(&sandbox, "liar").await;
-    let (mut honestly, mut lie) = (None, None);
-    // Of the first generation, by candidate; some score the same in the next.
-    let mut before: Vec<v1::Genome> = Vec::new();
-    while sandbox.job(&job.id).await.generations_done < 4 {
-        let (assign, task) = liar.is_given().await;
-        let right = honest(&parsed, &task);
-        let Outcome::Evaluate(mut wrong) = right.clone() else { panic!("evaluations") };
-        let mut moved = None;
-        match task.generation {
-            0 => before.extend(task.genomes.iter().cloned()),
-            1 if lie.is_none() => {
-                let old = before[task.first as usize..].iter().take(task.genomes.len()).cloned().collect();
-                let old = honest(&parsed, &v1::EvaluateTask { genomes: old, ..task.clone() });
-                let Outcome::Evaluate(old) = old else { panic!("evaluations") };
-                moved = old.evaluations.iter().zip(&wrong.evaluations).position(|(a, b)| a.score != b.score);
-            }
-            _ => {}
-        }
-        if let Some(at) = moved {
-            wrong.evaluations.rotate_left(at);
-            let Outcome::Evaluate(mut wrong) = one_bit_off(Outcome::Evaluate(wrong)) else { panic!("evaluations") };
-            wrong.evaluations.rotate_right(at);
-            liar.delivers(&assign, &parsed, Outcome::Evaluate(wrong)).await;
-            lie = Some((assign, right));
-        } else {
-            liar.delivers(&assign, &parsed, right.clone()).await;
-            honestly.get_or_insert((assign, right));
-        }
-    }
-    let (assign, right) = honestly.expect("it was honest once");
-    assert_eq!(liar.delivers_as("late", &assign, &parsed, right).await, Verdict::Duplicate);
+    let mut late = Scripted::join(&sandbox, "late").await;
+    let first = late.is_given().await;
+    let of_first = late.honest(&first);
+    late.delivers(&first, of_first.clone()).await;
+    works_until(&mut late, &sandbox, &job.id, 2).await;
+    let its = late.is_given().await;
+    late.gives_back();
+    let mut wrong = Scripted::join(&sandbox, "wrong").await;
+    let assign = wrong.is_given().await;
+    let right = wrong.honest(&assign);
+    assert_eq!(wrong.delivers(&assign, one_bit_off(right)).await, Verdict::Accepted);
+    works_until(&mut wrong, &sandbox, &job.id, 5).await;
+
+    assert_eq!(late.delivers(&first, of_first).await, Verdict::Duplicate);
     assert!(sandbox.job(&job.id).await.disputes.is_empty());
-    let (assign, right) = lie.expect("it lied");
-    assert_eq!(liar.delivers_as("late", &assign, &parsed, right.clone()).await, Verdict::Conflict);
+    let right = late.honest(&its);
+    assert_eq!(late.delivers(&its, right.clone()).await, Verdict::NeedsTasks);
+    assert!(sandbox.job(&job.id).await.disputes.is_empty(), "nothing is stored before the tasks are there");
+    assert_eq!(late.delivers_with_tasks(&its, right).await, Verdict::Conflict);
     let shown = sandbox.told(&["show", &job.id]);
-    assert!(shown.contains("of generation 1 differ"), "{shown}");
+    assert!(shown.contains("two results of task 0 of round 2 differ"), "{shown}");
     // It was committed before it was answered.
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
     assert_eq!(sandbox.job(&job.id).await.disputes.len(), 1);
-    drop(liar);
+    drop((wrong, late));
     let _worker = sandbox.worker(2);
     let tainted = ended(&sandbox, &job.id).await;
     assert_eq!(tainted.state(), JobState::Tainted, "{}", tainted.reason);
-    assert!(tainted.reason.contains("of generation 1 that was sealed in round 1 is wrong"), "{}", tainted.reason);
+    assert!(tainted.reason.contains("that was sealed in round 2 is wrong"), "{}", tainted.reason);
     let again = sandbox.told(&["restart", &job.id]);
     assert_eq!(sandbox.result(again.trim()).await.result_digest, undisturbed(&text).await);
 }
 
 #[tokio::test]
-async fn a_poisoned_candidate_ends_its_job_and_is_evaluated_here_with_the_bits_a_worker_would_give() {
+async fn poisoned_task_fails_job_and_evaluates_locally() {
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();
     let text = tiny_job(34, 2);
     let job = sandbox.submit("r", &text).await;
-    let parsed = read(&text);
     let mut poisoned = None;
     let mut fails = Scripted::join(&sandbox, "w").await;
     for attempt in 0..3 {
@@ -211,23 +199,25 @@ async fn a_poisoned_candidate_ends_its_job_and_is_evaluated_here_with_the_bits_a
             coordinator = sandbox.coordinator();
             fails = Scripted::join(&sandbox, "v").await;
         }
-        let (assign, task) = fails.is_given().await;
-        assert_eq!((task.first, task.genomes.len()), (0, 1), "suspects come first, one by one");
-        fails.delivers(&assign, &parsed, Outcome::Failure("it panicked: the test says so".to_owned())).await;
-        poisoned = Some(task);
+        let assign = fails.is_given().await;
+        assert_eq!((assign.first, assign.tasks.len()), (0, 1), "suspects come first, one by one");
+        fails.delivers(&assign, Outcome::Failure("it panicked: the test says so".to_owned())).await;
+        poisoned = Some(assign);
     }
     let failed = ended(&sandbox, &job.id).await;
     assert_eq!(failed.state(), JobState::Failed);
     assert!(failed.reason.contains("candidate 0 of generation 0 failed 3 times"), "{}", failed.reason);
 
-    let task = poisoned.expect("it was given");
-    let genome = task.genomes[0].values.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let assign = poisoned.expect("it was given");
+    let Task::Evaluate { genome, .. } = task(&assign) else { panic!("an evaluation") };
+    let genome = genome.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let shown = sandbox.told(&["show", &job.id]);
     assert!(shown.contains(&format!("genome         {genome}")), "{shown}");
     assert!(shown.contains(&format!("evogait evaluate {} does it again here", job.id)), "{shown}");
 
-    let Outcome::Evaluate(right) = honest(&parsed, &task) else { panic!("evaluations") };
-    let bits = right.evaluations[0].score.map_or("failed".to_owned(), |s| format!("{:016x}", s.to_bits()));
+    let Outcome::Results(Results { results }) = fails.honest(&assign) else { panic!("results") };
+    let Ok(TaskResult::Evaluated { score, .. }) = TaskResult::decode(&results[0]) else { panic!("an evaluation") };
+    let bits = score.map_or("failed".to_owned(), |s| format!("{:016x}", s.to_bits()));
     std::fs::write(sandbox.file("job.toml"), &text).expect("a file");
     let named = format!("--genome={genome}");
     for arguments in [vec!["evaluate", &job.id, "--json"], vec!["evaluate", "job.toml", &named, "--json"]] {

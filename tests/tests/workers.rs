@@ -31,6 +31,11 @@ async fn busy(sandbox: &Sandbox, slots: u32) {
     }
 }
 
+/// Waits until a job's search has begun.
+async fn prepared(sandbox: &Sandbox, job: &Job) {
+    sandbox.until(&job.id, |job| job.rounds_sealed > 0).await;
+}
+
 /// Waits for a job's end, which need be no success.
 async fn ended(sandbox: &Sandbox, id: &str) -> Job {
     let start = Instant::now();
@@ -45,33 +50,35 @@ async fn ended(sandbox: &Sandbox, id: &str) -> Job {
 }
 
 #[tokio::test]
-async fn a_worker_that_drains_finishes_what_runs_and_takes_nothing_new() {
+async fn draining_worker_finishes_and_takes_nothing_new() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(20, 4)).await;
     let leaves = Process::start(faulty(&sandbox, 1, "slow@ms=300").args(["--grace", "60"]));
+    prepared(&sandbox, &job).await;
     busy(&sandbox, 1).await;
-    let done = |job: &Job| (job.generations_done, job.round_done);
+    let done = |job: &Job| (job.rounds_sealed, job.tasks_done);
     let before = done(&sandbox.job(&job.id).await);
     let start = Instant::now();
     assert_eq!(leaves.terminate(), Some(0));
     let took = start.elapsed();
     let after = done(&sandbox.job(&job.id).await);
     assert!(after > before, "what ran was finished: {before:?} {after:?}");
-    assert!(after <= (1, 0) && took < Duration::from_secs(10), "it took nothing new: {took:?} {after:?}");
+    assert!(after <= (2, 0) && took < Duration::from_secs(10), "it took nothing new: {took:?} {after:?}");
 
     let _stays = sandbox.worker(1);
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(20, 4)).await);
 }
 
 #[tokio::test]
-async fn a_worker_whose_leave_is_not_heard_takes_nothing_new_all_the_same() {
+async fn unheard_drain_takes_nothing_new_either() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let network = Proxy::to(&sandbox.url());
     let mut leaves = sandbox.worker_command(&network.url(), 8);
     let mut leaves = Process::start(leaves.args(["--grace", "60"]).env("EVOGAIT_FAULT", "slow@ms=1500"));
     let begun = sandbox.submit("begun", &cheap_job(24, 1)).await;
+    prepared(&sandbox, &begun).await;
     busy(&sandbox, 1).await;
     let held = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers[0].busy;
 
@@ -83,19 +90,20 @@ async fn a_worker_whose_leave_is_not_heard_takes_nothing_new_all_the_same() {
     network.heal();
     assert_eq!(leaves.wait(), Some(0));
     let (begun, new) = (sandbox.job(&begun.id).await, sandbox.job(&new.id).await);
-    assert!((begun.generations_done, begun.round_done) > (0, 0), "it finished what it had");
-    assert_eq!((new.generations_done, new.round_done), (0, 0), "and nothing else");
+    assert!((begun.rounds_sealed, begun.tasks_done) > (1, 0), "it finished what it had");
+    assert_eq!((new.rounds_sealed, new.tasks_done), (0, 0), "and nothing else");
 }
 
 #[tokio::test]
-async fn preemption_costs_no_attempt_however_often_it_happens() {
+async fn repeated_preemption_costs_no_attempt() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(21, 2)).await;
     // More often than a candidate may fail. A second signal does not wait for the grace time.
     for round in 0..5 {
         let grace = if round % 2 == 0 { "0.1" } else { "60" };
-        let leaves = Process::start(faulty(&sandbox, 1, "slow@ms=60000").args(["--grace", grace]));
+        let leaves = Process::start(faulty(&sandbox, 1, "slow@ms=60000,round=1").args(["--grace", grace]));
+        prepared(&sandbox, &job).await;
         busy(&sandbox, 1).await;
         let start = Instant::now();
         if round % 2 == 1 {
@@ -111,7 +119,7 @@ async fn preemption_costs_no_attempt_however_often_it_happens() {
 }
 
 #[tokio::test]
-async fn hangup_drains_a_worker() {
+async fn hangup_drains_worker() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(26, 2)).await;
@@ -124,7 +132,7 @@ async fn hangup_drains_a_worker() {
 }
 
 #[tokio::test]
-async fn a_worker_whose_time_is_limited_is_gone_before_its_end() {
+async fn worker_with_time_limit_leaves_before_its_end() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(22, 2)).await;
@@ -139,7 +147,7 @@ async fn a_worker_whose_time_is_limited_is_gone_before_its_end() {
 }
 
 #[tokio::test]
-async fn a_panic_costs_the_candidate_an_attempt_and_not_the_worker() {
+async fn panic_costs_task_an_attempt_not_worker() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let mut worker = Process::start(&mut faulty(&sandbox, 2, "panic@round=1,index=4"));
@@ -156,7 +164,7 @@ async fn a_panic_costs_the_candidate_an_attempt_and_not_the_worker() {
 }
 
 #[tokio::test]
-async fn a_candidate_that_kills_workers_takes_down_few_and_is_named() {
+async fn task_that_kills_workers_is_named_soon() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let start = || Process::start(faulty(&sandbox, 1, "abort@round=1,index=3").stderr(Stdio::null()));
@@ -178,7 +186,7 @@ async fn a_candidate_that_kills_workers_takes_down_few_and_is_named() {
 }
 
 #[tokio::test]
-async fn a_stuck_slot_is_found_and_replaced() {
+async fn stuck_slot_is_found_and_replaced() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let mut worker = faulty(&sandbox, 1, "stall@round=1,index=4");
@@ -193,7 +201,7 @@ async fn a_stuck_slot_is_found_and_replaced() {
 }
 
 #[tokio::test]
-async fn a_slot_that_is_stuck_in_what_nobody_needs_any_more_is_replaced() {
+async fn slot_stuck_in_cancelled_task_is_replaced() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let mut worker = faulty(&sandbox, 1, "stall@round=1,index=4");
@@ -209,10 +217,10 @@ async fn a_slot_that_is_stuck_in_what_nobody_needs_any_more_is_replaced() {
 }
 
 #[tokio::test]
-async fn a_worker_whose_slots_get_stuck_again_and_again_ends_and_says_so() {
+async fn worker_with_repeatedly_stuck_slots_exits_with_reason() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
-    let mut command = faulty(&sandbox, 4, "stall");
+    let mut command = faulty(&sandbox, 4, "stall@round=1");
     command.args(["--stuck-after", "1", "--grace", "0.1"]).stderr(Stdio::piped());
     let worker = command.spawn().expect("worker starts");
     for seed in [26, 27] {
@@ -226,7 +234,7 @@ async fn a_worker_whose_slots_get_stuck_again_and_again_ends_and_says_so() {
 }
 
 #[tokio::test]
-async fn a_worker_that_was_stopped_for_a_while_is_neither_stuck_nor_to_blame() {
+async fn continued_worker_is_neither_stuck_nor_blamed() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(28, 2)).await;

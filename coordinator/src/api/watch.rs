@@ -80,7 +80,7 @@ impl Api {
                     break;
                 }
                 last = last.max(event.sequence);
-                let end = convert::has_ended(&event);
+                let end = convert::is_last(&event);
                 if outbox.send(Ok(event)).await.is_err() || end {
                     return Ok(());
                 }

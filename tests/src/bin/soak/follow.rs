@@ -1,11 +1,12 @@
 //! A client that submits a job again and again, watches it over everything that happens, and holds it to what it said.
 
+use cluster_tests::sandbox::is_last;
 use proto::dial::{Dial, Way};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{
-    Counts, GenerationSealed, GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState,
-    ScoredCandidate, SubmitJobRequest, WatchJobRequest,
+    Artefact, GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState, Progress, Row,
+    SubmitJobRequest, WatchJobRequest,
 };
 use std::time::{Duration, Instant};
 use tonic::{Code, Status};
@@ -14,11 +15,9 @@ use tonic::{Code, Status};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
     digest: Vec<u8>,
-    winner: Option<ScoredCandidate>,
-    history: Vec<GenerationSealed>,
-    counts: Option<Counts>,
-    evaluations: u64,
-    failed: u64,
+    artefacts: Vec<Artefact>,
+    history: Vec<Row>,
+    progress: Option<Progress>,
     events: u64,
 }
 
@@ -26,11 +25,9 @@ impl Expected {
     pub fn of(result: GetResultResponse, job: Job) -> Self {
         Self {
             digest: result.result_digest,
-            winner: result.winner,
+            artefacts: result.artefacts,
             history: result.history,
-            counts: job.counts,
-            evaluations: job.evaluations,
-            failed: job.failed_evaluations,
+            progress: job.progress,
             events: job.last_event,
         }
     }
@@ -98,9 +95,9 @@ async fn submit(client: &mut Client, request_id: &str, toml: &str) -> Result<Str
 
 /// How far a job is; what was told once must never be more than what is told later.
 fn progress(job: &Job) -> (usize, u32, u32) {
-    let order = [JobState::Queued, JobState::Running, JobState::Finishing, JobState::Reporting, JobState::Succeeded];
+    let order = [JobState::Queued, JobState::Running, JobState::Succeeded];
     let state = order.iter().position(|state| *state == job.state()).unwrap_or(order.len());
-    (state, job.generations_done, job.round_done)
+    (state, job.rounds_sealed, job.tasks_done)
 }
 
 /// Watches a job to its end, over everything that happens to the coordinator, and returns its stored events.
@@ -108,7 +105,7 @@ async fn watch(client: &mut Client, id: &str) -> Result<Vec<JobEvent>, String> {
     let mut events: Vec<JobEvent> = Vec::new();
     let mut told = (0, 0, 0);
     let mut asked = Instant::now();
-    while events.last().and_then(|e| e.job.as_ref()).is_none_or(|job| job.state() != JobState::Succeeded) {
+    while !events.last().is_some_and(is_last) {
         let job = patiently(client, |mut client| {
             let request = GetJobRequest { id: id.to_owned() };
             async move { client.get_job(request).await }
@@ -127,7 +124,7 @@ async fn watch(client: &mut Client, id: &str) -> Result<Vec<JobEvent>, String> {
         // Looks at the job itself now and then.
         while asked.elapsed() < Duration::from_millis(500) || events.is_empty() {
             match tokio::time::timeout(Duration::from_millis(500), stream.message()).await {
-                Ok(Ok(Some(event))) if matches!(event.event, Some(Event::Progress(_))) => {}
+                Ok(Ok(Some(event))) if matches!(event.event, Some(Event::TasksDone(_))) => {}
                 Ok(Ok(Some(event))) => {
                     let next = events.last().map_or(0, |e| e.sequence) + 1;
                     if event.sequence != next {

@@ -1,0 +1,58 @@
+//! Jobs whose robots are chains of bodies: the dearest there are to check and to settle.
+
+use sim_core::exchange;
+use sim_core::job::{JobSpec, Reference};
+use sim_core::problem::Checked;
+use std::fmt::Write as _;
+
+/// Bodies of the longest chain, each with four boxes: as many as a robot may have.
+const BODIES: usize = 64;
+const BOXES: usize = 4;
+
+/// A chain of bodies as MJCF.
+fn chain() -> String {
+    let mut xml = String::from(r#"<mujoco model="chain"><worldbody><body name="b0" pos="0 0 1"><freejoint/>"#);
+    for body in 0..BODIES {
+        if body > 0 {
+            let axis = if body % 2 == 0 { "0 1 0" } else { "0 0 1" };
+            let joint = format!(r#"<joint name="j{body}" axis="{axis}" pos="-0.5 0 0" range="-90 90"/>"#);
+            let _ = write!(xml, r#"<body name="b{body}" pos="1 0 0">{joint}"#);
+        }
+        for i in 0..BOXES {
+            let y = (i as f64 - (BOXES as f64 - 1.0) / 2.0) * 0.3;
+            let _ = write!(xml, r#"<geom type="box" size="0.4 0.1 0.1" pos="0 {y} 0" mass="0.25"/>"#);
+        }
+    }
+    xml + &"</body>".repeat(BODIES) + "</worldbody></mujoco>"
+}
+
+fn spec(seed: u64, steps_per_second: u32, substeps: u32) -> JobSpec {
+    let text = format!(
+        "name = \"chain\"\nseed = {seed}\nrobot = \"lizard\"\nenvironment = \"empty\"\ngaits = {{ count = 1, duration = 1.0 }}\n\
+         fitness = {{ kind = \"coverage\" }}\noptimiser = {{ kind = \"pso\" }}\nfinish = {{ kind = \"none\" }}\n\
+         planner = {{ iterations = 1 }}\nphysics = {{ engine = \"rapier\", joints = \"multibody\", damping = 0.0, \
+         steps_per_second = {steps_per_second}, substeps = {substeps} }}"
+    );
+    let spec: JobSpec = toml::from_str(&text).expect("a valid job");
+    let robot = exchange::read(&chain()).expect("a chain can be read").robot;
+    JobSpec { robot: Reference::Inline(Box::new(robot)), ..spec }
+}
+
+/// A job that would take hours to settle: 64 bodies of 4 boxes in reduced coordinates without damping, so many steps a second
+/// with so many substeps.
+pub fn chain_job(seed: u64, steps_per_second: u32, substeps: u32) -> String {
+    toml::to_string(&spec(seed, steps_per_second, substeps)).expect("a job can be written")
+}
+
+/// The dearest job of the same robot whose preparation is within its budget.
+pub fn dearest_job(seed: u64) -> String {
+    let fits = |steps: u32| Checked::new(spec(seed, steps, 1)).is_ok();
+    let (mut least, mut most) = (1, 1000);
+    assert!(!fits(most), "the budget is no limit for this robot");
+    while most - least > 1 {
+        let middle = least.midpoint(most);
+        *(if fits(middle) { &mut least } else { &mut most }) = middle;
+    }
+    assert!(fits(least), "no job of this robot is within its budget");
+    chain_job(seed, least, 1)
+}

@@ -1,0 +1,356 @@
+//! Deliveries that can't be results of an assignment that was issued: each is refused, harms no job, and costs its worker a
+//! mark; three marks, or two different results of one task, put the worker into quarantine.
+
+use cluster_tests::sandbox::{Sandbox, tiny_job, undisturbed};
+use cluster_tests::scripted::{Outcome, Scripted, one_bit_off, with_first};
+use proto::v1::complete_response::Verdict;
+use proto::v1::{Assign, CancelJobRequest, CompleteRequest, JobState, ListWorkersRequest, Results};
+use sim_core::base::score::Counts;
+use sim_core::procedure::evolve::TaskResult;
+use tonic::{Code, Status};
+
+/// A job whose generations have room for all variations.
+fn job(seed: u32) -> String {
+    tiny_job(seed, 2).replace("particles = 5", "particles = 8")
+}
+
+fn results(outcome: Outcome) -> Vec<Vec<u8>> {
+    let Outcome::Results(Results { results }) = outcome else { panic!("results") };
+    results
+}
+
+fn of(results: Vec<Vec<u8>>) -> Outcome {
+    Outcome::Results(Results { results })
+}
+
+/// A right delivery, changed in one place.
+type Change = fn(&mut CompleteRequest);
+
+/// Changes the first of the results.
+fn first(request: &mut CompleteRequest, change: impl FnOnce(Vec<u8>) -> Vec<u8>) {
+    let outcome = request.outcome.take().expect("it has results");
+    request.outcome = Some(with_first(outcome, change));
+}
+
+/// Changes the content of the first result.
+fn content(request: &mut CompleteRequest, change: impl FnOnce(TaskResult) -> TaskResult) {
+    first(request, |result| change(TaskResult::decode(&result).expect("a right result")).encode());
+}
+
+fn score(request: &mut CompleteRequest, new: f64) {
+    content(request, |result| match result {
+        TaskResult::Evaluated { genotype, descriptors, counts, .. } => {
+            TaskResult::Evaluated { genotype, score: Some(new), descriptors, counts }
+        }
+        other => other,
+    });
+}
+
+fn counts(request: &mut CompleteRequest, change: impl FnOnce(&mut Counts)) {
+    content(request, |mut result| {
+        if let TaskResult::Evaluated { counts, .. } = &mut result {
+            change(counts);
+        }
+        result
+    });
+}
+
+fn all(request: &mut CompleteRequest, change: impl FnOnce(&mut Vec<Vec<u8>>)) {
+    let mut all = results(request.outcome.take().expect("it has results"));
+    change(&mut all);
+    request.outcome = Some(of(all));
+}
+
+/// 64 KiB without meaning, the same each time.
+fn noise() -> Vec<u8> {
+    let mut state = 1u32;
+    let next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    std::iter::repeat_with(next).take(64 << 10).collect()
+}
+
+/// Ways to change a right delivery so that it must be refused, and a word of the reason.
+const VARIATIONS: &[(&str, &str, Change)] = &[
+    ("no outcome", "missing", |r| r.outcome = None),
+    ("no results", "it has 0 results", |r| all(r, Vec::clear)),
+    ("one result too few", "results: its assignment has", |r| {
+        all(r, |all| {
+            all.pop();
+        })
+    }),
+    ("one result too many", "results: its assignment has", |r| all(r, |all| all.push(all[0].clone()))),
+    ("another worker", "never issued", |r| r.worker_id = "another".to_owned()),
+    ("no worker", "worker_id", |r| r.worker_id.clear()),
+    ("another job", "never issued", |r| r.job_id = "j99-0123456789ab".to_owned()),
+    ("a round of the future", "never issued", |r| r.round += 1),
+    ("a round of the past", "never issued", |r| r.round -= 1),
+    ("another range", "never issued", |r| r.first += 1),
+    ("a longer range", "never issued", |r| {
+        r.count += 1;
+        all(r, |all| all.push(all[0].clone()));
+    }),
+    ("a range without an end", "never issued", |r| r.count = u32::MAX),
+    ("no tasks", "never issued", |r| {
+        r.count = 0;
+        all(r, Vec::clear);
+    }),
+    ("another assignment", "never issued", |r| r.assignment_id -= 1),
+    ("an assignment of the future", "never issued", |r| r.assignment_id += 1000),
+    ("another engine", "it ran on engine 070707070707", |r| r.engine_digest = vec![7; 32]),
+    ("half an engine digest", "16 bytes", |r| r.engine_digest.truncate(16)),
+    ("no permit", "never issued", |r| r.permit.clear()),
+    ("a cut permit", "never issued", |r| {
+        r.permit.pop();
+    }),
+    ("a permit with one bit turned", "never issued", |r| r.permit[40] ^= 1),
+    ("a permit of other tasks", "never issued", |r| r.permit[0] ^= 1),
+    ("a failure without a permit", "never issued", |r| {
+        r.permit.clear();
+        r.outcome = Some(Outcome::Failure("it panicked".to_owned()));
+    }),
+    ("an empty result", "it is empty", |r| first(r, |_| Vec::new())),
+    ("a cut result", "can't be decoded", |r| {
+        first(r, |mut result| {
+            result.pop();
+            result
+        })
+    }),
+    ("a result with a byte more", "not encoded as its own value", |r| first(r, |result| [&result[..], &[0]].concat())),
+    ("noise", "is refused: its format is", |r| first(r, |_| noise())),
+    ("noise after a right beginning", "not encoded as its own value", |r| {
+        first(r, |result| [result, noise()].concat())
+    }),
+    ("a score that is no number", "is out of range", |r| score(r, f64::NAN)),
+    ("an infinite score", "is out of range", |r| score(r, f64::INFINITY)),
+    ("an impossible score", "is out of range", |r| score(r, 100.5)),
+    ("an impossible count", "is impossible", |r| counts(r, |counts| counts.rollouts = u64::MAX)),
+    ("more unstable rollouts than rollouts", "is impossible", |r| {
+        counts(r, |counts| counts.unstable = counts.rollouts + 1)
+    }),
+    ("a genotype that was not asked for", "does not take", |r| {
+        content(r, |result| match result {
+            TaskResult::Evaluated { score, descriptors, counts, .. } => {
+                TaskResult::Evaluated { genotype: Some(vec![0.5]), score, descriptors, counts }
+            }
+            other => other,
+        })
+    }),
+    ("an answer to another question", "not an evaluation's", |r| {
+        content(r, |_| TaskResult::Examined { scores: vec![Some(1.0)], counts: Counts::default(), traces: None })
+    }),
+];
+
+/// A delivery of an assignment's right results, changed.
+fn changed(worker: &Scripted, assign: &Assign, change: Change) -> CompleteRequest {
+    let mut request = worker.delivery(assign, worker.honest(assign));
+    change(&mut request);
+    request
+}
+
+fn why(answer: Result<Verdict, Status>, what: &str) -> String {
+    let refused = answer.map_err(|status| (status.code(), status.message().to_owned()));
+    match refused {
+        Err((Code::InvalidArgument, why)) => why,
+        other => panic!("{what}: {other:?}"),
+    }
+}
+
+/// The ids of the workers in quarantine, of those connected.
+async fn quarantined(sandbox: &Sandbox) -> Vec<String> {
+    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers;
+    workers.into_iter().filter(|worker| worker.quarantined).map(|worker| worker.id).collect()
+}
+
+#[tokio::test]
+async fn malformed_or_unissued_delivery_is_refused_without_harm() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let text = job(51);
+    let id = sandbox.submit("r", &text).await.id;
+    // What a task costs is known from now on, so that more than one is given at once.
+    let mut honest = Scripted::join(&sandbox, "honest").await;
+    let assign = honest.is_given().await;
+    let right = honest.honest(&assign);
+    assert_eq!(honest.delivers(&assign, right).await, Verdict::Accepted);
+    honest.gives_back();
+    let before = sandbox.job(&id).await;
+    for (number, (what, reason, change)) in VARIATIONS.iter().enumerate() {
+        let mut worker = Scripted::join(&sandbox, &format!("w{number}")).await;
+        let assign = worker.is_given().await;
+        let request = changed(&worker, &assign, *change);
+        let told = why(worker.sends(request).await, what);
+        assert!(told.contains(reason), "{what}: {told}");
+        // One mark is no quarantine: it may still be right.
+        worker.gives_back();
+    }
+    let after = sandbox.job(&id).await;
+    let stands = |job: &proto::v1::Job| (job.rounds_sealed, job.tasks_done, job.last_event, job.disputes.len());
+    assert_eq!(stands(&after), stands(&before), "nothing is stored of any of them");
+    assert!(quarantined(&sandbox).await.is_empty());
+    let standing = sandbox.standing(&id).await;
+    assert!(standing.attempts.is_empty(), "a refusal costs no task an attempt: {standing:?}");
+
+    let _worker = sandbox.worker(2);
+    assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
+}
+
+#[tokio::test]
+async fn permit_of_another_assignment_is_refused() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let text = job(52);
+    let id = sandbox.submit("r", &text).await.id;
+    let mut one = Scripted::join(&sandbox, "one").await;
+    let of_one = one.is_given().await;
+    let mut other = Scripted::join(&sandbox, "other").await;
+    let of_other = other.is_given().await;
+    let right = one.honest(&of_one);
+    let stolen = CompleteRequest { permit: of_other.permit.clone(), ..one.delivery(&of_one, right.clone()) };
+    assert!(why(one.sends(stolen).await, "another's permit").contains("never issued"));
+    let named = CompleteRequest { worker_id: "other".to_owned(), ..one.delivery(&of_one, right.clone()) };
+    assert!(why(one.sends(named).await, "another's name").contains("never issued"));
+    assert_eq!(one.delivers(&of_one, right).await, Verdict::Accepted);
+    let right = other.honest(&of_other);
+    assert_eq!(other.delivers(&of_other, right).await, Verdict::Accepted);
+    (one.gives_back(), other.gives_back());
+    let _worker = sandbox.worker(2);
+    assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
+}
+
+#[tokio::test]
+async fn permit_outlives_coordinator_but_not_its_store() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let text = job(53);
+    let id = sandbox.submit("r", &text).await.id;
+    let mut worker = Scripted::join(&sandbox, "w").await;
+    let assign = worker.is_given().await;
+    let right = worker.honest(&assign);
+    worker.gives_back();
+    coordinator.kill_9();
+    let coordinator = sandbox.coordinator();
+    // Its own connection is broken: another one delivers in its name.
+    let mut other = Scripted::join(&sandbox, "other").await;
+    assert_eq!(other.sends(worker.delivery(&assign, right)).await.expect("it is answered"), Verdict::Accepted);
+    let delivered = sandbox.job(&id).await;
+    assert_eq!((delivered.rounds_sealed, delivered.tasks_done > 0), (1, true));
+    coordinator.kill_9();
+
+    // Another store has another key: the same job under the same id, and the same assignment.
+    let mut elsewhere = Sandbox::new();
+    let _other = elsewhere.coordinator();
+    assert_eq!(elsewhere.submit("r", &text).await.id, id);
+    let mut same = Scripted::join(&elsewhere, "w").await;
+    let again = same.is_given().await;
+    assert_eq!((again.assignment_id, again.first), (assign.assignment_id, assign.first));
+    let foreign = CompleteRequest { permit: assign.permit.clone(), ..same.delivery(&again, same.honest(&again)) };
+    assert!(why(same.sends(foreign).await, "a permit of another store").contains("never issued"));
+}
+
+#[tokio::test]
+async fn late_delivery_of_ended_job_is_obsolete() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let id = sandbox.submit("r", &job(54)).await.id;
+    let mut worker = Scripted::join(&sandbox, "w").await;
+    let assign = worker.is_given().await;
+    let right = worker.honest(&assign);
+    sandbox.client().cancel_job(CancelJobRequest { id: id.clone() }).await.expect("it ends");
+    let ended = sandbox.job(&id).await;
+    assert_eq!(ended.state(), JobState::Cancelled);
+    assert_eq!(worker.delivers(&assign, right).await, Verdict::Obsolete);
+    // Of an ended job nothing is left to check it against.
+    assert_eq!(worker.delivers(&assign, of(vec![noise()])).await, Verdict::Obsolete);
+    assert_eq!(sandbox.job(&id).await, ended);
+}
+
+#[tokio::test]
+async fn three_marks_quarantine_exactly_that_worker() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let text = job(55);
+    let id = sandbox.submit("r", &text).await.id;
+    let mut good = Scripted::join(&sandbox, "good").await;
+    let of_good = good.is_given().await;
+    let mut bad = Scripted::join(&sandbox, "bad").await;
+    let assign = bad.is_given().await;
+    let right = bad.honest(&assign);
+    for mark in 1..=3 {
+        assert!(quarantined(&sandbox).await.is_empty(), "before mark {mark}");
+        // In the name of others and from elsewhere nobody is marked.
+        let named = CompleteRequest { worker_id: "nobody".to_owned(), ..bad.delivery(&assign, right.clone()) };
+        why(bad.sends(named).await, "a name without a worker");
+        let noise = bad.delivery(&assign, with_first(right.clone(), |_| noise()));
+        why(bad.sends(noise).await, "noise");
+    }
+    assert_eq!(quarantined(&sandbox).await, ["bad"]);
+    assert_eq!(bad.delivers(&assign, right).await, Verdict::Quarantined);
+    let right = good.honest(&of_good);
+    assert_eq!(good.delivers(&of_good, right).await, Verdict::Accepted);
+    good.gives_back();
+    let _worker = sandbox.worker(2);
+    assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
+}
+
+#[tokio::test]
+async fn two_results_of_one_task_quarantine_their_worker() {
+    let mut sandbox = Sandbox::new();
+    let _coordinator = sandbox.coordinator();
+    let text = job(56);
+    let id = sandbox.submit("r", &text).await.id;
+    let mut bad = Scripted::join(&sandbox, "bad").await;
+    let assign = bad.is_given().await;
+    let right = bad.honest(&assign);
+    assert_eq!(bad.delivers(&assign, right.clone()).await, Verdict::Accepted);
+    assert_eq!(bad.delivers(&assign, right.clone()).await, Verdict::Duplicate);
+    assert!(quarantined(&sandbox).await.is_empty(), "the same result again is welcome");
+    assert_eq!(bad.delivers(&assign, one_bit_off(right.clone())).await, Verdict::Conflict);
+    assert_eq!(quarantined(&sandbox).await, ["bad"]);
+    assert_eq!(bad.delivers(&assign, right).await, Verdict::Quarantined);
+    // Its results count for nothing now, so two others have to agree.
+    let _workers = [sandbox.worker(1), sandbox.worker(1)];
+    assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
+}
+
+#[tokio::test]
+async fn thousand_refused_deliveries_hardly_grow_the_store() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let text = job(57);
+    let id = sandbox.submit("r", &text).await.id;
+    assert_eq!(coordinator.terminate(), Some(0));
+    let size = |sandbox: &Sandbox| std::fs::metadata(sandbox.file("store.db")).expect("a store").len();
+    let before = size(&sandbox);
+    let coordinator = sandbox.coordinator();
+    let mut worker = Scripted::join(&sandbox, "first").await;
+    let assign = worker.is_given().await;
+    let wrong = worker.delivery(&assign, of(vec![noise(); assign.tasks.len()]));
+    // The same from workers that are connected, each until it is in quarantine, and from many that are not.
+    let mut refused = 0;
+    for number in 0..50 {
+        let mut other = Scripted::join(&sandbox, &format!("w{number}")).await;
+        for _ in 0..3 {
+            let forged = CompleteRequest { worker_id: format!("w{number}"), ..wrong.clone() };
+            why(other.sends(forged).await, "an assignment of another worker");
+            refused += 1;
+        }
+    }
+    while refused < 1000 {
+        let forged = CompleteRequest { worker_id: format!("unknown {refused}"), ..wrong.clone() };
+        why(worker.sends(forged).await, "a worker that is not connected");
+        refused += 1;
+    }
+    worker.gives_back();
+    let _ended = Scripted::join(&sandbox, "w0").await;
+    assert_eq!(quarantined(&sandbox).await, ["w0"], "quarantine is kept");
+    assert_eq!(coordinator.terminate(), Some(0));
+    let grown = size(&sandbox).saturating_sub(before);
+    println!("{refused} refused deliveries: the store grew by {grown} bytes");
+    assert!(grown < 200 << 10, "{grown} bytes");
+
+    let _coordinator = sandbox.coordinator();
+    let _worker = sandbox.worker(2);
+    assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
+}
