@@ -28,5 +28,3 @@ pub const DEFAULT_PAGE: u32 = 100;
 pub const MAX_PRIORITY: u32 = 100;
 /// Priority of a job when the client does not say.
 pub const DEFAULT_PRIORITY: u32 = 10;
-/// Bytes of genomes put into one assignment, so that it stays far below [`MAX_MESSAGE`].
-pub const MAX_ASSIGNMENT_GENOMES: usize = sim_core::limits::MAX_ASSIGNMENT_GENOMES;

@@ -1,6 +1,6 @@
 //! Settles a large robot that never comes to rest, to measure what a body-substep of a preparation costs at most.
 //!
-//! `time cargo run --release -p sim-core --example preparing -- BODIES BOXES JOINTS STEPS SUBSTEPS`,
+//! `time cargo run --release -p study --example preparing -- BODIES BOXES JOINTS STEPS SUBSTEPS`,
 //! where JOINTS is `impulse`, `multibody` or `lockstep`; such as `64 4 multibody 1000 1`: a chain of so many bodies with so many boxes each, lying on the ground without damping.
 //! `check` in place of `settle` as a sixth argument checks the job 100 times and settles nothing.
 
