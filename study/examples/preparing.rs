@@ -1,8 +1,9 @@
-//! Settles a large robot that never comes to rest, to measure what a body-substep of a preparation costs at most.
+//! Settles a large robot, to measure the cost of a body-substep of a preparation.
 //!
-//! `time cargo run --release -p sim-core --example preparing -- BODIES BOXES JOINTS STEPS SUBSTEPS`,
-//! where JOINTS is `impulse`, `multibody` or `lockstep`; such as `64 4 multibody 1000 1`: a chain of so many bodies with so many boxes each, lying on the ground without damping.
-//! `check` in place of `settle` as a sixth argument checks the job 100 times and settles nothing.
+//! `time cargo run --release -p study --example preparing -- BODIES BOXES JOINTS STEPS SUBSTEPS`, where JOINTS is `impulse`,
+//! `multibody` or `lockstep`; such as `64 4 multibody 1000 1`: a chain of so many bodies with so many boxes each, lying on
+//! the ground without damping. It prints how many steps were simulated.
+//! `check` as a sixth argument checks the job 100 times and settles nothing.
 
 use sim_core::exchange;
 use sim_core::job::{JobSpec, Reference};
@@ -57,7 +58,7 @@ fn main() {
         return;
     }
     let job = Checked::new(spec).expect("the job is within its budget");
-    // Asked before every step of rapier's, and before every run of lockstep's.
+    // Asked before every step.
     let asked = Cell::new(0u64);
     let prepared = job.prepare(&|| {
         asked.set(asked.get() + 1);

@@ -11,7 +11,10 @@ use std::sync::Arc;
 /// Version 1 was protobuf.
 const VERSION: u8 = 2;
 
-/// Results of a range, and the worker that delivered them.
+/// Results, and the worker that delivered them.
+pub(super) type Found = (Vec<Arc<[u8]>>, Finder);
+
+/// The same as it is encoded.
 #[derive(Serialize, Deserialize)]
 struct Delivered {
     results: Vec<ByteBuf>,
@@ -38,7 +41,7 @@ pub(super) fn encode_delivered(results: &[Arc<[u8]>], finder: &Finder) -> Vec<u8
     encode(&Delivered { results: buffers(results), finder: finder.clone() })
 }
 
-pub(super) fn decode_delivered(bytes: &[u8]) -> Result<(Vec<Arc<[u8]>>, Finder), StoreError> {
+pub(super) fn decode_delivered(bytes: &[u8]) -> Result<Found, StoreError> {
     let Delivered { results, finder } = decode("results", bytes)?;
     Ok((shared(results), finder))
 }

@@ -1,12 +1,13 @@
 //! A store in memory: what the others must behave like. Forgotten when it is dropped.
 
+use super::blob::Found;
 use super::{
     Answer, Loaded, Quarantined, RunState, SealedRound, Store, StoreError, StoredEvent, StoredJob, StoredRange,
     StoredResult, Write,
 };
 use crate::convert;
 use crate::permit::PermitKey;
-use crate::record::{Finder, JobEvent, JobId, JobRecord, JobState};
+use crate::record::{JobEvent, JobId, JobRecord, JobState};
 use sim_core::base::digest::Digest;
 use sim_core::procedure::Artefact;
 use std::collections::{BTreeMap, BTreeSet};
@@ -43,7 +44,7 @@ struct Entry {
     toml: Arc<str>,
     state: RunState,
     /// By round and index of the first.
-    results: BTreeMap<(u32, u32), (Vec<Arc<[u8]>>, Finder)>,
+    results: BTreeMap<(u32, u32), Found>,
     rounds: BTreeMap<u32, SealedRound>,
     events: Vec<StoredEvent>,
     artefacts: Vec<Artefact>,
@@ -69,7 +70,7 @@ impl Inner {
                 ended.push(entry.record.id.clone());
                 continue;
             }
-            let range = |(&(round, first), (results, finder)): (&(u32, u32), &(Vec<Arc<[u8]>>, Finder))| StoredRange {
+            let range = |(&(round, first), (results, finder)): (&(u32, u32), &Found)| StoredRange {
                 round,
                 first,
                 results: results.clone(),

@@ -39,10 +39,10 @@ pub const MAX_REPEATS: u32 = 1_000;
 /// Most physics steps, each with all of its substeps, that an evaluation may be able to take: on rapier some 20 hours of a
 /// core.
 pub const MAX_EVALUATION_STEPS: u64 = 10_000_000_000;
-/// Most body-substeps that settling a job's robot may be able to take: about a minute of a core. Measured by
-/// `examples/preparing.rs` in a release build on a 2-core x86-64 machine, 0.3 to 0.7 µs each: 64 bodies with 1 and 4 boxes
-/// each, 2 with 128, on rapier with both kinds of joints and on lockstep, in 1, 10 and 100 substeps a step.
-pub const MAX_PREPARATION: u64 = 150_000_000;
+/// Most body-substeps that settling a job's robot may be able to take: half a minute to a minute of a core. Measured by
+/// study's example `preparing` in a release build on one core of a 2-core x86-64 machine, 0.25 to 0.66 µs each: 64 bodies
+/// with 1 and 4 boxes each, 2 with 128, on rapier with both kinds of joints and on lockstep, in 1, 10 and 100 substeps.
+pub const MAX_PREPARATION: u64 = 100_000_000;
 /// Most substeps in a second of simulated time.
 pub const MAX_SUBSTEPS_PER_SECOND: u32 = 100_000;
 /// Most genomes in a search's archive.

@@ -58,6 +58,15 @@ pub enum ControllerKind {
     Sine,
 }
 
+impl ControllerKind {
+    /// Revision of how the signals are computed.
+    pub(crate) fn revision(self) -> u32 {
+        match self {
+            Self::Hopf | Self::Sine => 1,
+        }
+    }
+}
+
 /// The controller of a kind.
 pub fn controller(kind: ControllerKind) -> &'static dyn Controller {
     match kind {

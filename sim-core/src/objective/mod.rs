@@ -116,10 +116,10 @@ pub enum FitnessSpec {
 }
 
 impl FitnessSpec {
-    /// Revision of how a fitness is computed, where it is not the first one: it enters the job's identity. Coverage in three
-    /// dimensions, 2: the cell that is not counted is that of the settled pivot, not the one on the ground below it.
-    pub(crate) fn revision(&self) -> Option<u32> {
-        matches!(self, Self::Coverage { dimensions: 3, .. }).then_some(2)
+    /// Revision of how the fitness is computed. Coverage in three dimensions, 2: the cell that is not counted is that of the
+    /// settled pivot, not the one on the ground below it.
+    pub(crate) fn revision(&self) -> u32 {
+        if matches!(self, Self::Coverage { dimensions: 3, .. }) { 2 } else { 1 }
     }
 }
 

@@ -51,6 +51,15 @@ pub enum Algorithm {
     Original,
 }
 
+impl Algorithm {
+    /// Revision of how the tree is grown.
+    pub(crate) fn revision(self) -> u32 {
+        match self {
+            Self::FloodFill | Self::Original => 1,
+        }
+    }
+}
+
 /// Refuses settings out of range.
 pub(crate) fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
     let mut faults = Faults::default();

@@ -27,6 +27,7 @@ use crate::plan::{Metric, Planner, Reuse};
 use crate::procedure::evolve::finish::{Finish, FinishKind, FinishSpec};
 use crate::search::{self, Optimiser};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
@@ -140,12 +141,13 @@ impl Checked {
 
     /// The digest that the same job has where its engine has another digest, as in another build of evogait.
     pub fn digest_on(&self, engine: Digest) -> Digest {
+        // Only what a job uses, and of that only what is not neutral: what is added later changes no digest of before.
         #[derive(Serialize)]
         struct Identity<'a> {
             spec: &'a JobSpec,
             engine: Digest,
-            #[serde(skip_serializing_if = "Option::is_none")]
-            fitness: Option<u32>,
+            #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+            revisions: BTreeMap<&'static str, u32>,
         }
         let mut spec = self.0.spec.clone();
         spec.name.clear();
@@ -156,7 +158,14 @@ impl Checked {
             environment.name.clear();
             environment.description.clear();
         }
-        Digest::of("evogait job 1", &Identity { spec: &spec, engine, fitness: spec.fitness.revision() })
+        let used = [
+            ("controller", spec.gaits.controller.revision()),
+            ("planner", spec.planner.algorithm.revision()),
+            ("fitness", spec.fitness.revision()),
+            ("optimiser", spec.optimiser.revision()),
+        ];
+        let revisions = used.into_iter().filter(|(_, revision)| *revision > 1).collect();
+        Digest::of("evogait job 1", &Identity { spec: &spec, engine, revisions })
     }
 
     /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or the quiet

@@ -151,8 +151,7 @@ impl Start {
 }
 
 impl Checked {
-    /// Settles the robot on the job's setting and on its reference. `stop` is asked before every run of 2 s at least; on
-    /// rapier before every step.
+    /// Settles the robot on the job's setting and on its reference. `stop` is asked before every physics step.
     ///
     /// # Errors
     /// The robot can't stand, its start is blocked, or `stop` says so.
@@ -168,7 +167,7 @@ impl Checked {
         Ok(Preparation { own, reference })
     }
 
-    /// Whether a preparation can be one of this job. Cheap.
+    /// Checks that a preparation can be one of this job. Cheap.
     pub fn takes(&self, preparation: &Preparation) -> Result<(), Unfit> {
         let wanted = 1 + usize::from(self.on_reference().is_some());
         let found = 1 + usize::from(preparation.reference.is_some());

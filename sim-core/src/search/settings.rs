@@ -58,6 +58,13 @@ pub enum OptimiserSpec {
 }
 
 impl OptimiserSpec {
+    /// Revision of how candidates are searched for.
+    pub(crate) fn revision(&self) -> u32 {
+        match self {
+            Self::Pso { .. } | Self::PsoConstriction { .. } | Self::Ga { .. } => 1,
+        }
+    }
+
     /// How many candidates a generation has.
     pub fn population(&self) -> u32 {
         match *self {

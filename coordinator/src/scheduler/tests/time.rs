@@ -42,9 +42,9 @@ fn straggler_gets_one_copy_and_first_result_wins() {
         assert!(rig.take_of("idle").is_none(), "one copy is enough");
 
         let (winner, loser) = if first == "fast" { (&copy, &slow) } else { (&slow, &copy) };
-        assert_eq!(rig.answer(&winner), Verdict::Accepted);
+        assert_eq!(rig.answer(winner), Verdict::Accepted);
         assert!(rig.cancelled.contains(&loser.id()), "the other one may stop");
-        assert_eq!(rig.answer(&loser), Verdict::Duplicate);
+        assert_eq!(rig.answer(loser), Verdict::Duplicate);
         rig.given.retain(|g| g.id() != slow.id());
         rig.work_off();
         rig.assert_right(&job, 2, 1);

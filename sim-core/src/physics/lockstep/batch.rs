@@ -10,7 +10,8 @@ use crate::model::State;
 use crate::physics::{Bound, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
 use fearless_simd::prelude::*;
 
-/// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes.
+/// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes. `stop` is
+/// asked before every step: once it says so, there is no result.
 #[inline(always)]
 pub(super) fn run<S: Simd, G: Surface<S>>(
     simd: S,
@@ -18,7 +19,8 @@ pub(super) fn run<S: Simd, G: Surface<S>>(
     physics: &Physics,
     ground: G,
     batch: &[Request<'_>],
-) -> Vec<Rollout> {
+    stop: &dyn Fn() -> bool,
+) -> Option<Vec<Rollout>> {
     let width = Lanes::<S>::LEN;
     let steps = |i: usize| physics.steps(batch[i].targets.duration());
     let mut order: Vec<usize> = (0..batch.len()).collect();
@@ -30,12 +32,12 @@ pub(super) fn run<S: Simd, G: Surface<S>>(
         let alike = rest.iter().take(width).take_while(|&&i| steps(i) == steps(first)).count();
         let (group, later) = rest.split_at(alike);
         let requests: Vec<Request<'_>> = group.iter().map(|&i| batch[i]).collect();
-        for (&i, rollout) in group.iter().zip(roll(simd, model, physics, &mut stepper, &requests)) {
+        for (&i, rollout) in group.iter().zip(roll(simd, model, physics, &mut stepper, &requests, stop)?) {
             rollouts[i] = Some(rollout);
         }
         rest = later;
     }
-    rollouts.into_iter().map(|r| r.expect("every request was in a group")).collect()
+    Some(rollouts.into_iter().map(|r| r.expect("every request was in a group")).collect())
 }
 
 /// A lane's rollout on its way.
@@ -54,7 +56,8 @@ fn roll<S: Simd, G: Surface<S>>(
     physics: &Physics,
     stepper: &mut Stepper<'_, S, G>,
     requests: &[Request<'_>],
-) -> Vec<Rollout> {
+    stop: &dyn Fn() -> bool,
+) -> Option<Vec<Rollout>> {
     let rate = physics.steps_per_second;
     let steps = physics.steps(requests[0].targets.duration());
     let every = sample_every(rate);
@@ -67,6 +70,9 @@ fn roll<S: Simd, G: Surface<S>>(
     let mut speeds = all(simd, 0.0);
     let mut ledger = Ledger::new(simd);
     for done in 0..=steps {
+        if stop() {
+            return None;
+        }
         stepper.place(&motion);
         if done % every == 0 || done == steps {
             sample(simd, model, stepper, &motion, done as f32 / rate as f32, &mut lanes);
@@ -114,7 +120,7 @@ fn roll<S: Simd, G: Surface<S>>(
             simulated_ms: ms(done),
         }
     };
-    lanes.into_iter().zip(requests).enumerate().map(|(i, pair)| outcome(pair, i)).collect()
+    Some(lanes.into_iter().zip(requests).enumerate().map(|(i, pair)| outcome(pair, i)).collect())
 }
 
 /// The lanes' values, the last one's for lanes that are not in use.

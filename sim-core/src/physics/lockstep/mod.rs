@@ -75,6 +75,23 @@ impl Engine for LockstepEngine {
         run_at(Level::new(), robot, physics, terrain, batch)
     }
 
+    /// Asks `stop` before every step.
+    ///
+    /// # Panics
+    /// If [`supports`] says no.
+    fn run_until(
+        &self,
+        robot: &Robot,
+        physics: &Physics,
+        request: &Request<'_>,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Rollout> {
+        if let Err(why) = supports(robot, &[]) {
+            panic!("{why}");
+        }
+        run_until_at(Level::new(), robot, physics, &[], &[*request], stop)?.pop()
+    }
+
     fn lanes(&self) -> usize {
         width(Level::new())
     }
@@ -88,12 +105,23 @@ pub fn run_at(
     terrain: &[Block],
     batch: &[Request<'_>],
 ) -> Vec<Rollout> {
+    run_until_at(level, robot, physics, terrain, batch, &|| false).expect("a batch without a stop runs to its end")
+}
+
+fn run_until_at(
+    level: Level,
+    robot: &Robot,
+    physics: &Physics,
+    terrain: &[Block],
+    batch: &[Request<'_>],
+    stop: &dyn Fn() -> bool,
+) -> Option<Vec<Rollout>> {
     let model = model::Model::new(robot, physics);
     let layers = terrain::layers(terrain);
     if layers.is_empty() {
-        at_level!(level, simd => batch::run(simd, &model, physics, contact::Corners::new(&model), batch))
+        at_level!(level, simd => batch::run(simd, &model, physics, contact::Corners::new(&model), batch, stop))
     } else {
-        at_level!(level, simd => batch::run(simd, &model, physics, uneven::Uneven::new(&layers), batch))
+        at_level!(level, simd => batch::run(simd, &model, physics, uneven::Uneven::new(&layers), batch, stop))
     }
 }
 

@@ -22,7 +22,7 @@ impl Engine for RapierEngine {
     fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
         let never = || false;
         let rollout = |request| Simulation::new(robot, physics, terrain, request).run(request, &never);
-        batch.iter().map(|request| rollout(request).expect("a rollout that nobody stops has an end")).collect()
+        batch.iter().map(|request| rollout(request).expect("a rollout without a stop runs to its end")).collect()
     }
 
     /// Asks `stop` before every step: a step of the largest robot takes some milliseconds a substep at most.
