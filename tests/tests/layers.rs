@@ -209,8 +209,7 @@ fn paths(tokens: &[Token], roots: &BTreeSet<String>) -> Vec<(Vec<String>, usize)
 fn tree(tokens: &[Token], mut i: usize, before: &[String], found: &mut Vec<(Vec<String>, usize)>) -> usize {
     let mut path = before.to_vec();
     let line = tokens[i].line;
-    loop {
-        let Some(token) = tokens.get(i) else { break };
+    while let Some(token) = tokens.get(i) {
         if token.text == "{" {
             i += 1;
             while i < tokens.len() && tokens[i].text != "}" {
@@ -265,7 +264,7 @@ fn sources(src: &Path) -> Sources {
     }
     let tests: Vec<Vec<String>> = all
         .iter()
-        .flat_map(|(module, (_, _, tests))| tests.iter().map(|t| [module.as_slice(), &[t.clone()]].concat()))
+        .flat_map(|(module, (_, _, tests))| tests.iter().map(|t| [module.as_slice(), std::slice::from_ref(t)].concat()))
         .collect();
     all.retain(|module, _| !tests.iter().any(|test| module.starts_with(test)));
     all.into_iter().map(|(module, (path, rest, _))| (module, (path, rest))).collect()
