@@ -126,10 +126,11 @@ pub(crate) fn is_stored(event: &v1::JobEvent) -> bool {
     !matches!(event.event, Some(job_event::Event::TasksDone(_)))
 }
 
-/// Whether an event is its job's last one. The seal of the last round is followed by the job's end.
+/// Whether an event is its job's last one: the change to a state that ends it. The seal of its last round comes before that,
+/// with the job as it stands after both.
 pub(crate) fn is_last(event: &v1::JobEvent) -> bool {
-    let Some(job) = &event.job else { return false };
-    asked_state(job.state()).is_some_and(JobState::is_end) && event.sequence >= job.last_event
+    let Some(job_event::Event::StateChanged(new)) = event.event else { return false };
+    v1::JobState::try_from(new).ok().and_then(asked_state).is_some_and(JobState::is_end)
 }
 
 /// A message for a worker.
