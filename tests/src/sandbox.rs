@@ -1,5 +1,6 @@
 //! Real coordinator and worker processes in a folder of their own, on ports of their own.
 
+use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{
     GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState, Standing, SubmitJobRequest,
@@ -332,7 +333,7 @@ impl Sandbox {
 
 /// Whether an event is the last one of a job that has succeeded.
 pub fn is_last(event: &JobEvent) -> bool {
-    event.job.as_ref().is_some_and(|job| job.state() == JobState::Succeeded && event.sequence >= job.last_event)
+    event.event == Some(Event::StateChanged(JobState::Succeeded.into()))
 }
 
 /// What a job's procedure does, in a word: "searching".
