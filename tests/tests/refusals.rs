@@ -214,7 +214,8 @@ async fn permit_of_another_assignment_is_refused() {
     assert_eq!(one.delivers(&of_one, right).await, Verdict::Accepted);
     let right = other.honest(&of_other);
     assert_eq!(other.delivers(&of_other, right).await, Verdict::Accepted);
-    (one.gives_back(), other.gives_back());
+    one.gives_back();
+    other.gives_back();
     let _worker = sandbox.worker(2);
     assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
 }
