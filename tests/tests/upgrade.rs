@@ -2,6 +2,7 @@
 
 use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job, undisturbed, value};
 use cluster_tests::scripted::Scripted;
+use coordinator::record::Finder;
 use coordinator::store::{SqliteStore, Store as _, Write};
 use proto::v1::job_event::Event;
 use proto::v1::{Job, JobState, ListWorkersRequest, WatchJobRequest};
@@ -167,4 +168,24 @@ async fn recorded_store_loads_and_gives_recorded_digests() {
         let result: String = result.iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(digests[name].as_str(), Some(result.as_str()), "{name}");
     }
+}
+
+#[tokio::test]
+async fn stored_result_of_no_task_fails_its_job() {
+    let mut sandbox = Sandbox::new();
+    let coordinator = sandbox.coordinator();
+    let id = sandbox.submit("r", &tiny_job(63, 1)).await.id;
+    assert_eq!(coordinator.terminate(), Some(0));
+    let store = SqliteStore::open(&sandbox.file("store.db")).await.expect("nobody has it open");
+    let loaded = store.start().await.expect("an epoch");
+    let job = loaded.active[0].record.id.clone();
+    let ranges = vec![(0, vec![[1, 2, 3].as_slice().into()])];
+    let write = Write::Results { job, round: 0, ranges, finder: Finder::default() };
+    store.commit(loaded.epoch, vec![write]).await.expect("it is written");
+    store.close().await.expect("it closes");
+
+    let _coordinator = sandbox.coordinator();
+    let job = sandbox.job(&id).await;
+    assert_eq!(job.state(), JobState::Failed);
+    assert!(job.reason.contains("results of round 0 from 0 on don't fit"), "{}", job.reason);
 }
