@@ -1,7 +1,6 @@
 //! The task that ended a job by failing too often: the commands that do it again on this machine.
 
 use crate::console::quoted;
-use crate::view::question;
 use proto::v1::Poisoned;
 use sim_core::procedure::evolve::Task;
 use sim_core::procedure::evolve::finish::Question;
@@ -30,6 +29,18 @@ impl Subject {
     /// Numbers as `--genome` takes them, each with all its bits.
     pub fn genome(&self) -> String {
         self.candidate.genome.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+    }
+}
+
+/// A question as `evogait evaluate --question` takes it.
+pub fn question(question: Question) -> &'static str {
+    match question {
+        Question::Fresh => "fresh",
+        Question::Reference => "reference",
+        Question::LessFriction => "less-friction",
+        Question::MoreFriction => "more-friction",
+        Question::WithoutReuse => "without-reuse",
+        Question::Traces => "traces",
     }
 }
 

@@ -1,12 +1,11 @@
 //! A job and a worker of a coordinator as JSON and as words: the names that scripts rely on.
 
 use crate::console;
-use crate::poison::Subject;
+use crate::poison::{Subject, question};
 use crate::values::{self, count, number};
 use crate::watch::{has_ended, word};
 use proto::v1;
 use serde::Serialize;
-use sim_core::procedure::evolve::finish::Question;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A job.
@@ -156,18 +155,6 @@ impl PoisonedView {
             question: subject.as_ref().and_then(|subject| subject.question.map(question)),
             genome: candidate.map(|c| c.genome.clone()),
         }
-    }
-}
-
-/// A question as `evogait evaluate --question` takes it.
-pub fn question(question: Question) -> &'static str {
-    match question {
-        Question::Fresh => "fresh",
-        Question::Reference => "reference",
-        Question::LessFriction => "less-friction",
-        Question::MoreFriction => "more-friction",
-        Question::WithoutReuse => "without-reuse",
-        Question::Traces => "traces",
     }
 }
 

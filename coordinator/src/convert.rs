@@ -1,23 +1,19 @@
 //! Domain types to wire types, and back where clients send them: the one place of the coordinator where both meet.
 
 use crate::permit::Issued;
-use crate::record::{Claim, Dispute, Event, JobEvent, JobId, JobRecord, JobState, Poisoned, Ruling};
+use crate::record::{Claim, Dispute, Event, JobEvent, JobId, JobRecord, JobState, MAX_TOLD_DISPUTES, Poisoned, Ruling};
 use crate::scheduler::{
     AssignmentId, Caller, Completed, Delivery, Detail, Held, Message, Range, Running, Verdict, Welcome, WorkerId,
     WorkerView,
 };
-use prost::Message as _;
 use proto::ConvertError;
 use proto::v1::{self, complete_request, complete_response, coordinator_message, job_event};
 use sim_core::base::digest::Digest;
 use std::time::Duration;
 
-/// Most disputes that are told with a job: the newest ones.
-const TOLD_DISPUTES: usize = 8;
-
 /// A job as clients get it. How far its round is only the scheduler knows.
 pub(crate) fn job(record: &JobRecord) -> v1::Job {
-    let told = &record.disputes[record.disputes.len().saturating_sub(TOLD_DISPUTES)..];
+    let told = &record.disputes[record.disputes.len().saturating_sub(MAX_TOLD_DISPUTES)..];
     v1::Job {
         id: record.id.to_string(),
         name: record.name.clone(),
@@ -109,16 +105,6 @@ pub(crate) fn event(record: &JobRecord, event: &JobEvent) -> v1::JobEvent {
     };
     let job = v1::Job { last_event: event.sequence, ..job(record) };
     v1::JobEvent { sequence: event.sequence, at_ms: event.at_ms, event: Some(what), job: Some(job) }
-}
-
-/// The same as bytes, for the store.
-pub(crate) fn event_bytes(record: &JobRecord, happened: &JobEvent) -> Vec<u8> {
-    event(record, happened).encode_to_vec()
-}
-
-/// An event from the store.
-pub(crate) fn stored_event(bytes: &[u8]) -> Result<v1::JobEvent, prost::DecodeError> {
-    v1::JobEvent::decode(bytes)
 }
 
 /// Whether an event is stored: those about tasks of the round at hand are not.

@@ -1,8 +1,7 @@
 //! Permits: proof that an assignment was issued, which needs no record of it. A result is accepted only with one, late and
 //! after restarts too.
 
-use crate::record::JobId;
-use crate::scheduler::{AssignmentId, Range, WorkerId};
+use crate::record::{AssignmentId, JobId, Range, WorkerId};
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 use sim_core::base::digest::Digest;

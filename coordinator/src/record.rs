@@ -3,10 +3,12 @@
 mod charge;
 mod dispute;
 mod event;
+mod ids;
 
 pub use charge::Charge;
 pub use dispute::{Claim, Dispute, Finder, Ruling, Source};
 pub use event::{Event, JobEvent};
+pub use ids::{AssignmentId, Range, WorkerId};
 
 use serde::{Deserialize, Serialize};
 use sim_core::base::digest::{Digest, ResultDigest};
@@ -171,7 +173,21 @@ pub struct JobRecord {
     pub result_digest: Option<Digest>,
 }
 
+/// Most disputes that clients are told with a job: the newest ones.
+pub(crate) const MAX_TOLD_DISPUTES: usize = 8;
+
 impl JobRecord {
+    /// The record as it is kept with an event: what clients are told of it.
+    pub fn snapshot(&self) -> Self {
+        let told = &self.disputes[self.disputes.len().saturating_sub(MAX_TOLD_DISPUTES)..];
+        let mut disputes = told.to_vec();
+        for dispute in &mut disputes {
+            dispute.task.clear();
+            dispute.seal();
+        }
+        Self { disputes, charges: Vec::new(), ..self.clone() }
+    }
+
     /// Folds the digests of a sealed round's results.
     pub fn fold(&mut self, round: u32, digests: &[Digest]) {
         let mut digest = ResultDigest::resume(self.results_digest);

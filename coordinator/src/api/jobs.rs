@@ -5,10 +5,10 @@ use crate::access::{Pass, Passing};
 use crate::actor::{Command, SubmitError};
 use crate::convert;
 use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
-use crate::record::{JobId, JobRecord, JobState};
+use crate::record::{Event, JobId, JobRecord, JobState};
 use crate::scheduler::{Demand, NewJob};
+use crate::store::StoredEvent;
 use proto::limits::{DEFAULT_PAGE, DEFAULT_PRIORITY, MAX_JOB_TOML, MAX_PAGE, MAX_PRIORITY, MAX_REQUEST_ID};
-use proto::v1::job_event::Event;
 use proto::v1::job_service_server::JobService;
 use proto::v1::{
     CancelJobRequest, CancelJobResponse, GetDemandRequest, GetDemandResponse, GetJobRequest, GetJobResponse,
@@ -65,9 +65,8 @@ impl Api {
     async fn pace(&self, id: &JobId, last_event: u64) -> Result<f64, Status> {
         let after = last_event.saturating_sub(u64::from(PACE_OVER) + 1);
         let events = self.store.events(id, after, PACE_OVER + 1).await.map_err(store_failed)?;
-        let read = events.iter().filter_map(|event| convert::stored_event(&event.bytes).ok());
-        let sealed = |e: &JobEvent| matches!(e.event, Some(Event::RoundSealed(_)));
-        let seals: Vec<i64> = read.filter(sealed).map(|e| e.at_ms).collect();
+        let sealed = |e: &&StoredEvent| matches!(e.event.event, Event::Sealed { .. });
+        let seals: Vec<i64> = events.iter().filter(sealed).map(|e| e.event.at_ms).collect();
         let times: Vec<f64> = seals.windows(2).map(|w| (w[1] - w[0]).max(0) as f64).collect();
         Ok(median(&times).unwrap_or(0.0))
     }

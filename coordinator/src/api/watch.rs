@@ -4,7 +4,7 @@ use super::{Api, stopping, store_failed};
 use crate::convert;
 use crate::limits::EVENTS_AT_ONCE;
 use crate::record::JobId;
-use crate::store::StoreError;
+use crate::store::StoredEvent;
 use proto::v1::JobEvent;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{OwnedSemaphorePermit, mpsc};
@@ -44,11 +44,9 @@ impl Api {
             loop {
                 let events = self.store.events(id, last, EVENTS_AT_ONCE).await.map_err(store_failed)?;
                 let read = events.len();
-                for event in events {
+                for StoredEvent { event, job } in events {
                     last = event.sequence;
-                    let corrupt = |e| StoreError::Corrupt { what: format!("event {last} of job {id}: {e}") };
-                    let event = convert::stored_event(&event.bytes).map_err(corrupt).map_err(store_failed)?;
-                    if outbox.send(Ok(event)).await.is_err() {
+                    if outbox.send(Ok(convert::event(&job, &event))).await.is_err() {
                         return Ok(());
                     }
                 }

@@ -1,10 +1,11 @@
 //! What happens to a job, as clients watch it.
 
 use super::{Dispute, JobRecord, JobState};
+use serde::{Deserialize, Serialize};
 use sim_core::procedure::Row;
 
 /// A change of a job.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// It stands elsewhere.
     State(JobState),
@@ -35,7 +36,7 @@ pub enum Event {
 }
 
 /// An event with its place in the job's history.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobEvent {
     /// From 1 without gaps; an event that is not stored has the number of the one before it.
     pub sequence: u64,

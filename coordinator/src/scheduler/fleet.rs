@@ -2,22 +2,12 @@
 
 use super::lease::{AssignmentId, Range};
 use super::stuck;
+pub use crate::record::WorkerId;
 use crate::record::{Finder, JobId, JobRecord, Source};
 use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Names a worker from its start to its end, over reconnects.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct WorkerId(pub Arc<str>);
-
-impl fmt::Display for WorkerId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
 
 /// Names one connection of a worker: messages of an older connection are ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -15,39 +15,13 @@ use super::job::ActiveJob;
 use super::notes::{LeaseEnd, Note};
 use super::{Message, Now, Scheduler};
 use crate::permit::Issued;
+pub use crate::record::{AssignmentId, Range};
 use crate::record::{Charge, Finder, JobId, JobState, Poisoned};
 use crate::scheduler::Action;
 use sim_core::base::digest::Digest;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Names an assignment, uniquely over all starts on a store.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct AssignmentId(pub u64);
-
-/// Tasks `first .. first + count` of a round.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Range {
-    /// The round's number.
-    pub round: u32,
-    /// Index of the first.
-    pub first: u32,
-    /// How many; at least 1.
-    pub count: u32,
-}
-
-impl Range {
-    /// The tasks' indexes.
-    pub fn indexes(&self) -> std::ops::Range<u32> {
-        self.first..self.first.saturating_add(self.count)
-    }
-
-    /// Whether it is not empty and lies within so many tasks.
-    pub fn is_within(&self, tasks: u32) -> bool {
-        self.count > 0 && self.first.checked_add(self.count).is_some_and(|end| end <= tasks)
-    }
-}
 
 /// Work for one slot, as it is sent.
 #[derive(Clone, Debug, PartialEq)]

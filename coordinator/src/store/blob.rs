@@ -1,6 +1,6 @@
 //! Blobs: a version byte, then MessagePack by field name. A reader that meets a version it does not know says so.
 
-use super::{Quarantined, RunState, StoreError};
+use super::{Quarantined, RunState, StoreError, StoredEvent};
 use crate::record::{Finder, JobRecord};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -78,6 +78,7 @@ fn shared(results: Vec<ByteBuf>) -> Vec<Arc<[u8]>> {
 pub(crate) fn decode_anything(bytes: &[u8]) {
     let _ = decode::<JobRecord>("job", bytes);
     let _ = decode::<RunState>("state", bytes);
+    let _ = decode::<StoredEvent>("event", bytes);
     let _ = decode::<Quarantined>("quarantine", bytes);
     let _ = decode_delivered(bytes);
     let _ = decode_results(bytes);

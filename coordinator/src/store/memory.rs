@@ -5,7 +5,6 @@ use super::{
     Answer, Loaded, Quarantined, RunState, SealedRound, Store, StoreError, StoredEvent, StoredJob, StoredRange,
     StoredResult, Write,
 };
-use crate::convert;
 use crate::permit::PermitKey;
 use crate::record::{JobEvent, JobId, JobRecord, JobState};
 use sim_core::base::digest::Digest;
@@ -143,8 +142,7 @@ impl Inner {
 
 impl Entry {
     fn change(&mut self, record: JobRecord, events: &[JobEvent]) {
-        let stored =
-            |event: &JobEvent| StoredEvent { sequence: event.sequence, bytes: convert::event_bytes(&record, event) };
+        let stored = |event: &JobEvent| StoredEvent { event: event.clone(), job: record.snapshot() };
         self.events.extend(events.iter().map(stored));
         self.record = record;
         if self.record.state.is_end() {
@@ -215,7 +213,7 @@ impl Store for MemoryStore {
     fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<StoredEvent>> {
         self.read(|inner| {
             let events = inner.entry(id).map(|e| e.events.as_slice()).unwrap_or_default();
-            events.iter().filter(|e| e.sequence > after).take(limit as usize).cloned().collect()
+            events.iter().filter(|e| e.event.sequence > after).take(limit as usize).cloned().collect()
         })
     }
 

@@ -258,13 +258,13 @@ pub struct StoredResult {
     pub artefacts: Vec<Artefact>,
 }
 
-/// An event as the store keeps it: with the job as it stood then.
-#[derive(Clone, Debug, PartialEq)]
+/// An event as the store keeps it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StoredEvent {
-    /// Its sequence number.
-    pub sequence: u64,
-    /// The event and the job, as clients get them.
-    pub bytes: Vec<u8>,
+    /// The event.
+    pub event: JobEvent,
+    /// The job as it stood after it.
+    pub job: JobRecord,
 }
 
 /// Why the store can't do what it should.

@@ -3,7 +3,6 @@
 use super::blob;
 use super::sql::{ResultRow, Row as _, Sql};
 use super::{Loaded, SealedRound, StoreError, StoredEvent, StoredJob, StoredRange, StoredResult, Write};
-use crate::convert;
 use crate::permit::PermitKey;
 use crate::record::{JobEvent, JobId, JobRecord, JobState};
 use sim_core::base::digest::Digest;
@@ -165,8 +164,8 @@ async fn insert_round(sql: &mut impl Sql, id: &JobId, sealed: &SealedRound) -> R
 
 async fn insert_events(sql: &mut impl Sql, record: &JobRecord, events: &[JobEvent]) -> Result<(), sqlx::Error> {
     for event in events {
-        let bytes = convert::event_bytes(record, event);
-        let values = vec![(&record.id).into(), event.sequence.into(), bytes.into()];
+        let stored = StoredEvent { event: event.clone(), job: record.snapshot() };
+        let values = vec![(&record.id).into(), event.sequence.into(), blob::encode(&stored).into()];
         sql.run("INSERT INTO events (job, sequence, event) VALUES ($1, $2, $3)", values).await?;
     }
     Ok(())
@@ -246,9 +245,9 @@ pub(super) async fn events(
     after: u64,
     limit: u32,
 ) -> Result<Vec<StoredEvent>, Trouble> {
-    let query = "SELECT sequence, event FROM events WHERE job = $1 AND sequence > $2 ORDER BY sequence LIMIT $3";
+    let query = "SELECT event FROM events WHERE job = $1 AND sequence > $2 ORDER BY sequence LIMIT $3";
     let rows = sql.rows(query, vec![id.into(), after.into(), limit.into()]).await?;
-    rows.iter().map(|row| Ok(StoredEvent { sequence: row.number(0)? as u64, bytes: row.bytes(1)? })).collect()
+    rows.iter().map(|row| Ok(blob::decode("event", &row.bytes(0)?)?)).collect()
 }
 
 pub(super) async fn digests(sql: &mut impl Sql, id: &JobId, round: u32) -> Result<Option<Vec<Digest>>, Trouble> {

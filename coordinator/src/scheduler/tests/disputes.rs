@@ -1,6 +1,7 @@
 //! Laws about results that differ.
 
 use super::*;
+use crate::record::Event;
 
 /// A job whose first task was, committed by "a" and disputed by "b"; a third worker has not come yet.
 fn disputed(honest: &str) -> (Rig, JobId, Given) {
@@ -26,8 +27,7 @@ fn disputed_round_is_not_sealed_and_says_why() {
     assert!(why.contains("waits for another worker: two results of task 0 of round 0 differ"), "{why}");
     assert_eq!(rig.rulings(&job), [None]);
     let events = at_once(rig.store.events(&job, 0, 100));
-    let events = events.iter().map(|e| crate::convert::stored_event(&e.bytes).expect("an event"));
-    let told = events.filter(|e| matches!(e.event, Some(proto::v1::job_event::Event::Dispute(_)))).count();
+    let told = events.iter().filter(|e| matches!(e.event.event, Event::Dispute(_))).count();
     assert_eq!(told, 1, "clients that watch are told");
 }
 

@@ -19,7 +19,7 @@ fn job_runs_from_submission_to_artefacts() {
     let result = at_once(rig.store.result(&job));
     assert_eq!(result.artefacts, digest_of("a", Fake::new(20, 3)).1);
     assert_eq!(result.history.iter().map(|row| row.index).collect::<Vec<_>>(), [0, 1, 2]);
-    let states: Vec<_> = at_once(rig.store.events(&job, 0, 100)).iter().map(|e| e.sequence).collect();
+    let states: Vec<_> = at_once(rig.store.events(&job, 0, 100)).iter().map(|e| e.event.sequence).collect();
     assert_eq!(states, (1..=states.len() as u64).collect::<Vec<_>>());
 }
 

@@ -50,7 +50,7 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
         sequence INTEGER NOT NULL,
         event BLOB NOT NULL,
         PRIMARY KEY (job, sequence)
-    ) STRICT, WITHOUT ROWID;
+    ) STRICT;
 
     -- Workers whose results are ignored.
     CREATE TABLE quarantined (

@@ -131,7 +131,7 @@ impl World {
         let numbers: Vec<u32> = history.iter().map(|row| row.index).collect();
         assert_eq!(numbers, (0..record.rounds_sealed.min(ROUNDS)).collect::<Vec<_>>(), "each sealed exactly once");
         let events = at_once(self.rig.store.events(id, 0, 10_000));
-        let sequence: Vec<u64> = events.iter().map(|e| e.sequence).collect();
+        let sequence: Vec<u64> = events.iter().map(|e| e.event.sequence).collect();
         assert_eq!(sequence, (1..=record.last_event).collect::<Vec<_>>(), "events without a gap");
     }
 }
