@@ -6,11 +6,13 @@
 
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Counts;
+use crate::control::{Controller, GaitsSpec};
 use crate::genotype::Genome;
-use crate::model::environment::Block;
-use crate::physics::{Engine, Outcome, Request, Targets};
-use crate::plan::{Growth, Reuse, TransitionKey, Transitions, Tree};
-use crate::problem::Job;
+use crate::model::environment::{Block, Environment};
+use crate::model::{Place, Robot, State};
+use crate::objective::Fitness;
+use crate::physics::{Engine, Outcome, Physics, Request, Targets};
+use crate::plan::{Growth, Planner, Reuse, Setting, TransitionKey, Transitions, Tree};
 use std::collections::BTreeSet;
 
 /// Rollouts between two looks at whether to stop, on an engine that does many at a time; on others each is looked at.
@@ -18,6 +20,50 @@ const BATCH: usize = 64;
 /// Candidates advanced side by side: enough to fill an engine's lanes, few enough that what they hold, some 2 MiB each,
 /// stays small.
 const TOGETHER: usize = 20;
+
+/// What an evaluation needs of a problem: a robot that stands somewhere, and how its gaits, trees and scores are made.
+pub trait Scene {
+    /// All randomness follows from it.
+    fn seed(&self) -> u64;
+    /// The compiled robot.
+    fn robot(&self) -> &Robot;
+    /// Map, terrain, obstacles, goal.
+    fn environment(&self) -> &Environment;
+    /// The engine that simulates.
+    fn engine(&self) -> &'static dyn Engine;
+    /// Its setting.
+    fn physics(&self) -> &Physics;
+    /// The settled start in the canonical frame.
+    fn start(&self) -> &State;
+    /// Where the pivot starts on the map.
+    fn root(&self) -> Place;
+    /// Number and duration of gaits.
+    fn gaits(&self) -> &GaitsSpec;
+    /// The controller of a gait.
+    fn controller(&self) -> &'static dyn Controller;
+    /// Numbers of a genome.
+    fn genome_length(&self) -> usize;
+    /// How trees are grown.
+    fn planner(&self) -> Planner;
+    /// Trees of a candidate.
+    fn repeats(&self) -> u32;
+    /// How transitions are reused.
+    fn reuse(&self) -> Reuse;
+    /// What a tree is worth.
+    fn fitness(&self) -> &Fitness;
+    /// Rollouts that so many trees of a candidate may simulate; `as_in_search`: they reuse transitions as the search does.
+    fn rollout_budget(&self, trees: u32, as_in_search: bool) -> u64;
+}
+
+/// Where a scene's trees are grown.
+pub fn setting(scene: &dyn Scene) -> Setting<'_> {
+    Setting {
+        robot: scene.robot(),
+        environment: scene.environment(),
+        gaits: scene.gaits().count as usize,
+        height: scene.start().pivot.translation.z.into(),
+    }
+}
 
 /// The caller asked to stop before the work was done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -57,26 +103,31 @@ impl Trial {
     /// budget.
     ///
     /// # Panics
-    /// If the genome's length does not fit the job.
-    pub fn new(job: &Job, genome: &[f64], tolerance: f64, streams: impl IntoIterator<Item = Stream>) -> Self {
-        let reuse = Reuse { tolerance, ..job.reuse() };
-        let trial = Self::with_reuse(job, genome, reuse, streams);
-        let budget = job.rollout_budget(trial.growths.len() as u32, reuse == job.reuse());
+    /// If the genome's length does not fit the scene.
+    pub fn new(scene: &dyn Scene, genome: &[f64], tolerance: f64, streams: impl IntoIterator<Item = Stream>) -> Self {
+        let reuse = Reuse { tolerance, ..scene.reuse() };
+        let trial = Self::with_reuse(scene, genome, reuse, streams);
+        let budget = scene.rollout_budget(trial.growths.len() as u32, reuse == scene.reuse());
         Self { budget, ..trial }
     }
 
     /// A trial with one tree a stream, whose transitions are reused otherwise than the job says. It may cost what it likes.
     ///
     /// # Panics
-    /// If the genome's length does not fit the job.
-    pub fn with_reuse(job: &Job, genome: &[f64], reuse: Reuse, streams: impl IntoIterator<Item = Stream>) -> Self {
-        let (gaits, joints) = (job.spec().gaits.count as usize, job.robot().hinges.len());
-        assert_eq!(genome.len(), job.bounds().0.len(), "the genome does not fit the job");
-        let compile = |gait: &[f64]| job.controller().compile(gait, joints, job.spec().gaits.duration);
+    /// If the genome's length does not fit the scene.
+    pub fn with_reuse(
+        scene: &dyn Scene,
+        genome: &[f64],
+        reuse: Reuse,
+        streams: impl IntoIterator<Item = Stream>,
+    ) -> Self {
+        let (gaits, joints) = (scene.gaits().count as usize, scene.robot().hinges.len());
+        assert_eq!(genome.len(), scene.genome_length(), "the genome does not fit the job");
+        let compile = |gait: &[f64]| scene.controller().compile(gait, joints, scene.gaits().duration);
         Self {
             targets: genome.chunks(genome.len() / gaits).map(compile).collect(),
-            table: Transitions::new(gaits, reuse, job.start()),
-            growths: streams.into_iter().map(|s| Growth::new(job.planner(), job.root(), s)).collect(),
+            table: Transitions::new(gaits, reuse, scene.start()),
+            growths: streams.into_iter().map(|s| Growth::new(scene.planner(), scene.root(), s)).collect(),
             counts: Counts::default(),
             budget: u64::MAX,
             exhausted: false,
@@ -84,13 +135,13 @@ impl Trial {
     }
 
     /// The score of each tree.
-    pub fn scores(&self, job: &Job) -> Vec<f64> {
-        self.growths.iter().map(|g| job.fitness().score(g.tree())).collect()
+    pub fn scores(&self, scene: &dyn Scene) -> Vec<f64> {
+        self.growths.iter().map(|g| scene.fitness().score(g.tree())).collect()
     }
 
     /// The mean of the trees' scores.
-    pub fn score(&self, job: &Job) -> f64 {
-        let scores = self.scores(job);
+    pub fn score(&self, scene: &dyn Scene) -> f64 {
+        let scores = self.scores(scene);
         scores.iter().sum::<f64>() / scores.len() as f64
     }
 
@@ -106,13 +157,13 @@ impl Trial {
         counts
     }
 
-    fn wishes(&mut self, job: &Job) -> Vec<TransitionKey> {
+    fn wishes(&mut self, scene: &dyn Scene) -> Vec<TransitionKey> {
         if self.exhausted {
             return Vec::new();
         }
         let (mut wishes, mut wished) = (Vec::new(), BTreeSet::new());
         for growth in &mut self.growths {
-            let missing = growth.advance(&job.setting(), &mut self.table);
+            let missing = growth.advance(&setting(scene), &mut self.table);
             wishes.extend(missing.into_iter().filter(|key| wished.insert(*key)));
         }
         // What is wished for follows from this trial alone, and so does where it ends.
@@ -125,17 +176,22 @@ impl Trial {
 }
 
 /// Advances trials side by side until all their trees are grown, or their budgets are spent.
-pub fn grow(job: &Job, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
-    grow_on(job.engine(), job, trials, stop)
+pub fn grow(scene: &dyn Scene, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+    grow_on(scene.engine(), scene, trials, stop)
 }
 
 /// Like [`grow`], with the rollouts done by `engine`, which may be the job's own in a wrapping that watches it.
-pub fn grow_on(engine: &dyn Engine, job: &Job, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
+pub fn grow_on(
+    engine: &dyn Engine,
+    scene: &dyn Scene,
+    trials: &mut [Trial],
+    stop: &dyn Fn() -> bool,
+) -> Result<(), Stopped> {
     loop {
         let wishes: Vec<(usize, TransitionKey)> = trials
             .iter_mut()
             .enumerate()
-            .flat_map(|(i, trial)| trial.wishes(job).into_iter().map(move |key| (i, key)))
+            .flat_map(|(i, trial)| trial.wishes(scene).into_iter().map(move |key| (i, key)))
             .collect();
         if wishes.is_empty() {
             return Ok(());
@@ -144,15 +200,15 @@ pub fn grow_on(engine: &dyn Engine, job: &Job, trials: &mut [Trial], stop: &dyn 
         // kind and then in the order of its wishes, whatever else is in the batch.
         let (placed, canonical): (Vec<_>, Vec<_>) =
             wishes.into_iter().partition(|(i, key)| trials[*i].table.is_in_place(key.start));
-        run(engine, job, trials, &[], &canonical, stop)?;
-        run(engine, job, trials, &job.environment().terrain, &placed, stop)?;
+        run(engine, scene, trials, &[], &canonical, stop)?;
+        run(engine, scene, trials, &scene.environment().terrain, &placed, stop)?;
     }
 }
 
 /// Simulates the wishes of trials and hands each its outcomes.
 fn run(
     engine: &dyn Engine,
-    job: &Job,
+    scene: &dyn Scene,
     trials: &mut [Trial],
     terrain: &[Block],
     wishes: &[(usize, TransitionKey)],
@@ -168,7 +224,7 @@ fn run(
             Request { start: trial.table.start(key.start), targets: &trial.targets[key.gait] }
         };
         let requests: Vec<Request<'_>> = batch.iter().map(request).collect();
-        let rollouts = engine.run(job.robot(), job.physics(), terrain, &requests);
+        let rollouts = engine.run(scene.robot(), scene.physics(), terrain, &requests);
         for (&(i, key), rollout) in batch.iter().zip(rollouts) {
             let counts = &mut trials[i].counts;
             counts.rollouts += 1;
@@ -181,9 +237,9 @@ fn run(
 }
 
 /// The random streams of a candidate's trees in the search.
-pub fn search_streams(job: &Job, generation: u32, candidate: u32) -> impl Iterator<Item = Stream> {
-    let seed = job.spec().seed;
-    (0..job.spec().planner.repeats).map(move |r| Stream::new(seed, Purpose::Planner, generation, candidate, r))
+pub fn search_streams(scene: &dyn Scene, generation: u32, candidate: u32) -> impl Iterator<Item = Stream> {
+    let (seed, repeats) = (scene.seed(), scene.repeats());
+    (0..repeats).map(move |r| Stream::new(seed, Purpose::Planner, generation, candidate, r))
 }
 
 /// Scores candidates of one generation, given as (index in the generation, genome). What a candidate scores does not
@@ -191,24 +247,24 @@ pub fn search_streams(job: &Job, generation: u32, candidate: u32) -> impl Iterat
 /// batch of rollouts; once true, the work is given up.
 ///
 /// # Panics
-/// If a genome's length does not fit the job.
+/// If a genome's length does not fit the scene.
 pub fn evaluate(
-    job: &Job,
+    scene: &dyn Scene,
     generation: u32,
     candidates: &[(u32, Genome)],
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Evaluation>, Stopped> {
-    let tolerance = job.spec().planner.reuse_tolerance;
+    let tolerance = scene.reuse().tolerance;
     let mut evaluations = Vec::with_capacity(candidates.len());
     for some in candidates.chunks(TOGETHER) {
         let mut trials: Vec<Trial> = some
             .iter()
-            .map(|(index, genome)| Trial::new(job, genome, tolerance, search_streams(job, generation, *index)))
+            .map(|(index, genome)| Trial::new(scene, genome, tolerance, search_streams(scene, generation, *index)))
             .collect();
-        grow(job, &mut trials, stop)?;
+        grow(scene, &mut trials, stop)?;
         evaluations.extend(trials.iter().zip(some).map(|(trial, (index, _))| Evaluation {
             candidate: *index,
-            score: (!trial.exhausted).then(|| trial.score(job)),
+            score: (!trial.exhausted).then(|| trial.score(scene)),
             counts: trial.counts(),
         }));
     }

@@ -1,91 +1,44 @@
-//! The job file.
+//! The job file and its identity.
 
-use crate::control::GaitsSpec;
-use crate::model::RobotSpec;
-use crate::model::environment::Environment;
-use crate::objective::FitnessSpec;
-use crate::physics::PhysicsSpec;
-use crate::plan::PlannerSpec;
-use crate::procedure::evolve::finish::FinishSpec;
-use crate::search::OptimiserSpec;
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
-use std::fmt;
-use std::marker::PhantomData;
+pub use crate::problem::{JobSpec, Reference};
 
-/// A job as its TOML file says it; *resolved* once robot and environment stand in it in full and every setting is
-/// written out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct JobSpec {
-    /// Name in messages, tables and folder names. Not part of the job's identity.
-    pub name: String,
-    /// Free text. Not part of the job's identity.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub description: String,
-    /// The one number that all randomness follows from, 0 to 2⁶³ − 1.
-    #[serde(default = "one")]
-    pub seed: u64,
-    /// A named set of failed modules of the robot, such as "E1".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub variant: Option<String>,
-    /// What the gaits are.
-    pub gaits: GaitsSpec,
-    /// How a candidate's tree is grown.
-    #[serde(default)]
-    pub planner: PlannerSpec,
-    /// What the tree is worth.
-    pub fitness: FitnessSpec,
-    /// How candidates are searched for.
-    pub optimiser: OptimiserSpec,
-    /// Where they move.
-    #[serde(default)]
-    pub physics: PhysicsSpec,
-    /// What is done once the search is over.
-    #[serde(default)]
-    pub finish: FinishSpec,
-    /// The environment: a name that ships, a path, or the table itself.
-    pub environment: Reference<Environment>,
-    /// The robot: a name that ships, a path, or the table itself.
-    pub robot: Reference<RobotSpec>,
-}
+use crate::base::digest::Digest;
+use crate::problem::Checked;
+use serde::Serialize;
+use std::collections::BTreeMap;
 
-/// Something named, or something written out.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum Reference<T> {
-    /// A name that ships, or a path to a TOML file.
-    Named(String),
-    /// The thing itself.
-    Inline(Box<T>),
-}
-
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for Reference<T> {
-    /// By hand, so that a mistake inside a table is told as itself.
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Either<T>(PhantomData<T>);
-
-        impl<'de, T: Deserialize<'de>> Visitor<'de> for Either<T> {
-            type Value = Reference<T>;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a name that ships, a path to a file, or the table itself")
-            }
-
-            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
-                Ok(Reference::Named(name.to_owned()))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-                T::deserialize(MapAccessDeserializer::new(map)).map(|table| Reference::Inline(Box::new(table)))
-            }
-        }
-
-        deserializer.deserialize_any(Either(PhantomData))
+impl Checked {
+    /// The job digest: resolved job, robot, environment, optimiser and engine; not names or descriptions.
+    pub fn digest(&self) -> Digest {
+        self.digest_on(self.engine_digest())
     }
-}
 
-fn one() -> u64 {
-    1
+    /// The digest that the same job has where its engine has another digest, as in another build of evogait.
+    pub fn digest_on(&self, engine: Digest) -> Digest {
+        // Only what a job uses, and of that only what is not neutral: what is added later changes no digest of before.
+        #[derive(Serialize)]
+        struct Identity<'a> {
+            spec: &'a JobSpec,
+            engine: Digest,
+            #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+            revisions: BTreeMap<&'static str, u32>,
+        }
+        let mut spec = self.spec().clone();
+        spec.name.clear();
+        spec.description.clear();
+        if let (Reference::Inline(robot), Reference::Inline(environment)) = (&mut spec.robot, &mut spec.environment) {
+            robot.name.clear();
+            robot.description.clear();
+            environment.name.clear();
+            environment.description.clear();
+        }
+        let used = [
+            ("controller", spec.gaits.controller.revision()),
+            ("planner", spec.planner.algorithm.revision()),
+            ("fitness", spec.fitness.revision()),
+            ("optimiser", spec.optimiser.revision()),
+        ];
+        let revisions = used.into_iter().filter(|(_, revision)| *revision > 1).collect();
+        Digest::of("evogait job 1", &Identity { spec: &spec, engine, revisions })
+    }
 }

@@ -3,10 +3,9 @@
 //! A tree of K iterations with k gaits asks for K·k rollouts at most, and over terrain for twice as many: first in the
 //! canonical frame, then in place. Reuse makes that far fewer, which a job can count on by `planner.max_rollouts`.
 
-use super::Checked;
+use super::{Checked, JobSpec};
 use crate::base::error::{Invalid, whole_in_range};
 use crate::base::limits::{MAX_EVALUATION_STEPS, MAX_PREPARATION, MAX_SUBSTEPS_PER_SECOND};
-use crate::job::JobSpec;
 use crate::model::Robot;
 use crate::model::environment::Environment;
 use crate::physics::{JointKind, LONGEST_SETTLING, Physics};

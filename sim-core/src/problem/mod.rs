@@ -1,10 +1,15 @@
 //! A job: one optimisation, from its file to everything an evaluation needs.
 
 mod budget;
+mod finish;
 mod preparation;
+mod scene;
+mod spec;
 mod standing;
 
+pub use finish::{Finish, FinishKind, FinishSpec};
 pub use preparation::{Job, Preparation, Unfit, Unprepared};
+pub use spec::{JobSpec, Reference};
 
 use crate::base::digest::Digest;
 use crate::base::error::{Faults, Invalid, name, whole_in_range};
@@ -16,7 +21,6 @@ use crate::engines::known::Known;
 use crate::engines::{Chosen, Why, auto};
 use crate::engines::{Quiet, engine, engine_digest, engines_digest};
 use crate::genotype::Bounds;
-use crate::job::{JobSpec, Reference};
 use crate::model::environment::Environment;
 use crate::model::{Robot, RobotSpec, catalogue};
 use crate::objective::Fitness;
@@ -24,10 +28,7 @@ use crate::physics::{Engine, Physics};
 use crate::physics::{EngineKind, PhysicsSpec};
 use crate::plan::validate_planner;
 use crate::plan::{Metric, Planner, Reuse};
-use crate::procedure::evolve::finish::{Finish, FinishKind, FinishSpec};
 use crate::search::{self, Optimiser};
-use serde::Serialize;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
@@ -132,40 +133,6 @@ impl Checked {
     /// job with the same digest.
     pub fn to_toml(&self) -> String {
         toml::to_string(&self.0.spec).expect("a resolved job can be written as TOML")
-    }
-
-    /// The job digest: resolved job, robot, environment, optimiser and engine; not names or descriptions.
-    pub fn digest(&self) -> Digest {
-        self.digest_on(self.engine_digest())
-    }
-
-    /// The digest that the same job has where its engine has another digest, as in another build of evogait.
-    pub fn digest_on(&self, engine: Digest) -> Digest {
-        // Only what a job uses, and of that only what is not neutral: what is added later changes no digest of before.
-        #[derive(Serialize)]
-        struct Identity<'a> {
-            spec: &'a JobSpec,
-            engine: Digest,
-            #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-            revisions: BTreeMap<&'static str, u32>,
-        }
-        let mut spec = self.0.spec.clone();
-        spec.name.clear();
-        spec.description.clear();
-        if let (Reference::Inline(robot), Reference::Inline(environment)) = (&mut spec.robot, &mut spec.environment) {
-            robot.name.clear();
-            robot.description.clear();
-            environment.name.clear();
-            environment.description.clear();
-        }
-        let used = [
-            ("controller", spec.gaits.controller.revision()),
-            ("planner", spec.planner.algorithm.revision()),
-            ("fitness", spec.fitness.revision()),
-            ("optimiser", spec.optimiser.revision()),
-        ];
-        let revisions = used.into_iter().filter(|(_, revision)| *revision > 1).collect();
-        Digest::of("evogait job 1", &Identity { spec: &spec, engine, revisions })
     }
 
     /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or the quiet

@@ -1,11 +1,11 @@
 //! The dear part of a job: its robot settled, and all that follows from where it stands.
 
-use super::{Checked, standing, unusable_reference, with_physics};
+use super::{Checked, JobSpec, standing, unusable_reference, with_physics};
 use crate::base::encoding::{self, Unreadable};
 use crate::base::error::Invalid;
 use crate::base::math::{Pose, Rotation, Vector};
 use crate::engines::{Quiet, Settled, settle_quietly_until};
-use crate::job::JobSpec;
+use crate::evaluate;
 use crate::model::{Place, State};
 use crate::objective::Fitness;
 use crate::physics::{PhysicsSpec, Unsettled, settle_until};
@@ -325,11 +325,6 @@ impl Job {
 
     /// Where trees are grown.
     pub fn setting(&self) -> Setting<'_> {
-        Setting {
-            robot: self.robot(),
-            environment: self.environment(),
-            gaits: self.spec().gaits.count as usize,
-            height: self.0.start.pivot.translation.z.into(),
-        }
+        evaluate::setting(self)
     }
 }

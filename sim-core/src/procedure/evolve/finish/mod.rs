@@ -7,10 +7,8 @@
 //! up anywhere.
 
 mod examine;
-mod settings;
 
 pub use examine::{Answer, Examination, FRICTION_STEP, Question, examine};
-pub use settings::{Finish, FinishKind, FinishSpec};
 
 use crate::base::score::{Counts, Direction, mean};
 use crate::problem::Checked;

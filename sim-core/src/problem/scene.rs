@@ -1,0 +1,72 @@
+//! A prepared job as what its evaluations need.
+
+use super::Job;
+use crate::control::{Controller, GaitsSpec};
+use crate::evaluate::Scene;
+use crate::model::environment::Environment;
+use crate::model::{Place, Robot, State};
+use crate::objective::Fitness;
+use crate::physics::{Engine, Physics};
+use crate::plan::{Planner, Reuse};
+
+impl Scene for Job {
+    fn seed(&self) -> u64 {
+        self.spec().seed
+    }
+
+    fn robot(&self) -> &Robot {
+        self.checked().robot()
+    }
+
+    fn environment(&self) -> &Environment {
+        self.checked().environment()
+    }
+
+    fn engine(&self) -> &'static dyn Engine {
+        self.checked().engine()
+    }
+
+    fn physics(&self) -> &Physics {
+        self.checked().physics()
+    }
+
+    fn start(&self) -> &State {
+        self.start()
+    }
+
+    fn root(&self) -> Place {
+        self.root()
+    }
+
+    fn gaits(&self) -> &GaitsSpec {
+        &self.spec().gaits
+    }
+
+    fn controller(&self) -> &'static dyn Controller {
+        self.checked().controller()
+    }
+
+    fn genome_length(&self) -> usize {
+        self.bounds().0.len()
+    }
+
+    fn planner(&self) -> Planner {
+        self.checked().planner()
+    }
+
+    fn repeats(&self) -> u32 {
+        self.spec().planner.repeats
+    }
+
+    fn reuse(&self) -> Reuse {
+        self.checked().reuse()
+    }
+
+    fn fitness(&self) -> &Fitness {
+        self.fitness()
+    }
+
+    fn rollout_budget(&self, trees: u32, as_in_search: bool) -> u64 {
+        self.checked().rollout_budget(trees, as_in_search)
+    }
+}

@@ -1,0 +1,91 @@
+//! The tables of a job file, each as its component reads it.
+
+use super::FinishSpec;
+use crate::control::GaitsSpec;
+use crate::model::RobotSpec;
+use crate::model::environment::Environment;
+use crate::objective::FitnessSpec;
+use crate::physics::PhysicsSpec;
+use crate::plan::PlannerSpec;
+use crate::search::OptimiserSpec;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
+use std::marker::PhantomData;
+
+/// A job as its TOML file says it; *resolved* once robot and environment stand in it in full and every setting is
+/// written out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JobSpec {
+    /// Name in messages, tables and folder names. Not part of the job's identity.
+    pub name: String,
+    /// Free text. Not part of the job's identity.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// The one number that all randomness follows from, 0 to 2⁶³ − 1.
+    #[serde(default = "one")]
+    pub seed: u64,
+    /// A named set of failed modules of the robot, such as "E1".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// What the gaits are.
+    pub gaits: GaitsSpec,
+    /// How a candidate's tree is grown.
+    #[serde(default)]
+    pub planner: PlannerSpec,
+    /// What the tree is worth.
+    pub fitness: FitnessSpec,
+    /// How candidates are searched for.
+    pub optimiser: OptimiserSpec,
+    /// Where they move.
+    #[serde(default)]
+    pub physics: PhysicsSpec,
+    /// What is done once the search is over.
+    #[serde(default)]
+    pub finish: FinishSpec,
+    /// The environment: a name that ships, a path, or the table itself.
+    pub environment: Reference<Environment>,
+    /// The robot: a name that ships, a path, or the table itself.
+    pub robot: Reference<RobotSpec>,
+}
+
+/// Something named, or something written out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Reference<T> {
+    /// A name that ships, or a path to a TOML file.
+    Named(String),
+    /// The thing itself.
+    Inline(Box<T>),
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Reference<T> {
+    /// By hand, so that a mistake inside a table is told as itself.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Either<T> {
+            type Value = Reference<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a name that ships, a path to a file, or the table itself")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {
+                Ok(Reference::Named(name.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(map)).map(|table| Reference::Inline(Box::new(table)))
+            }
+        }
+
+        deserializer.deserialize_any(Either(PhantomData))
+    }
+}
+
+fn one() -> u64 {
+    1
+}
