@@ -1,6 +1,5 @@
 //! Job, robot and environment files: read, their references followed, and refused with the name of the file that is wrong.
 
-use crate::arguments::JobFile;
 use crate::error::Error;
 use crate::inputs;
 use sim_core::base::error::Invalid;
@@ -15,6 +14,15 @@ use sim_core::problem::Job;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
+
+/// A job as the user points at it.
+#[derive(Debug)]
+pub struct JobFile {
+    /// A path, or the name of a job that ships.
+    pub job: String,
+    /// Replaces the job's own seed.
+    pub seed: Option<u64>,
+}
 
 /// A text and where it is from: a file, or the catalogue.
 struct Source {

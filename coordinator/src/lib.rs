@@ -18,6 +18,7 @@ pub mod open_files;
 #[doc(hidden)]
 pub mod parsers;
 pub mod permit;
+mod pulse;
 pub mod record;
 pub mod scheduler;
 mod seldom;

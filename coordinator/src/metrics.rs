@@ -1,10 +1,8 @@
-//! The coordinator's numbers, for Prometheus. What only grows is counted as it happens; what stands is asked of the
-//! actor when somebody looks.
+//! The coordinator's numbers, for Prometheus. Counters are counted as things happen; gauges are set when the numbers are
+//! read.
 
-use crate::actor::Command;
-use crate::limits::CENSUS_WITHIN;
 use crate::record::{JobState, Ruling};
-use crate::scheduler::{Census, Demand, LeaseEnd, Verdict};
+use crate::scheduler::{Census, LeaseEnd, Verdict};
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
@@ -12,10 +10,6 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
 use sim_core::base::digest::Digest;
-use std::sync::{Arc, OnceLock};
-use telemetry::Vitals;
-use telemetry::endpoint::Answer;
-use tokio::sync::{mpsc, oneshot};
 
 type Label = [(&'static str, &'static str); 1];
 type Labels = [(&'static str, String); 2];
@@ -157,8 +151,7 @@ impl Metrics {
     /// How many commits there were.
     #[cfg(test)]
     pub fn commits(&self) -> u64 {
-        let mut text = String::new();
-        encode(&mut text, &self.registry).expect("a string takes it");
+        let text = self.text();
         let count = text.lines().find_map(|line| line.strip_prefix("evogait_commit_seconds_count "));
         count.expect("it is registered").parse().expect("it is a count")
     }
@@ -196,7 +189,26 @@ impl Metrics {
         }
     }
 
-    fn tell(&self, census: &Census) {
+    /// This coordinator has the store.
+    pub fn activate(&self) {
+        self.active.set(1);
+    }
+
+    /// So many commands wait for the actor.
+    pub fn queued(&self, commands: usize) {
+        self.queue.set(commands as i64);
+    }
+
+    /// The numbers as Prometheus reads them.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string does not fail.
+        let _ = encode(&mut text, &self.registry);
+        text
+    }
+
+    /// Sets what stands at this moment.
+    pub fn tell(&self, census: &Census) {
         for state in JobState::ALL.into_iter().filter(|state| !state.is_end()) {
             let jobs = census.jobs.get(&state).copied().unwrap_or(0);
             self.jobs.get_or_create(&[("state", state.word())]).set(jobs.into());
@@ -221,74 +233,3 @@ impl Metrics {
 
 /// The phases of the procedures that ship.
 const PHASES: [&str; 4] = ["preparing", "searching", "finishing", "reporting"];
-
-/// What the coordinator says of itself at `/metrics` and `/healthz`.
-pub(crate) struct Pulse {
-    metrics: Arc<Metrics>,
-    /// There once this coordinator has the store.
-    commands: OnceLock<mpsc::Sender<Command>>,
-}
-
-impl Pulse {
-    /// Of a coordinator that does not have the store yet.
-    pub fn new(metrics: Arc<Metrics>) -> Self {
-        Self { metrics, commands: OnceLock::new() }
-    }
-
-    /// It has the store now.
-    pub fn activate(&self, commands: mpsc::Sender<Command>) {
-        self.metrics.active.set(1);
-        // Only the first counts.
-        let _ = self.commands.set(commands);
-    }
-
-    /// How many slots the jobs could use; `None` where this coordinator does not serve.
-    pub async fn demand(&self) -> Option<Demand> {
-        Self::ask(self.commands.get()?, |reply| Command::Demand { reply }).await
-    }
-
-    async fn census(commands: &mpsc::Sender<Command>) -> Option<Census> {
-        Self::ask(commands, |reply| Command::Census { reply }).await
-    }
-
-    /// Asks the actor; `None` if it does not answer in time.
-    async fn ask<T>(
-        commands: &mpsc::Sender<Command>,
-        command: impl FnOnce(oneshot::Sender<T>) -> Command,
-    ) -> Option<T> {
-        let (reply, answer) = oneshot::channel();
-        let asked = async {
-            commands.send(command(reply)).await.ok()?;
-            answer.await.ok()
-        };
-        tokio::time::timeout(CENSUS_WITHIN, asked).await.ok().flatten()
-    }
-}
-
-impl Vitals for Pulse {
-    fn metrics(&self) -> Answer<'_, String> {
-        Box::pin(async move {
-            if let Some(commands) = self.commands.get() {
-                self.metrics.queue.set((commands.max_capacity() - commands.capacity()) as i64);
-                // Where the actor does not answer, the gauges stay as they were and the queue grows.
-                if let Some(census) = Self::census(commands).await {
-                    self.metrics.tell(&census);
-                }
-            }
-            let mut text = String::new();
-            // Writing to a string does not fail.
-            let _ = encode(&mut text, &self.metrics.registry);
-            text
-        })
-    }
-
-    fn health(&self) -> Answer<'_, Result<String, String>> {
-        Box::pin(async move {
-            let Some(commands) = self.commands.get() else { return Ok("standing by".to_owned()) };
-            match Self::census(commands).await {
-                Some(_) => Ok("active".to_owned()),
-                None => Err(format!("the actor has not answered for {} s", CENSUS_WITHIN.as_secs())),
-            }
-        })
-    }
-}

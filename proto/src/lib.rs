@@ -8,11 +8,7 @@ pub mod limits;
 
 pub use convert::{ConvertError, digest};
 
-/// Version 1 of the protocol, generated from `proto/evogait/v1`.
-#[allow(missing_docs, clippy::all)]
-pub mod v1 {
-    tonic::include_proto!("evogait.v1");
-}
+pub mod v1;
 
 /// What KEDA asks an external scaler, generated from `proto/keda`.
 #[allow(missing_docs, clippy::all)]

@@ -2,7 +2,6 @@
 //!
 //! A stranger can read numbers here and nothing else: bodies are ignored, connections are few and short.
 
-use crate::Bind;
 use http_body_util::Full;
 use hyper::body::{Bytes, Incoming};
 use hyper::header::{ALLOW, CONTENT_TYPE, HeaderValue};
@@ -19,6 +18,15 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
+
+/// Where metrics are served.
+#[derive(Clone, Copy, Debug)]
+pub struct Bind {
+    /// Port 0 lets the system choose.
+    pub addr: SocketAddr,
+    /// Allows an address that other machines can reach.
+    pub beyond_loopback: bool,
+}
 
 /// Connections at once; more have to wait.
 pub const MAX_CONNECTIONS: usize = 16;

@@ -7,9 +7,10 @@ pub mod endpoint;
 pub mod logs;
 #[cfg(feature = "otlp")]
 pub mod otlp;
+pub mod variables;
 
 pub use address::address;
-pub use endpoint::{BindError, Endpoint, Vitals};
+pub use endpoint::{Bind, BindError, Endpoint, Vitals};
 pub use logs::LogFormat;
 
 use std::net::SocketAddr;
@@ -35,13 +36,4 @@ impl Options {
     pub fn bind(&self) -> Option<Bind> {
         self.metrics.map(|addr| Bind { addr, beyond_loopback: self.metrics_insecure_bind })
     }
-}
-
-/// Where metrics are served.
-#[derive(Clone, Copy, Debug)]
-pub struct Bind {
-    /// Port 0 lets the system choose.
-    pub addr: SocketAddr,
-    /// Allows an address that other machines can reach.
-    pub beyond_loopback: bool,
 }

@@ -1,5 +1,6 @@
 //! Messages on standard error, and spans to whoever collects them.
 
+use crate::variables::OTLP_ENDPOINT;
 use std::io::IsTerminal as _;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
@@ -14,9 +15,6 @@ pub enum LogFormat {
     /// A JSON object a line: timestamp, level, target, fields, spans.
     Json,
 }
-
-/// What the environment calls the address of a collector of spans.
-pub const OTLP_ENDPOINT: &str = "OTEL_EXPORTER_OTLP_ENDPOINT";
 
 /// Keeps what logging needs; to be dropped at the very end of the program.
 #[derive(Debug, Default)]

@@ -1,7 +1,7 @@
 //! Spans to an OpenTelemetry collector, over gRPC. Only in builds with the feature `otlp`, and only where the
 //! environment says whereto: `OTEL_EXPORTER_OTLP_ENDPOINT`, such as `http://127.0.0.1:4317`.
 
-use crate::logs::OTLP_ENDPOINT;
+use crate::variables::OTLP_ENDPOINT;
 use opentelemetry::trace::TracerProvider as _;
 use opentelemetry_otlp::{SpanExporter, WithExportConfig as _};
 use opentelemetry_sdk::Resource;

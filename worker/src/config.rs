@@ -1,6 +1,7 @@
 //! How a worker runs.
 
-use crate::{Error, MARGIN};
+use crate::error::{BadTime, Error};
+use crate::limits::MARGIN;
 use proto::credentials::Credentials;
 use proto::dial::Dial;
 use proto::limits::{MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
@@ -32,7 +33,7 @@ pub struct Config {
     /// When told to stop, what runs has this long to be finished; then it is given back. 0 to 366 days.
     pub grace: Duration,
     /// Wall time that is left to the process, as a batch system gives it: the worker drains and ends before it. More than
-    /// the grace time and [`MARGIN`].
+    /// the grace time and [`MARGIN`](crate::limits::MARGIN).
     pub time_left: Option<Duration>,
     /// A slot that ends no batch of rollouts for this long is stuck: 1 s to 366 days.
     pub stuck_after: Duration,
@@ -40,34 +41,6 @@ pub struct Config {
     pub metrics: Option<telemetry::Bind>,
     /// How often an idle connection is checked, and how long the other side has to answer: 0.1 s to 366 days.
     pub keepalive: Duration,
-}
-
-/// A time that can't be kept to.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum BadTime {
-    /// Outside of what is allowed.
-    #[error("{option} {} is out of range: {} s to {} s are allowed", .given.as_secs_f64(), .least.as_secs_f64(), .most.as_secs_f64())]
-    Range {
-        /// The option.
-        option: &'static str,
-        /// What was given.
-        given: Duration,
-        /// Least allowed.
-        least: Duration,
-        /// Most allowed.
-        most: Duration,
-    },
-    /// It would have to leave before it came.
-    #[error(
-        "--time-left {} is too short: {} s of grace and {} s to leave are kept free before the end; give more time, or a \
-         shorter --grace", .left.as_secs_f64(), .grace.as_secs_f64(), MARGIN.as_secs_f64()
-    )]
-    Left {
-        /// What was given.
-        left: Duration,
-        /// The grace time.
-        grace: Duration,
-    },
 }
 
 impl Config {

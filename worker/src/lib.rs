@@ -8,11 +8,13 @@ mod assignments;
 mod config;
 mod delivery;
 mod engines;
+mod error;
 #[cfg(any(debug_assertions, feature = "faults"))]
 mod fault;
 mod hangup;
 mod intake;
 mod jobs;
+pub mod limits;
 mod metrics;
 mod session;
 mod slots;
@@ -20,6 +22,7 @@ mod watchdog;
 mod work;
 
 pub use config::{Config, default_name, default_slots};
+pub use error::{BadTime, Error};
 pub use hangup::Hangup;
 
 use assignments::Assignments;
@@ -27,10 +30,8 @@ use delivery::Courier;
 use engines::Engines;
 use intake::Intake;
 use jobs::Jobs;
+use limits::{DELIVER_WITHIN, LAST_WORDS, MARGIN, MAX_STUCK};
 use metrics::{Metrics, Pulse};
-use proto::credentials::CredentialError;
-use proto::dial::{BadAddress, DialError};
-use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
 use session::{Session, Stage};
 use slots::Slots;
 use std::hash::{BuildHasher as _, RandomState};
@@ -40,71 +41,6 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 use watchdog::Watchdog;
-
-/// After the grace time, results that are done have this long to be delivered.
-const DELIVER_WITHIN: Duration = Duration::from_secs(3);
-/// Time to let the last words out.
-const LAST_WORDS: Duration = Duration::from_secs(1);
-/// A worker whose time is limited starts to drain its grace time and this before its end, so that it is gone by then.
-pub const MARGIN: Duration = Duration::from_secs(5);
-/// With so many stuck slots a worker drains and ends: each may hold a core. One poisoned task makes at most 4, alone
-/// and as part of a range.
-pub const MAX_STUCK: usize = 5;
-
-/// Why a worker does not start, or stopped.
-#[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// Not an address that can be connected to.
-    #[error(transparent)]
-    Address(#[from] BadAddress),
-    /// Credentials that can't be read.
-    #[error(transparent)]
-    Credentials(#[from] CredentialError),
-    /// Address and credentials do not go together.
-    #[error(transparent)]
-    Dial(#[from] DialError),
-    /// Slots out of range.
-    #[error("{slots} slots are out of range: 1 to {MAX_SLOTS} are allowed")]
-    Slots {
-        /// What was given.
-        slots: usize,
-    },
-    /// A name beyond the limit.
-    #[error("the worker's name has {length} bytes: at most {MAX_WORKER_NAME} are allowed")]
-    Name {
-        /// Bytes it has.
-        length: usize,
-    },
-    /// The coordinator refuses this worker. Not retryable with the same build.
-    #[error("the coordinator at {url} refuses this worker: {reason}")]
-    Refused {
-        /// Which.
-        url: String,
-        /// What it says.
-        reason: String,
-    },
-    /// A time that can't be kept to.
-    #[error(transparent)]
-    Time(#[from] config::BadTime),
-    /// Slots got stuck, again and again. Start the worker again, if the machine is sound.
-    #[error(
-        "{stuck} slots made no progress for {} s each: the machine is sick, or its jobs are; the worker gave back what ran \
-         and ends",
-        .after.as_secs_f64()
-    )]
-    Stuck {
-        /// How many.
-        stuck: usize,
-        /// For how long.
-        after: Duration,
-    },
-    /// Metrics can't be served as asked.
-    #[error(transparent)]
-    Metrics(#[from] telemetry::BindError),
-    /// The system gives no thread, or another thing that the worker can't be without.
-    #[error("the worker can't start: {0}")]
-    System(String),
-}
 
 /// Works until `drain` resolves, or its time is nearly up: then it takes nothing new, finishes what it can within the grace
 /// time, gives back the rest, and ends. Waits for a coordinator that is not there, and for one that went away.
@@ -266,6 +202,8 @@ fn unique_id() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::dial::DialError;
+    use proto::limits::MAX_SLOTS;
 
     #[tokio::test]
     async fn what_can_not_work_is_said_before_anything_starts() {

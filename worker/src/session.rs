@@ -1,6 +1,6 @@
 //! The connection to the coordinator: made again and again, and nothing is lost in between.
 
-use crate::Error;
+use crate::error::Error;
 use crate::intake::Intake;
 use crate::jobs::Forgotten;
 use crate::metrics::Metrics;

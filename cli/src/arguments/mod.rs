@@ -16,6 +16,7 @@ pub use robot::{PictureFormat, Robot, RobotOutput};
 
 use crate::certs::Host;
 use crate::client::Url;
+pub use crate::load::JobFile;
 use sim_core::procedure::evolve::finish::Question;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -52,14 +53,6 @@ pub enum Command {
     Robot(Robot),
     Certs(Certs),
     Scenarios { show: Option<String>, json: bool },
-}
-
-/// A job as the user points at it.
-#[derive(Debug)]
-pub struct JobFile {
-    /// A path, or the name of a job that ships.
-    pub job: String,
-    pub seed: Option<u64>,
 }
 
 #[derive(Debug)]

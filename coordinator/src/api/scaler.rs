@@ -5,7 +5,7 @@
 
 use crate::door::{self, Admission, Door};
 use crate::limits::{DEMAND_EVERY, KEEPALIVE, MAX_HEADERS, MAX_SCALERS};
-use crate::metrics::Pulse;
+use crate::pulse::Pulse;
 use crate::scheduler::Demand;
 use prometheus_client::metrics::gauge::Gauge;
 use proto::externalscaler::external_scaler_server::{ExternalScaler, ExternalScalerServer};
