@@ -1,12 +1,12 @@
 //! Which worker computes what, and what follows from it: plain functions over a state, without sockets or clock.
 //!
-//! Each event is one function of [`events`] ([`on_result`], [`on_heartbeat`], …): it is given the time, changes the state and
+//! Each event is one function of `events` ([`on_result`], [`on_heartbeat`], …): it is given the time, changes the state and
 //! leaves [`Action`]s for the shell, which commits the writes among them *before* it does anything else with the outside.
 //! So nothing is acknowledged that the store does not hold. If a commit fails the state in memory is ahead of the store, and
 //! the coordinator has to stop and start again from the store.
 //!
 //! A job is a row of rounds of opaque tasks; what a task is only its procedure knows. The states of tasks and leases are in
-//! [`lease`]. How tasks are cut into ranges, which worker computes them and in which order results arrive never touches a
+//! `lease`. How tasks are cut into ranges, which worker computes them and in which order results arrive never touches a
 //! result: results are told by index once all of a round are there.
 
 mod arbiter;
