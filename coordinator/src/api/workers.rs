@@ -5,7 +5,9 @@ use crate::access::Pass;
 use crate::actor::Command;
 use crate::convert;
 use crate::limits::{HELLO_WITHIN, MAX_RUNNING};
-use crate::scheduler::{AssignmentId, Caller, Completed, Delivery, RefusedResult, SessionId, Verdict, WorkerId};
+use crate::scheduler::{
+    AssignmentId, Caller, Completed, Delivery, RefusedResult, SessionId, Verdict, WorkerId, host_of,
+};
 use crate::store::StoreError;
 use proto::ConvertError;
 use proto::limits::MAX_REASON;
@@ -65,8 +67,8 @@ impl WorkerService for Api {
     }
 
     async fn complete(&self, request: Request<CompleteRequest>) -> Result<Response<CompleteResponse>, Status> {
-        let address = request.remote_addr().map(|a| a.ip().to_string()).unwrap_or_default();
-        let caller = Caller { host: address.into(), credential: Pass::of(request.extensions()).credential() };
+        let address = request.remote_addr().map(|a| a.to_string()).unwrap_or_default();
+        let caller = Caller { host: host_of(&address).into(), credential: Pass::of(request.extensions()).credential() };
         let completed = completed(request.into_inner(), caller)?;
         let late = completed.clone();
         let mut verdict = self.ask(|reply| Command::Complete { completed, reply }).await?.map_err(refused)?;

@@ -9,6 +9,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
+/// The host of a source address with a port, such as "[::1]" of "[::1]:7077".
+pub fn host_of(address: &str) -> &str {
+    address.rsplit_once(':').map_or(address, |(host, _)| host)
+}
+
 /// Names one connection of a worker: messages of an older connection are ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SessionId(pub u64);
@@ -117,7 +122,7 @@ impl Worker {
 
     /// The machine it calls from: its source address.
     pub fn host(&self) -> &str {
-        self.address.rsplit_once(':').map_or(&self.address, |(host, _)| host)
+        host_of(&self.address)
     }
 }
 

@@ -35,7 +35,7 @@ pub use events::{
     on_result, on_resume, on_standstill, on_submit, on_tick, on_unusable,
 };
 pub use explain::waits_for;
-pub use fleet::{Greeting, Running, SessionId, Welcome, WorkerId};
+pub use fleet::{Greeting, Running, SessionId, Welcome, WorkerId, host_of};
 pub use job::{NewJob, Resumed};
 pub use lease::{Assign, AssignmentId, Range};
 pub use notes::{LeaseEnd, Note};
