@@ -274,7 +274,6 @@ pub fn on_disconnect(core: &mut Scheduler, now: Now, id: &WorkerId, session: Ses
         worker.expires = worker.expires.min(grace);
         if worker.held.is_empty() {
             core.fleet.workers.remove(id);
-            core.trust.forget(id);
         }
     }
     core.alarm.wake_by(grace);
@@ -316,7 +315,6 @@ pub fn on_expel(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionI
         end_lease(core, assignment, LeaseEnd::Drained);
     }
     core.fleet.workers.remove(id);
-    core.trust.forget(id);
     core.queue.room.workers_changed();
     dispatch(core, now);
 }
@@ -352,7 +350,6 @@ pub(super) fn others_can(core: &Scheduler, worker: &WorkerId, id: &JobId) -> boo
 /// back; if it only fell silent (a network that swallows everything), nothing is to blame.
 fn lose_worker(core: &mut Scheduler, now: Now, id: &WorkerId) {
     let Some(worker) = core.fleet.workers.remove(id) else { return };
-    core.trust.forget(id);
     core.queue.room.workers_changed();
     let crashed = worker.session.is_none();
     let (leases, name) = (worker.held.len() as u32, worker.name.clone());

@@ -24,7 +24,7 @@ pub(super) struct Trust {
     /// Makes permits.
     pub key: PermitKey,
     quarantined: BTreeMap<WorkerId, Quarantined>,
-    /// Of workers that are known.
+    /// By worker, at most [`MAX_QUARANTINED`] of them.
     marks: BTreeMap<WorkerId, u32>,
 }
 
@@ -51,9 +51,14 @@ impl Trust {
         self.quarantined.get(worker)
     }
 
-    /// Forgets the marks of a worker that is gone.
-    pub fn forget(&mut self, worker: &WorkerId) {
-        self.marks.remove(worker);
+    /// Adds a mark, and returns how many there are. Reconnecting clears none.
+    fn mark(&mut self, worker: &WorkerId) -> u32 {
+        if self.marks.len() >= MAX_QUARANTINED && !self.marks.contains_key(worker) {
+            self.marks.pop_first();
+        }
+        let marks = self.marks.entry(worker.clone()).or_default();
+        *marks += 1;
+        *marks
     }
 
     /// Adds an entry. Returns the oldest where there are too many, which is removed.
@@ -69,14 +74,12 @@ impl Trust {
     }
 }
 
-/// Marks a worker that delivered what can't be a result. Only a worker that is known: marks of others would have no bound.
+/// Marks a worker that delivered what can't be a result. Only one that is known here is marked.
 pub(super) fn mark(core: &mut Scheduler, now: Now, worker: &WorkerId, why: &str) {
     if !core.fleet.workers.contains_key(worker) {
         return;
     }
-    let marks = core.trust.marks.entry(worker.clone()).or_default();
-    *marks += 1;
-    let marks = *marks;
+    let marks = core.trust.mark(worker);
     core.out.notes.push(Note::Marked { worker: worker.clone(), marks, why: why.to_owned() });
     if marks >= MAX_MARKS {
         let source = core.fleet.source(core.fleet.finder(worker));

@@ -199,3 +199,19 @@ fn quarantine_keeps_a_bounded_number_of_entries() {
     rig.restart();
     assert_eq!(rig.quarantined(), all, "the store keeps no more");
 }
+
+#[test]
+fn worker_that_reconnects_keeps_its_marks() {
+    let mut rig = Rig::new();
+    rig.submit("a", 1, 1);
+    rig.connect("w", 1);
+    let given = rig.take_of("w").expect("it gets work");
+    for _ in 0..MAX_MARKS {
+        assert!(!rig.is_quarantined("w"));
+        let session = rig.connect("w", 1);
+        rig.deliver(Completed { permit: Vec::new(), ..given.completed(given.delivery()) }).unwrap_err();
+        rig.disconnect("w", session);
+        rig.advance(LEASE);
+    }
+    assert_eq!(rig.quarantined(), ["w"]);
+}
