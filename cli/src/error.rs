@@ -195,7 +195,7 @@ pub enum Error {
         name: String,
         /// Its id.
         id: String,
-        /// What is wrong with it.
+        /// The fault, for people.
         reason: String,
     },
     /// A job that has no winner, where one is needed.

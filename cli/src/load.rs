@@ -49,7 +49,7 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
     if let Some(seed) = file.seed {
         spec.seed = seed;
     }
-    // What is wrong in a part that came from a file of its own is told of that file.
+    // A fault in a part that came from a file of its own names that file.
     let mut robot_label = source.label.clone();
     let mut environment_label = source.label.clone();
     if let Reference::Named(name) = &spec.robot {

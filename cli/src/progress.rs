@@ -162,7 +162,7 @@ impl Progress {
                     self.done = f64::from(generation.generation + 1);
                     self.population = values::count(&values, "evaluations") as f64 / self.done;
                     (self.best, self.mean) = (generation.best_so_far, generation.mean);
-                    // What was done before we came is history, not progress.
+                    // Work done before this watch began does not count as its progress.
                     if self.done > self.done_before {
                         self.draw(done == total);
                     }

@@ -53,7 +53,7 @@ pub struct Generation {
     pub best_so_far: Option<f64>,
     /// Evaluations that failed.
     pub failed: u32,
-    /// What its evaluations took.
+    /// Counts over its evaluations.
     pub counts: Counts,
 }
 

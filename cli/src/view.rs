@@ -16,7 +16,7 @@ pub struct JobView {
     state: &'static str,
     /// Such as "evolve".
     procedure: String,
-    /// What it does, such as "searching"; `null` once the job has ended.
+    /// Phase of the round at hand, such as "searching"; `null` once the job has ended.
     phase: Option<String>,
     job_digest: String,
     engine_digest: String,

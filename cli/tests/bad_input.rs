@@ -34,7 +34,7 @@ fn refused_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String
     said
 }
 
-/// What `validate` says to the small job after some replacements, and a run's worker just so once the robot has settled.
+/// The refusal of `validate` for the small job after replacements; a run fails with the same text once it prepares.
 fn unprepared_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String {
     let (said, ran) = validated_and_run(files, replacements);
     let (_, reason) = said.strip_prefix("error: ").and_then(|text| text.split_once(": ")).expect("a file and a reason");
@@ -42,7 +42,7 @@ fn unprepared_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> Str
     said
 }
 
-/// What `validate` and `run` say to the small job after some replacements.
+/// The refusal of `validate` and `run` for the small job after some replacements.
 fn validated_and_run(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> (String, String) {
     let mut job = SMALL_JOB.to_owned();
     for (from, to) in replacements {

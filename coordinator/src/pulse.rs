@@ -9,7 +9,7 @@ use telemetry::Vitals;
 use telemetry::endpoint::Answer;
 use tokio::sync::{mpsc, oneshot};
 
-/// What the coordinator says of itself at `/metrics` and `/healthz`.
+/// The coordinator's answers at `/metrics` and `/healthz`.
 pub(crate) struct Pulse {
     metrics: Arc<Metrics>,
     /// There once this coordinator has the store.

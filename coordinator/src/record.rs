@@ -133,7 +133,7 @@ pub struct JobRecord {
     pub engine_digest: Digest,
     /// The version of evogait that stored it.
     pub version: String,
-    /// What it does, such as "evolve".
+    /// Name of its procedure, such as "evolve".
     pub procedure: String,
     /// [`sim_core::procedure::REVISION`] of that version.
     pub revision: u32,
@@ -173,11 +173,11 @@ pub struct JobRecord {
     pub result_digest: Option<Digest>,
 }
 
-/// Most disputes that clients are told with a job: the newest ones.
+/// Limit on the disputes in a job's answer to clients: the newest are sent.
 pub(crate) const MAX_TOLD_DISPUTES: usize = 8;
 
 impl JobRecord {
-    /// The record as it is kept with an event: what clients are told of it.
+    /// The record as it is kept with an event: the parts that clients get.
     pub fn snapshot(&self) -> Self {
         let told = &self.disputes[self.disputes.len().saturating_sub(MAX_TOLD_DISPUTES)..];
         let mut disputes = told.to_vec();

@@ -84,7 +84,7 @@ fn refused(refused: RefusedResult) -> Status {
 }
 
 impl Api {
-    /// What becomes of a result of a round before the one sealed last: it is compared with the digests in the store.
+    /// Compares a result of a round before the one sealed last with the digests in the store.
     async fn compare(&self, completed: Completed) -> Result<Verdict, Status> {
         let (job, round) = (&completed.job, completed.range.round);
         let sealed = self.store.digests(job, round).await.map_err(store_failed)?;

@@ -13,9 +13,9 @@ pub enum Event {
     Sealed {
         /// Its number.
         round: u32,
-        /// What it was about, in a word.
+        /// Its phase, in a word.
         phase: String,
-        /// What is told of it.
+        /// The row of its series, if it has one.
         row: Option<Row>,
     },
     /// Tasks of the round at hand came in. Not stored.

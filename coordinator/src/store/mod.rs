@@ -181,7 +181,7 @@ pub struct TaskRecord {
 pub struct SealedRound {
     /// Its number.
     pub number: u32,
-    /// What is told of it.
+    /// The row of its series, if it has one.
     pub row: Option<Row>,
     /// Digests of its results, by index.
     pub digests: Vec<Digest>,

@@ -134,7 +134,7 @@ pub enum Step {
 /// A round was told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Told {
-    /// What is told of it, if anything.
+    /// The row of the round's series, if it has one.
     pub row: Option<Row>,
     /// What follows.
     pub step: Step,
