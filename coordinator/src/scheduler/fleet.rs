@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The host of a source address with a port, such as "[::1]" of "[::1]:7077".
+/// The host of a source address with a port, such as `10.0.0.7` of `10.0.0.7:7077`.
 pub fn host_of(address: &str) -> &str {
     address.rsplit_once(':').map_or(address, |(host, _)| host)
 }
