@@ -158,7 +158,7 @@ fn part(invalid: &Invalid) -> Part {
     };
     match invalid {
         Invalid::Overlap { .. } | Invalid::Disconnected { .. } | Invalid::AttachmentLoop { .. } => Part::Robot,
-        Invalid::PortTaken { .. } | Invalid::Foreign { .. } => Part::Robot,
+        Invalid::FaceTaken { .. } | Invalid::Foreign { .. } => Part::Robot,
         Invalid::Misplaced { .. } => Part::Environment,
         Invalid::OutOfRange { field, .. }
         | Invalid::WholeOutOfRange { field, .. }

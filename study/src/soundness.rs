@@ -28,9 +28,9 @@ const UNEXPLAINED: f64 = 0.5;
 /// And so many times what the motors are seen to have been able to give.
 const UNDERRATED: f64 = 1.5;
 
-/// A random tree of [`HINGES`] CoSMO modules, docked at random ports and turns, none overlapping another.
+/// A random tree of [`HINGES`] CoSMO modules, docked at random faces and turns, none overlapping another.
 pub fn random_robot(stream: &mut Stream) -> Robot {
-    const PORTS: [&str; 10] =
+    const FACES: [&str; 10] =
         ["back", "front", "a-left", "a-right", "a-top", "a-bottom", "b-left", "b-right", "b-top", "b-bottom"];
     let mut pick = |n: u32| (stream.unit() * f64::from(n)) as u32;
     let count = HINGES.0 + pick(HINGES.1 - HINGES.0 + 1);
@@ -39,8 +39,8 @@ pub fn random_robot(stream: &mut Stream) -> Robot {
     let mut robot = None;
     let mut made = 1;
     while made < count {
-        let (to, port, turn) = (pick(made), PORTS[pick(10) as usize], 90 * pick(4));
-        let attach = format!("attach = {{ to = \"m{to}\", port = \"{port}\", turn = {turn} }}\n");
+        let (to, face, turn) = (pick(made), FACES[pick(10) as usize], 90 * pick(4));
+        let attach = format!("attach = {{ to = \"m{to}\", port = \"{face}\", turn = {turn} }}\n");
         let longer = text.clone() + &module(made, &attach);
         // What does not fit is tried elsewhere; at an end of the tree there is always room.
         let spec: RobotSpec = toml::from_str(&longer).expect("a generated robot is well formed");

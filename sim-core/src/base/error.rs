@@ -98,13 +98,13 @@ pub enum Invalid {
         /// The way around.
         through: String,
     },
-    /// Two modules on one port.
-    #[error("{field}: port \"{port}\" of module \"{module}\" is taken by \"{by}\"")]
-    PortTaken {
+    /// Two modules on one face.
+    #[error("{field}: face \"{face}\" of module \"{module}\" is taken by \"{by}\"")]
+    FaceTaken {
         /// Path of the second attachment.
         field: String,
-        /// The port.
-        port: String,
+        /// The face.
+        face: String,
         /// The module that has it.
         module: String,
         /// Who is there already.

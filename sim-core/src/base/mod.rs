@@ -6,6 +6,7 @@ pub mod error;
 pub mod limits;
 pub mod math;
 pub mod random;
+pub mod registry;
 pub mod score;
 pub(crate) mod simd;
 pub mod statistics;

@@ -1,7 +1,7 @@
 //! From a robot file to its parts in the neutral configuration: names, attachments, overlaps.
 
 use super::RobotSpec;
-use super::kind::{KINDS, Kind, PortKind};
+use super::kind::{FaceKind, KINDS, Kind};
 use crate::base::error::{Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
 use nalgebra::{Matrix3, Vector3};
@@ -31,10 +31,10 @@ impl Frame {
         Frame { rotation, origin: -(rotation * self.origin) }
     }
 
-    /// x along the port's normal, z along its up.
-    fn of_port(port: &PortKind) -> Frame {
-        let (x, z) = (Vector3::from(port.normal), Vector3::from(port.up));
-        Frame { rotation: Matrix3::from_columns(&[x, z.cross(&x), z]), origin: Vector3::from(port.position) }
+    /// x along the face's normal, z along its up.
+    fn of_face(face: &FaceKind) -> Frame {
+        let (x, z) = (Vector3::from(face.normal), Vector3::from(face.up));
+        Frame { rotation: Matrix3::from_columns(&[x, z.cross(&x), z]), origin: Vector3::from(face.position) }
     }
 }
 
@@ -78,11 +78,11 @@ fn kind_of(field: &str, kind: &str) -> Result<&'static Kind, Invalid> {
     })
 }
 
-fn port_of(field: String, kind: &'static Kind, port: &str) -> Result<&'static PortKind, Invalid> {
-    kind.ports.iter().find(|p| p.name == port).ok_or_else(|| Invalid::Unknown {
+fn face_of(field: String, kind: &'static Kind, face: &str) -> Result<&'static FaceKind, Invalid> {
+    kind.faces.iter().find(|p| p.name == face).ok_or_else(|| Invalid::Unknown {
         field,
-        value: port.to_owned(),
-        known: kind.ports.iter().map(|p| p.name.to_owned()).collect(),
+        value: face.to_owned(),
+        known: kind.faces.iter().map(|p| p.name.to_owned()).collect(),
     })
 }
 
@@ -183,10 +183,10 @@ impl RobotSpec {
             }
             let to = self.module(&format!("{field}.attach.to"), &attach.to)?;
             let carrier_kind = kind_of(&format!("robot.module[{to}]"), &self.modules[to].kind)?;
-            let port = port_of(format!("{field}.attach.port"), carrier_kind, &attach.port)?;
+            let face = face_of(format!("{field}.attach.port"), carrier_kind, &attach.face)?;
             let own = match &attach.own {
-                Some(own) => port_of(format!("{field}.attach.own"), kind, own)?,
-                None => &kind.ports[0],
+                Some(own) => face_of(format!("{field}.attach.own"), kind, own)?,
+                None => &kind.faces[0],
             };
             if ![0, 90, 180, 270].contains(&attach.turn) {
                 return Err(Invalid::Unknown {
@@ -196,9 +196,9 @@ impl RobotSpec {
                 });
             }
             carriers.push(Some(to));
-            docks.push((kind, Some((to, port, own, f64::from(attach.turn)))));
+            docks.push((kind, Some((to, face, own, f64::from(attach.turn)))));
         }
-        self.check_ports(&docks)?;
+        self.check_faces(&docks)?;
         for i in 0..self.modules.len() {
             self.check_loop(i, &carriers)?;
         }
@@ -217,21 +217,21 @@ impl RobotSpec {
         self.place(&docks)
     }
 
-    fn check_ports(&self, docks: &[(&'static Kind, Option<Dock>)]) -> Result<(), Invalid> {
+    fn check_faces(&self, docks: &[(&'static Kind, Option<Dock>)]) -> Result<(), Invalid> {
         let mut taken: Vec<(usize, &str, usize)> = Vec::new();
         for (i, (_, dock)) in docks.iter().enumerate() {
-            let Some((to, port, own, _)) = dock else { continue };
-            for (module, name) in [(*to, port.name), (i, own.name)] {
+            let Some((to, face, own, _)) = dock else { continue };
+            for (module, name) in [(*to, face.name), (i, own.name)] {
                 if let Some(&(_, _, by)) = taken.iter().find(|t| t.0 == module && t.1 == name) {
-                    return Err(Invalid::PortTaken {
+                    return Err(Invalid::FaceTaken {
                         field: format!("robot.module[{i}].attach"),
-                        port: name.to_owned(),
+                        face: name.to_owned(),
                         module: self.modules[module].name.clone(),
                         by: self.modules[by].name.clone(),
                     });
                 }
             }
-            taken.push((*to, port.name, i));
+            taken.push((*to, face.name, i));
             taken.push((i, own.name, *to));
         }
         Ok(())
@@ -247,11 +247,11 @@ impl RobotSpec {
                 }
                 placed[i] = match dock {
                     None => Some(Placed { kind, frame: self.root_frame(i)?, dock: None }),
-                    Some((to, port, own, turn)) => placed[*to].as_ref().map(|carrier| {
+                    Some((to, face, own, turn)) => placed[*to].as_ref().map(|carrier| {
                         let flip = Frame { rotation: rotation(2, 180.0), origin: Vector3::zeros() };
                         let turn = Frame { rotation: rotation(0, *turn), origin: Vector3::zeros() };
-                        let docked = Frame::of_port(port).then(&turn).then(&flip).then(&Frame::of_port(own).inverse());
-                        Placed { kind, frame: carrier.frame.then(&docked), dock: Some((own.part, (*to, port.part))) }
+                        let docked = Frame::of_face(face).then(&turn).then(&flip).then(&Frame::of_face(own).inverse());
+                        Placed { kind, frame: carrier.frame.then(&docked), dock: Some((own.part, (*to, face.part))) }
                     }),
                 };
             }
@@ -272,5 +272,5 @@ impl RobotSpec {
     }
 }
 
-/// (carrier, its port, own port, turn in degrees)
-type Dock = (usize, &'static PortKind, &'static PortKind, f64);
+/// (carrier, its face, own face, turn in degrees)
+type Dock = (usize, &'static FaceKind, &'static FaceKind, f64);

@@ -1,4 +1,4 @@
-//! Kinds of modules: their parts, hinge and ports. A kind is data; a new one is an entry here.
+//! Kinds of modules: their parts, hinge and faces. A kind is data; a new one is an entry here.
 
 /// A kind of module. Coordinates are the module's own, mu.
 #[derive(Debug)]
@@ -10,7 +10,7 @@ pub struct Kind {
     /// The hinge between two of them, if it has one.
     pub hinge: Option<HingeKind>,
     /// Where others can be attached; the first is the one a module is attached by unless its file says otherwise.
-    pub ports: &'static [PortKind],
+    pub faces: &'static [FaceKind],
 }
 
 /// A rigid box of a module.
@@ -41,7 +41,7 @@ pub struct HingeKind {
 
 /// A place where two modules dock, face to face.
 #[derive(Debug)]
-pub struct PortKind {
+pub struct FaceKind {
     /// The name in robot files.
     pub name: &'static str,
     /// Index of the part it belongs to.
@@ -50,7 +50,7 @@ pub struct PortKind {
     pub position: [f64; 3],
     /// Outward normal.
     pub normal: [f64; 3],
-    /// The direction that two docked ports share at turn 0.
+    /// The direction that two docked faces share at turn 0.
     pub up: [f64; 3],
 }
 
@@ -64,8 +64,8 @@ const NEG_X: [f64; 3] = [-1.0, 0.0, 0.0];
 const NEG_Y: [f64; 3] = [0.0, -1.0, 0.0];
 const NEG_Z: [f64; 3] = [0.0, 0.0, -1.0];
 
-const fn port(name: &'static str, part: usize, position: [f64; 3], normal: [f64; 3], up: [f64; 3]) -> PortKind {
-    PortKind { name, part, position, normal, up }
+const fn face(name: &'static str, part: usize, position: [f64; 3], normal: [f64; 3], up: [f64; 3]) -> FaceKind {
+    FaceKind { name, part, position, normal, up }
 }
 
 /// A CoSMO module (Liedke et al. 2013, as Vonásek and Faigl 2016, section V, use it): two cubes and one hinge about z
@@ -77,32 +77,32 @@ const COSMO: Kind = Kind {
         PartKind { name: "b", center: [0.25, 0.0, 0.0], half: HALF, mass: CUBE_MASS },
     ],
     hinge: Some(HingeKind { from: 0, to: 1, anchor: [0.0; 3], axis: Z }),
-    ports: &[
-        port("back", 0, [-0.5, 0.0, 0.0], NEG_X, Z),
-        port("front", 1, [0.5, 0.0, 0.0], X, Z),
-        port("a-left", 0, [-0.25, 0.25, 0.0], Y, Z),
-        port("a-right", 0, [-0.25, -0.25, 0.0], NEG_Y, Z),
-        port("a-top", 0, [-0.25, 0.0, 0.25], Z, X),
-        port("a-bottom", 0, [-0.25, 0.0, -0.25], NEG_Z, X),
-        port("b-left", 1, [0.25, 0.25, 0.0], Y, Z),
-        port("b-right", 1, [0.25, -0.25, 0.0], NEG_Y, Z),
-        port("b-top", 1, [0.25, 0.0, 0.25], Z, X),
-        port("b-bottom", 1, [0.25, 0.0, -0.25], NEG_Z, X),
+    faces: &[
+        face("back", 0, [-0.5, 0.0, 0.0], NEG_X, Z),
+        face("front", 1, [0.5, 0.0, 0.0], X, Z),
+        face("a-left", 0, [-0.25, 0.25, 0.0], Y, Z),
+        face("a-right", 0, [-0.25, -0.25, 0.0], NEG_Y, Z),
+        face("a-top", 0, [-0.25, 0.0, 0.25], Z, X),
+        face("a-bottom", 0, [-0.25, 0.0, -0.25], NEG_Z, X),
+        face("b-left", 1, [0.25, 0.25, 0.0], Y, Z),
+        face("b-right", 1, [0.25, -0.25, 0.0], NEG_Y, Z),
+        face("b-top", 1, [0.25, 0.0, 0.25], Z, X),
+        face("b-bottom", 1, [0.25, 0.0, -0.25], NEG_Z, X),
     ],
 };
 
-/// One passive cube with six ports: a body to attach legs to.
+/// One passive cube with six faces: a body to attach legs to.
 const BLOCK: Kind = Kind {
     name: "block",
     parts: &[PartKind { name: "cube", center: [0.0; 3], half: HALF, mass: CUBE_MASS }],
     hinge: None,
-    ports: &[
-        port("back", 0, [-0.25, 0.0, 0.0], NEG_X, Z),
-        port("front", 0, [0.25, 0.0, 0.0], X, Z),
-        port("left", 0, [0.0, 0.25, 0.0], Y, Z),
-        port("right", 0, [0.0, -0.25, 0.0], NEG_Y, Z),
-        port("top", 0, [0.0, 0.0, 0.25], Z, X),
-        port("bottom", 0, [0.0, 0.0, -0.25], NEG_Z, X),
+    faces: &[
+        face("back", 0, [-0.25, 0.0, 0.0], NEG_X, Z),
+        face("front", 0, [0.25, 0.0, 0.0], X, Z),
+        face("left", 0, [0.0, 0.25, 0.0], Y, Z),
+        face("right", 0, [0.0, -0.25, 0.0], NEG_Y, Z),
+        face("top", 0, [0.0, 0.0, 0.25], Z, X),
+        face("bottom", 0, [0.0, 0.0, -0.25], NEG_Z, X),
     ],
 };
 

@@ -14,7 +14,7 @@ mod spec;
 mod touch;
 
 pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, JOINT_LIMIT, PartBox, Robot};
-pub use kind::{HingeKind, KINDS, Kind, PartKind, PortKind};
+pub use kind::{FaceKind, HingeKind, KINDS, Kind, PartKind};
 pub use place::{Place, Plane};
 pub use pose::State;
 pub use spec::*;

@@ -118,18 +118,19 @@ pub struct ModuleSpec {
     pub pose: Option<PoseSpec>,
 }
 
-/// "Attached to port P of module M with rotation r."
+/// "Attached to face F of module M with rotation r."
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Attachment {
     /// The module that carries this one.
     pub to: String,
-    /// That module's port.
-    pub port: String,
-    /// This module's own port; the kind's first unless given.
+    /// That module's face.
+    #[serde(rename = "port")]
+    pub face: String,
+    /// This module's own face; the kind's first unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub own: Option<String>,
-    /// Turn about the port's axis, degrees: 0, 90, 180 or 270.
+    /// Turn about the face's axis, degrees: 0, 90, 180 or 270.
     #[serde(default)]
     pub turn: i32,
 }

@@ -98,12 +98,12 @@ fn refusal(robot: &RobotSpec, engine: EngineChoice) -> Option<String> {
     Job::new(job).err().map(|invalid| invalid.to_string())
 }
 
-/// A random tree of modules of all kinds that ship, docked at random ports and turns, on any of its six sides.
+/// A random tree of modules of all kinds that ship, docked at random faces and turns, on any of its six sides.
 fn modules(stream: &mut Stream) -> RobotSpec {
     const COSMO: [&str; 10] =
         ["back", "front", "a-left", "a-right", "a-top", "a-bottom", "b-left", "b-right", "b-top", "b-bottom"];
     const BLOCK: [&str; 6] = ["back", "front", "left", "right", "top", "bottom"];
-    let ports = |kind: &str| if kind == "block" { &BLOCK[..] } else { &COSMO[..] };
+    let faces = |kind: &str| if kind == "block" { &BLOCK[..] } else { &COSMO[..] };
     let count = MODULES.0 + stream.below(MODULES.1 - MODULES.0 + 1);
     let side = [[0, 0], [90, 0], [180, 0], [270, 0], [0, 90], [0, 270]][stream.below(6) as usize];
     let mut kinds = vec!["cosmo"];
@@ -115,13 +115,13 @@ fn modules(stream: &mut Stream) -> RobotSpec {
     while kinds.len() < count as usize {
         let mut pick = |list: &[&'static str]| list[stream.below(list.len() as u32) as usize];
         let kind = pick(&["cosmo", "cosmo", "block"]);
-        let own = pick(ports(kind));
+        let own = pick(faces(kind));
         let to = stream.below(kinds.len() as u32) as usize;
-        let port = ports(kinds[to])[stream.below(ports(kinds[to]).len() as u32) as usize];
+        let face = faces(kinds[to])[stream.below(faces(kinds[to]).len() as u32) as usize];
         let (name, turn) = (kinds.len(), 90 * stream.below(4));
         let longer = format!(
             "{text}[[module]]\nname = \"m{name}\"\nkind = \"{kind}\"\n\
-             attach = {{ to = \"m{to}\", port = \"{port}\", own = \"{own}\", turn = {turn} }}\n"
+             attach = {{ to = \"m{to}\", port = \"{face}\", own = \"{own}\", turn = {turn} }}\n"
         );
         // Overlapping modules are refused, and drawn again.
         if Robot::compile(&toml::from_str(&longer).expect("a generated robot is well formed")).is_ok() {

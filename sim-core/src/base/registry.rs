@@ -1,0 +1,177 @@
+//! Registries: the components of one kind, by name.
+//!
+//! Each kind of component has one registry beside its trait, and a component that ships is one line in it. A program
+//! that is built on evogait may add its own before it reads jobs that use them; on a cluster every coordinator and
+//! worker must then be such a program.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::sync::{PoisonError, RwLock};
+
+/// What every component tells of itself.
+pub trait Component: Sync + 'static {
+    /// Its name in job or robot files: lower case, words joined by `-`.
+    fn name(&self) -> &'static str;
+
+    /// Raised by hand when it computes something else than before. It enters the identity of the jobs that use it once
+    /// it is above 1.
+    fn revision(&self) -> u32 {
+        1
+    }
+}
+
+/// A kind of component that has a registry.
+pub trait Registered: Component {
+    /// Where all of the kind are found.
+    fn registry() -> &'static Registry<Self>;
+}
+
+/// All components of one kind.
+pub struct Registry<T: ?Sized + 'static> {
+    shipped: &'static [&'static T],
+    added: RwLock<Vec<&'static T>>,
+}
+
+/// A component can't be added: another has its name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is a component \"{0}\" already: give the new one another name")]
+pub struct NameTaken(pub &'static str);
+
+impl<T: Component + ?Sized> Registry<T> {
+    /// A registry of those that ship, in the order in which they are told to users. The first is the default.
+    pub const fn new(shipped: &'static [&'static T]) -> Self {
+        Self { shipped, added: RwLock::new(Vec::new()) }
+    }
+
+    /// Adds one. It stays as long as the process.
+    pub fn add(&self, component: &'static T) -> Result<(), NameTaken> {
+        let mut added = self.added.write().unwrap_or_else(PoisonError::into_inner);
+        let taken = self.shipped.iter().chain(added.iter()).any(|known| known.name() == component.name());
+        if taken {
+            return Err(NameTaken(component.name()));
+        }
+        added.push(component);
+        Ok(())
+    }
+
+    /// The one of that name.
+    pub fn find(&self, name: &str) -> Option<&'static T> {
+        self.all().into_iter().find(|component| component.name() == name)
+    }
+
+    /// All of them: those that ship, then those that were added.
+    pub fn all(&self) -> Vec<&'static T> {
+        let added = self.added.read().unwrap_or_else(PoisonError::into_inner);
+        self.shipped.iter().chain(added.iter()).copied().collect()
+    }
+
+    /// Their names, in the same order.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.all().into_iter().map(|component| component.name()).collect()
+    }
+}
+
+/// A component that a file chose. Written and read as its name.
+pub struct Chosen<T: ?Sized + 'static>(pub &'static T);
+
+impl<T: ?Sized> Clone for Chosen<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T: ?Sized> Copy for Chosen<T> {}
+
+impl<T: Component + ?Sized> PartialEq for Chosen<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.name() == other.0.name()
+    }
+}
+
+impl<T: Component + ?Sized> fmt::Debug for Chosen<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0.name())
+    }
+}
+
+impl<T: Registered + ?Sized> Default for Chosen<T> {
+    /// The first of those that ship.
+    fn default() -> Self {
+        Self(T::registry().shipped[0])
+    }
+}
+
+impl<T: Component + ?Sized> Serialize for Chosen<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.0.name())
+    }
+}
+
+impl<'de, T: Registered + ?Sized> Deserialize<'de> for Chosen<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let registry = T::registry();
+        registry.find(&name).map(Self).ok_or_else(|| {
+            let known = registry.names().iter().map(|known| format!("`{known}`")).collect::<Vec<_>>();
+            serde::de::Error::custom(unknown_variant(&name, &known))
+        })
+    }
+}
+
+/// The words of serde's own refusal, whose list of names would have to be known at compile time.
+fn unknown_variant(name: &str, known: &[String]) -> String {
+    match known {
+        [one] => format!("unknown variant `{name}`, expected {one}"),
+        [one, other] => format!("unknown variant `{name}`, expected {one} or {other}"),
+        _ => format!("unknown variant `{name}`, expected one of {}", known.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Named(&'static str);
+
+    impl Component for Named {
+        fn name(&self) -> &'static str {
+            self.0
+        }
+    }
+
+    impl Registered for Named {
+        fn registry() -> &'static Registry<Self> {
+            static ALL: Registry<Named> = Registry::new(&[&Named("first"), &Named("second")]);
+            &ALL
+        }
+    }
+
+    #[test]
+    fn what_was_added_is_found_and_a_name_is_given_once() {
+        let registry = Registry::new(&[&Named("first"), &Named("second")]);
+        assert!(registry.find("third").is_none());
+        registry.add(&Named("third")).unwrap();
+        assert_eq!(registry.names(), ["first", "second", "third"]);
+        assert_eq!(registry.find("third").map(|c| c.name()), Some("third"));
+        for taken in [&Named("first"), &Named("third")] {
+            assert_eq!(registry.add(taken), Err(NameTaken(taken.0)));
+        }
+        assert_eq!(registry.names().len(), 3);
+    }
+
+    #[test]
+    fn a_choice_is_its_name_and_an_unknown_one_is_told_with_all_that_are_known() {
+        #[derive(Serialize, Deserialize)]
+        struct File {
+            #[serde(default)]
+            kind: Chosen<Named>,
+        }
+        assert_eq!(toml::from_str::<File>("").unwrap().kind.0.name(), "first");
+        let file: File = toml::from_str("kind = \"second\"").unwrap();
+        assert_eq!(toml::to_string(&file).unwrap(), "kind = \"second\"\n");
+        let Err(refused) = toml::from_str::<File>("\nkind = \"thrid\"") else { panic!("it was read") };
+        let refused = refused.to_string();
+        assert!(refused.contains("line 2"), "{refused}");
+        assert!(refused.contains("unknown variant `thrid`, expected `first` or `second`"), "{refused}");
+    }
+}
