@@ -4,6 +4,7 @@
 #
 #   tests/bugs.sh                 all of them
 #   tests/bugs.sh keepalive       those with the word in their name or file
+#   tests/bugs.sh --shard 2/4     the second of four shards, for machines side by side
 #   tests/bugs.sh --list          what there is
 #
 # Some need what tests/partition.sh and tests/postgres.sh need. Ends with code 0 if every bug was seen.

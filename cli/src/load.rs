@@ -9,8 +9,8 @@ use sim_core::job::{JobSpec, Reference};
 use sim_core::model::RobotSpec;
 use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
-use sim_core::problem::Checked;
-use sim_core::problem::Job;
+use sim_core::problem::{Checked, Job};
+use sim_core::procedure::kinds;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -68,7 +68,7 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
         Part::Environment => environment_label.clone(),
         Part::Job => source.label.clone(),
     };
-    resolve(spec).map_err(|invalid| told_of_files(invalid, file_of))
+    kinds::of(&spec).and_then(|_| resolve(spec)).map_err(|invalid| told_of_files(invalid, file_of))
 }
 
 /// An error about one file, or about several with the name of each.

@@ -135,8 +135,6 @@ pub struct JobRecord {
     pub version: String,
     /// Name of its procedure, such as "evolve".
     pub procedure: String,
-    /// [`sim_core::procedure::REVISION`] of that version.
-    pub revision: u32,
     /// Rounds sealed.
     pub rounds_sealed: u32,
     /// Of these, how many of the first have their results in the store: a restart can take them over.

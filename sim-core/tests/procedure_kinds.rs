@@ -1,23 +1,32 @@
 //! A procedure of another kind than those that ship: registered, run, saved and loaded.
 
 use sim_core::base::error::Invalid;
+use sim_core::base::registry::{Component, Registered};
 use sim_core::problem::{Checked, Job};
 use sim_core::procedure::{
-    Artefact, BadState, Bench, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told, kinds,
-    load_as, start_as,
+    self, Artefact, BadState, Bench, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told,
 };
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// One round of two tasks, each of which reports the height of the settled pivot times its task's byte.
 struct Heights;
 
 struct Asked;
 
-impl ProcedureKind for Heights {
+static REVISION: AtomicU32 = AtomicU32::new(1);
+
+impl Component for Heights {
     fn name(&self) -> &'static str {
         "heights"
     }
 
+    fn revision(&self) -> u32 {
+        REVISION.load(Ordering::Relaxed)
+    }
+}
+
+impl ProcedureKind for Heights {
     fn start(&self, _problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
         Ok(Box::new(Asked))
     }
@@ -78,18 +87,23 @@ impl Hooks for Never {
     }
 }
 
+const JOB: &str = "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\ngaits = { count = 1, duration = 1.0 }\n\
+                   fitness = { kind = \"coverage\" }\noptimiser = { kind = \"pso\" }\nfinish = { kind = \"none\" }\n";
+
 #[test]
-fn procedure_of_another_kind_runs_after_the_preparation() {
-    let job = Checked::from_toml(
-        "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\ngaits = { count = 1, duration = 1.0 }\n\
-         fitness = { kind = \"coverage\" }\noptimiser = { kind = \"pso\" }\nfinish = { kind = \"none\" }",
-    )
-    .unwrap();
-    let bench = Bench::of_kind(&Heights, job.clone());
-    let mut procedure = start_as(&Heights, &job).unwrap();
+fn procedure_that_was_added_runs_after_the_preparation() {
+    let text = format!("procedure = \"heights\"\n{JOB}");
+    let job = Checked::from_toml(&text).unwrap();
+    let Err(Invalid::Unknown { field, known, .. }) = procedure::start(&job) else { panic!("nobody added it") };
+    assert_eq!((field.as_str(), known), ("procedure", vec!["evolve".to_owned()]));
+
+    <dyn ProcedureKind>::registry().add(&Heights).unwrap();
+    assert_eq!(procedure::name(&job).unwrap(), "heights");
+    let bench = Bench::open(&job.to_toml()).unwrap();
+    let mut procedure = procedure::start(&job).unwrap();
     let mut phases = Vec::new();
     let heights = loop {
-        procedure = load_as(&Heights, &job, &procedure.save()).unwrap();
+        procedure = procedure::load(&job, &procedure.save()).unwrap();
         let round = procedure.round();
         phases.push((round.number, round.phase));
         let tasks: Vec<(u32, Vec<u8>)> = (0..round.tasks).map(|i| (i, procedure.task(i))).collect();
@@ -107,12 +121,17 @@ fn procedure_of_another_kind_runs_after_the_preparation() {
     assert_eq!(phases, [(0, "preparing"), (1, "measuring")]);
     let height = f64::from(Job::from_toml(&job.to_toml()).unwrap().start().pivot.translation.z);
     assert_eq!(heights, [height, 2.0 * height].map(f64::to_le_bytes).concat());
+
+    let of_revision = |revision| {
+        REVISION.store(revision, Ordering::Relaxed);
+        job.digest()
+    };
+    assert_ne!(of_revision(1), of_revision(2), "what computes something else makes another job");
 }
 
 #[test]
-fn every_kind_of_procedure_has_a_name_of_its_own() {
-    let names: Vec<&str> = kinds::KINDS.iter().map(|kind| kind.name()).collect();
-    let distinct: std::collections::BTreeSet<&str> = names.iter().copied().collect();
-    assert_eq!(distinct.len(), names.len());
-    assert_eq!(names[0], "evolve");
+fn the_procedure_of_a_job_that_names_none_is_no_part_of_its_identity() {
+    let (unnamed, named) = (Checked::from_toml(JOB).unwrap(), format!("procedure = \"evolve\"\n{JOB}"));
+    assert_eq!(procedure::name(&unnamed).unwrap(), "evolve");
+    assert_eq!(unnamed.digest(), Checked::from_toml(&named).unwrap().digest());
 }

@@ -230,7 +230,7 @@ impl Hooks for Patient {
 impl Example {
     fn of(job_toml: &str) -> Self {
         let problem = Checked::from_toml(job_toml).expect("a valid job");
-        let bench = Bench::of(problem.clone());
+        let bench = Bench::of(problem.clone()).expect("a valid job");
         let mut procedure = procedure::start(&problem).expect("a valid job");
         let before = procedure.save();
         let outcome = bench.run(0, &[], &[(0, procedure.task(0))], &Patient).expect("it runs").swap_remove(0);

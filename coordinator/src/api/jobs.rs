@@ -148,7 +148,7 @@ pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Dig
         priority,
         job_digest: job.digest(),
         engine_digest: job.engine_digest(),
-        kind: procedure::name(&job).to_owned(),
+        kind: procedure::name(&job).map_err(unusable)?.to_owned(),
         procedure: procedure::start(&job).map_err(unusable)?,
         carried: None,
         // Resolved, so that workers need no files and a later version no other defaults.

@@ -6,7 +6,7 @@ use super::{Now, lease::Range};
 use crate::record::{Dispute, Event, Finder, JobEvent, JobId, JobRecord, JobState};
 use crate::store::{LastRound, RunState, SealedRound, StoredRange, TaskRecord, Write};
 use sim_core::base::digest::{Digest, ResultDigest};
-use sim_core::procedure::{self, BadState, Procedure, Step, Told, result_digest};
+use sim_core::procedure::{BadState, Procedure, Step, Told};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
@@ -106,7 +106,6 @@ impl ActiveJob {
             engine_digest: new.engine_digest,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             procedure: new.kind,
-            revision: procedure::REVISION,
             rounds_sealed: plan.number,
             rounds_kept: plan.number,
             priority: new.priority,
@@ -245,9 +244,10 @@ impl ActiveJob {
             return None;
         }
         let results = self.round.settled(&*self.procedure)?;
-        let digests: Vec<Digest> = results.iter().map(|result| result_digest(result)).collect();
         let (number, phase, kept) = (self.round.number(), self.round.phase(), self.round.is_kept());
-        self.last = Some(self.last_round(results.len() as u32));
+        let last = self.last_round(results.len() as u32);
+        let digests: Vec<Digest> = last.tasks.iter().map(|task| task.digest).collect();
+        self.last = Some(last);
         let Told { row, step } = self.procedure.tell(&results);
 
         let record = &mut self.record;

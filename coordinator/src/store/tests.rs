@@ -31,7 +31,6 @@ pub(crate) fn record(number: u64) -> JobRecord {
         engine_digest: Digest([2; 32]),
         version: "0.9.9".to_owned(),
         procedure: "evolve".to_owned(),
-        revision: 4,
         rounds_sealed: 0,
         rounds_kept: 0,
         priority: 10,

@@ -38,9 +38,14 @@ pub struct Registry<T: ?Sized + 'static> {
 pub struct NameTaken(pub &'static str);
 
 impl<T: Component + ?Sized> Registry<T> {
-    /// A registry of those that ship, in the order in which they are told to users. The first is the default.
+    /// A registry of those that ship, in the order in which they are told to users. There is at least one.
     pub const fn new(shipped: &'static [&'static T]) -> Self {
         Self { shipped, added: RwLock::new(Vec::new()) }
+    }
+
+    /// The first of those that ship: what a file that names none chooses.
+    pub fn default(&self) -> &'static T {
+        self.shipped[0]
     }
 
     /// Adds one. It stays as long as the process.
@@ -95,9 +100,8 @@ impl<T: Component + ?Sized> fmt::Debug for Chosen<T> {
 }
 
 impl<T: Registered + ?Sized> Default for Chosen<T> {
-    /// The first of those that ship.
     fn default() -> Self {
-        Self(T::registry().shipped[0])
+        Self(T::registry().default())
     }
 }
 

@@ -5,8 +5,8 @@ use crate::base::digest::Digest;
 use crate::physics::{EngineKind, lockstep};
 use std::sync::OnceLock;
 
-/// Raised by hand when a change of ours alters results: rollouts, planner, fitness or optimisers; for the latter raise
-/// `search::REVISION`, too.
+/// Raised by hand when a change of ours alters rollouts. Planners, objectives, searches, controllers and procedures have
+/// revisions of their own.
 const REVISION: u32 = 2;
 
 /// The exact versions of the crates whose arithmetic enters results; `tests/versions.rs` holds them to `Cargo.lock`.

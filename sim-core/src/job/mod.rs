@@ -3,7 +3,9 @@
 pub use crate::problem::{JobSpec, Reference};
 
 use crate::base::digest::Digest;
+use crate::base::registry::Registered;
 use crate::problem::Checked;
+use crate::procedure::{ProcedureKind, kinds};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -32,11 +34,14 @@ impl Checked {
             environment.name.clear();
             environment.description.clear();
         }
+        let unless_named = <dyn ProcedureKind>::registry().default().name();
+        spec.procedure.take_if(|name| name == unless_named);
         let used = [
             ("controller", spec.gaits.controller.revision()),
             ("planner", spec.planner.algorithm.revision()),
             ("fitness", spec.fitness.revision()),
             ("optimiser", spec.optimiser.revision()),
+            ("procedure", kinds::of(&spec).map_or(1, |kind| kind.revision())),
         ];
         let revisions = used.into_iter().filter(|(_, revision)| *revision > 1).collect();
         Digest::of("evogait job 1", &Identity { spec: &spec, engine, revisions })

@@ -30,6 +30,9 @@ pub struct JobSpec {
     /// A named set of failed modules of the robot, such as "E1".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
+    /// Name of the procedure: what is done with the problem that the rest describes. The registry's first unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub procedure: Option<String>,
     /// What the gaits are.
     pub gaits: GaitsSpec,
     /// How a candidate's tree is grown.

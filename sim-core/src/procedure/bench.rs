@@ -17,18 +17,13 @@ pub struct Bench {
 impl Bench {
     /// Reads and checks a job. Nothing is simulated.
     pub fn open(job_toml: &str) -> Result<Self, Invalid> {
-        Ok(Self::of(Checked::from_toml(job_toml)?))
+        Self::of(Checked::from_toml(job_toml)?)
     }
 
     /// That of a job that is checked.
-    pub fn of(problem: Checked) -> Self {
-        let kind = kinds::of(&problem);
-        Self::of_kind(kind, problem)
-    }
-
-    /// That of a job that is checked, with a procedure of another kind than its own.
-    pub fn of_kind(kind: &'static dyn ProcedureKind, problem: Checked) -> Self {
-        Self { problem, kind, prepared: Mutex::new(None) }
+    pub fn of(problem: Checked) -> Result<Self, Invalid> {
+        let kind = kinds::of(problem.spec())?;
+        Ok(Self { problem, kind, prepared: Mutex::new(None) })
     }
 
     /// The job.

@@ -1,12 +1,25 @@
 //! The registry of procedures: one line each.
 
 use super::{ProcedureKind, evolve};
-use crate::problem::Checked;
+use crate::base::error::Invalid;
+use crate::base::registry::{Registered, Registry};
+use crate::problem::JobSpec;
 
 /// All kinds of procedures; the first is that of a job that names none.
-pub static KINDS: &[&dyn ProcedureKind] = &[&evolve::Kind];
+static KINDS: Registry<dyn ProcedureKind> = Registry::new(&[&evolve::Kind]);
+
+impl Registered for dyn ProcedureKind {
+    fn registry() -> &'static Registry<Self> {
+        &KINDS
+    }
+}
 
 /// The kind of a job's procedure.
-pub(super) fn of(_problem: &Checked) -> &'static dyn ProcedureKind {
-    KINDS[0]
+pub fn of(job: &JobSpec) -> Result<&'static dyn ProcedureKind, Invalid> {
+    let Some(name) = &job.procedure else { return Ok(KINDS.default()) };
+    KINDS.find(name).ok_or_else(|| Invalid::Unknown {
+        field: "procedure".to_owned(),
+        value: name.clone(),
+        known: KINDS.names().into_iter().map(str::to_owned).collect(),
+    })
 }

@@ -12,11 +12,11 @@ pub mod evolve;
 pub mod kinds;
 pub mod preparing;
 
-pub use crate::search::REVISION;
 pub use bench::Bench;
 
 use crate::base::digest::Digest;
 use crate::base::error::Invalid;
+use crate::base::registry::Component;
 use crate::problem::{Checked, Job};
 use preparing::Preparing;
 use serde::{Deserialize, Serialize};
@@ -205,11 +205,9 @@ pub fn result_digest(result: &[u8]) -> Digest {
     Digest::of_bytes("evogait task result 1", result)
 }
 
-/// A kind of procedure: both its sides. Registered in [`kinds`].
-pub trait ProcedureKind: Sync {
-    /// As job files call it.
-    fn name(&self) -> &'static str;
-
+/// A kind of procedure: both its sides. Registered in [`kinds`]. Its revision covers all that it computes in the
+/// coordinator: which tasks there are, what follows from their results, the report.
+pub trait ProcedureKind: Component {
     /// The coordinator's side of a job before its first round. Nothing is simulated. Its rounds share no bytes.
     fn start(&self, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid>;
 
@@ -222,25 +220,16 @@ pub trait ProcedureKind: Sync {
 
 /// A job's procedure before its first round. Nothing is simulated.
 pub fn start(problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
-    start_as(kinds::of(problem), problem)
+    Ok(Box::new(Preparing::start(kinds::of(problem.spec())?, problem)?))
 }
 
-/// The name of a job's procedure, such as "evolve".
-pub fn name(problem: &Checked) -> &'static str {
-    kinds::of(problem).name()
+/// The name of a job's procedure, such as "evolve"; an error if there is none of that name.
+pub fn name(problem: &Checked) -> Result<&'static str, Invalid> {
+    Ok(kinds::of(problem.spec())?.name())
 }
 
 /// A job's procedure as it was saved.
 pub fn load(problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
-    load_as(kinds::of(problem), problem, saved)
-}
-
-/// Does what [`start`] does, with a procedure of another kind than the job's own.
-pub fn start_as(kind: &dyn ProcedureKind, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
-    Ok(Box::new(Preparing::start(kind, problem)?))
-}
-
-/// Does what [`load`] does, with a procedure of another kind than the job's own.
-pub fn load_as(kind: &dyn ProcedureKind, problem: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
+    let kind = kinds::of(problem.spec()).map_err(|e| BadState(e.to_string()))?;
     Ok(Box::new(Preparing::load(kind, problem, saved)?))
 }

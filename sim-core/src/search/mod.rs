@@ -16,11 +16,6 @@ use crate::base::score::Direction;
 use crate::genotype::{Bounds, Genome};
 use serde::{Deserialize, Serialize};
 
-/// Raised by hand when a change of ours alters what a coordinator computes for a job: candidates, archive, what is
-/// examined and who wins. Raise the engines' revision with it: that one makes it another job, this one tells a coordinator
-/// that it can't go on with a job of an older one.
-pub const REVISION: u32 = 1;
-
 /// A candidate with where it came from and what it scored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scored {

@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 
 /// A run of tests that takes longer hangs. Most take seconds.
 const CHECK_WITHIN: Duration = Duration::from_secs(400);
-const USAGE: &str =
-    "usage: bugs [--list] [WORD...]    bugs whose names or files contain one of the words; all if none is given";
+const USAGE: &str = "usage: bugs [--list] [--shard K/N] [WORD...]
+bugs whose names or files contain one of the words, all if none is given; of those the K-th of N shards";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -53,14 +53,11 @@ enum Outcome {
 }
 
 fn main() -> ExitCode {
-    let mut words: Vec<String> = std::env::args().skip(1).collect();
-    let only_list = words.first().is_some_and(|word| word == "--list");
-    words.drain(..usize::from(only_list));
-    if words.iter().any(|word| word.starts_with('-')) {
+    let Some(wanted) = Wanted::read(std::env::args().skip(1)) else {
         eprintln!("{USAGE}");
         return ExitCode::from(2);
-    }
-    match run(root(), &words, only_list) {
+    };
+    match run(root(), &wanted) {
         Ok(0) => ExitCode::SUCCESS,
         Ok(unseen) => {
             eprintln!("bugs: {unseen} not seen as they should be; what the tests said is in target/bugs/log");
@@ -73,19 +70,57 @@ fn main() -> ExitCode {
     }
 }
 
+/// What was asked for.
+#[derive(Debug, PartialEq, Eq)]
+struct Wanted {
+    only_list: bool,
+    /// K of N, from 1.
+    shard: (usize, usize),
+    words: Vec<String>,
+}
+
+impl Wanted {
+    fn read(arguments: impl IntoIterator<Item = String>) -> Option<Self> {
+        let mut wanted = Self { only_list: false, shard: (1, 1), words: Vec::new() };
+        let mut arguments = arguments.into_iter();
+        while let Some(argument) = arguments.next() {
+            match argument.as_str() {
+                "--list" => wanted.only_list = true,
+                "--shard" => {
+                    let shard = arguments.next()?;
+                    let (k, n) = shard.split_once('/')?;
+                    wanted.shard = (k.parse().ok()?, n.parse().ok()?);
+                    if !(1..=wanted.shard.1).contains(&wanted.shard.0) {
+                        return None;
+                    }
+                }
+                option if option.starts_with('-') => return None,
+                _ => wanted.words.push(argument),
+            }
+        }
+        Some(wanted)
+    }
+
+    /// Those that are wanted: every N-th, so that a shard has some of each file.
+    fn of(&self, bugs: Vec<Bug>) -> Vec<Bug> {
+        let has = |bug: &Bug, word: &String| bug.name.contains(word) || bug.file.to_string_lossy().contains(word);
+        let named =
+            bugs.into_iter().filter(|bug| self.words.is_empty() || self.words.iter().any(|word| has(bug, word)));
+        named.skip(self.shard.0 - 1).step_by(self.shard.1).collect()
+    }
+}
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is in the tree")
 }
 
 /// How many bugs were not seen.
-fn run(root: &Path, words: &[String], only_list: bool) -> Result<usize, String> {
-    let mut bugs = list(root)?;
-    let has = |bug: &Bug, word: &String| bug.name.contains(word) || bug.file.to_string_lossy().contains(word);
-    bugs.retain(|bug| words.is_empty() || words.iter().any(|word| has(bug, word)));
+fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
+    let bugs = wanted.of(list(root)?);
     if bugs.is_empty() {
-        return Err(format!("none has {words:?} in its name or file; {USAGE}"));
+        return Err(format!("there is none for {wanted:?}; {USAGE}"));
     }
-    if only_list {
+    if wanted.only_list {
         for bug in &bugs {
             println!("{}\n    in {}, seen by {}", bug.name, bug.file.display(), bug.seen_by.join(", "));
         }
@@ -298,5 +333,19 @@ mod tests {
     #[test]
     fn every_bug_of_the_list_finds_its_place_in_the_code() {
         assert!(!list(root()).unwrap().is_empty());
+    }
+
+    #[test]
+    fn every_bug_is_in_one_shard() {
+        let wanted = |line: &str| Wanted::read(line.split_whitespace().map(str::to_owned));
+        let names = |line: &str| wanted(line).unwrap().of(list(root()).unwrap()).into_iter().map(|bug| bug.name);
+        let mut of_shards: Vec<String> = (1..=7).flat_map(|k| names(&format!("--shard {k}/7"))).collect();
+        let mut all: Vec<String> = names("").collect();
+        of_shards.sort();
+        all.sort();
+        assert_eq!(of_shards, all);
+        for wrong in ["--shard", "--shard 0/3", "--shard 4/3", "--shard 3", "--shard a/b", "--other"] {
+            assert_eq!(wanted(wrong), None, "{wrong}");
+        }
     }
 }

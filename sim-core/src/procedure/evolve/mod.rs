@@ -20,6 +20,7 @@ use super::{
 use crate::base::encoding::Unreadable;
 use crate::base::error::Invalid;
 use crate::base::limits::MAX_ASSIGNMENT_GENOMES;
+use crate::base::registry::Component;
 use crate::base::score::Counts;
 use crate::genotype::Genome;
 use crate::problem::{Checked, Job};
@@ -34,11 +35,13 @@ use std::sync::Arc;
 /// The kind, for the registry.
 pub struct Kind;
 
-impl ProcedureKind for Kind {
+impl Component for Kind {
     fn name(&self) -> &'static str {
         "evolve"
     }
+}
 
+impl ProcedureKind for Kind {
     fn start(&self, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
         Ok(Box::new(Evolve::new(problem)))
     }
