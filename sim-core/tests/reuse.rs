@@ -5,7 +5,7 @@ use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::model::Place;
 use sim_core::physics::{Outcome, Rollout, Span, Trace};
-use sim_core::plan::{Algorithm, Ask, Planner, Reuse, RrtMp, StartId, TransitionKey, Transitions};
+use sim_core::plan::{Ask, PlannerSettings, Reuse, StartId, TransitionKey, Transitions};
 use sim_core::problem::Job;
 use std::collections::BTreeSet;
 
@@ -102,9 +102,10 @@ fn variants_do_not_depend_on_who_shares_a_batch() {
 
 #[test]
 fn an_expanded_node_is_never_asked_for_again_nor_simulated_twice() {
-    for algorithm in [Algorithm::FloodFill, Algorithm::Original] {
-        let planner = Planner { algorithm, iterations: 2000, map: [12.0, 12.0], ..job("").planner() };
-        let mut rrt = RrtMp::new(planner, Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
+    for algorithm in ["flood-fill", "original"] {
+        let own = job(&format!("algorithm = \"{algorithm}\"")).planner();
+        let settings = PlannerSettings { iterations: 2000, map: [12.0, 12.0], ..own };
+        let mut rrt = settings.start(Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
         let mut asked = BTreeSet::new();
         while let Ask::Expand(node) = rrt.ask(&|_, _| 0.0) {
             assert!(asked.insert(node), "{algorithm:?} asks for node {node} twice");

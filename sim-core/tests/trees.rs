@@ -4,7 +4,7 @@ use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::model::Place;
 use sim_core::physics::Request;
-use sim_core::plan::{Ask, Planner, RrtMp};
+use sim_core::plan::{Ask, Planner, PlannerSettings};
 use sim_core::problem::Job;
 
 /// A small job on short gaits; `more` replaces or adds settings of the planner.
@@ -217,9 +217,10 @@ fn evaluation_stops_when_asked() {
 }
 
 /// A robot that steps 1 mu along x or y, exactly: the planner alone, without physics.
-fn stepper(stop_at: Option<(f64, f64, f64)>) -> RrtMp {
-    let planner = Planner { map: [20.0, 20.0], iterations: 400, stop_at, ..job("empty", "iterations = 1").planner() };
-    let mut rrt = RrtMp::new(planner, Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
+fn stepper(stop_at: Option<(f64, f64, f64)>) -> Box<dyn Planner> {
+    let own = job("empty", "iterations = 1").planner();
+    let settings = PlannerSettings { map: [20.0, 20.0], iterations: 400, stop_at, ..own };
+    let mut rrt = settings.start(Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
     while let Ask::Expand(node) = rrt.ask(&|_, _| 0.0) {
         let from = rrt.tree().nodes[node].place;
         let step = |x: f64, y: f64| Some(from.then(&Place { x, y, ..Place::ORIGIN }));

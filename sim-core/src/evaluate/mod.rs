@@ -12,7 +12,7 @@ use crate::model::environment::{Block, Environment};
 use crate::model::{Place, Robot, State};
 use crate::objective::Fitness;
 use crate::physics::{Engine, Outcome, Physics, Request, Targets};
-use crate::plan::{Growth, Planner, Reuse, Setting, TransitionKey, Transitions, Tree};
+use crate::plan::{Growth, PlannerSettings, Reuse, Setting, TransitionKey, Transitions, Tree};
 use std::collections::BTreeSet;
 
 /// Rollouts between two looks at whether to stop, on an engine that does many at a time; on others each is looked at.
@@ -44,7 +44,7 @@ pub trait Scene {
     /// Numbers of a genome.
     fn genome_length(&self) -> usize;
     /// How trees are grown.
-    fn planner(&self) -> Planner;
+    fn planner(&self) -> PlannerSettings;
     /// Trees of a candidate.
     fn repeats(&self) -> u32;
     /// How transitions are reused.
@@ -82,7 +82,7 @@ pub struct Evaluation {
 }
 
 /// One candidate being evaluated: its gaits, its table of transitions and its trees.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Trial {
     /// What the joints are told, by gait.
     pub targets: Vec<Targets>,

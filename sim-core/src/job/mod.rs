@@ -38,7 +38,7 @@ impl Checked {
         spec.procedure.take_if(|name| name == unless_named);
         let used = [
             ("controller", spec.gaits.controller.revision()),
-            ("planner", spec.planner.algorithm.revision()),
+            ("planner", spec.planner.algorithm.0.revision()),
             ("fitness", spec.fitness.revision()),
             ("optimiser", spec.optimiser.revision()),
             ("procedure", kinds::of(&spec).map_or(1, |kind| kind.revision())),

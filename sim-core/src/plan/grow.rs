@@ -1,6 +1,8 @@
 //! A planner and the table of transitions it is fed from: grows one tree, saying which rollouts it lacks.
 
-use super::{Ask, Planner, RrtMp, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches};
+use super::{
+    Ask, Planner, PlannerSettings, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches,
+};
 use crate::base::math::{Pose, Vector, about_z};
 use crate::base::random::Stream;
 use crate::base::score::Counts;
@@ -22,9 +24,9 @@ pub struct Setting<'a> {
 }
 
 /// A tree on its way.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Growth {
-    rrt: RrtMp,
+    planner: Box<dyn Planner>,
     nodes: Vec<NodeStart>,
     /// Of every expanded node, the transition behind each gait's arrival.
     edges: Vec<Vec<TransitionKey>>,
@@ -44,10 +46,10 @@ struct NodeStart {
 
 impl Growth {
     /// Starts at a place, in start 0 of the table.
-    pub fn new(planner: Planner, root: Place, stream: Stream) -> Self {
+    pub fn new(settings: PlannerSettings, root: Place, stream: Stream) -> Self {
         let root_start = NodeStart { local: StartId(0), exact: None, in_place: None };
         Self {
-            rrt: RrtMp::new(planner, root, stream),
+            planner: settings.start(root, stream),
             nodes: vec![root_start],
             edges: vec![Vec::new()],
             counts: Counts::default(),
@@ -56,7 +58,7 @@ impl Growth {
 
     /// The tree so far.
     pub fn tree(&self) -> &Tree {
-        self.rrt.tree()
+        self.planner.tree()
     }
 
     /// Edges tried and rejected, and nodes. Rollouts are counted where they are run.
@@ -83,7 +85,7 @@ impl Growth {
             setting.height + over.map(|t| t.top).fold(0.0, f64::max)
         };
         loop {
-            let asked = self.rrt.ask(&ground);
+            let asked = self.planner.ask(&ground);
             self.register(table);
             let Ask::Expand(node) = asked else { return Vec::new() };
             let keys: Vec<TransitionKey> = (0..setting.gaits).map(|g| self.key(setting, table, node, g)).collect();
@@ -93,7 +95,7 @@ impl Growth {
             }
             let arrivals = keys.iter().map(|key| self.arrival(setting, table, node, *key)).collect();
             self.edges[node] = keys;
-            self.rrt.tell(arrivals);
+            self.planner.tell(arrivals);
             self.register(table);
         }
     }

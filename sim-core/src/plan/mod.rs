@@ -3,6 +3,7 @@
 mod grow;
 mod metric;
 mod nearest;
+mod planner;
 mod rrt_mp;
 mod settings;
 mod swept;
@@ -13,9 +14,20 @@ pub(crate) use grow::standing_at;
 pub use grow::{Growth, Setting};
 pub use metric::Metric;
 pub use nearest::Nearest;
-pub use rrt_mp::{Ask, Planner, RrtMp};
+pub use planner::{Ask, Planner, PlannerKind, PlannerSettings};
+pub use settings::PlannerSpec;
 pub(crate) use settings::validate_planner;
-pub use settings::{Algorithm, PlannerSpec};
 pub use swept::{Extent, leaves_map, on_terrain, touches};
 pub use transitions::{Reuse, StartId, Transition, TransitionKey, Transitions};
 pub use tree::{Node, Tree};
+
+use crate::base::registry::{Registered, Registry};
+
+/// The planners, in the order in which they are told to users; the first is the default.
+static PLANNERS: Registry<dyn PlannerKind> = Registry::new(&[&rrt_mp::FLOOD_FILL, &rrt_mp::ORIGINAL]);
+
+impl Registered for dyn PlannerKind {
+    fn registry() -> &'static Registry<Self> {
+        &PLANNERS
+    }
+}

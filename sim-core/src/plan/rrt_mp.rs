@@ -1,48 +1,53 @@
 //! RRT-MP: a tree grown with gaits as motion primitives. Algorithm 1 of Vonásek and Faigl (2016) and the original planner
 //! that it modifies (section IV-A).
 //!
-//! The planner asks, it does not call: [`RrtMp::ask`] says which node must be expanded with all gaits next, and
-//! [`RrtMp::tell`] takes where they arrive. So many planners can be advanced side by side.
-//!
 //! How silences are read: q_rand is uniform in x, y and yaw; in line 8, q' is the nearest neighbour other than q_near
 //! (with q_near included line 9 could never hold), infinitely far if there is none, and siblings added before count. An
 //! iteration that picks a node already expanded counts and adds nothing.
 
-use super::{Metric, Nearest, Tree};
+use super::{Ask, Nearest, Planner, PlannerKind, PlannerSettings, Tree};
 use crate::base::random::Stream;
+use crate::base::registry::Component;
 use crate::model::Place;
-use crate::plan::Algorithm;
 use std::f64::consts::PI;
 
-/// How a tree is grown.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Planner {
-    /// Which of the two planners.
-    pub algorithm: Algorithm,
-    /// K_max.
-    pub iterations: u32,
-    /// ϱ.
-    pub metric: Metric,
-    /// Width and height of the map that q_rand is drawn from, mu.
-    pub map: [f64; 2],
-    /// Ends the growth once a node is as near to (x, y) as the radius (x, y, radius; mu). For planning jobs; it would cut
-    /// short the tree of a distance fitness.
-    pub stop_at: Option<(f64, f64, f64)>,
+/// Flood-fill, Algorithm 1: every gait's new configuration is added unless it lies nearer to another node than to its
+/// parent.
+pub(super) static FLOOD_FILL: RrtMpKind = RrtMpKind { name: "flood-fill", extension: Extension::FloodFill };
+
+/// The original RRT-MP: of the new configurations, the one nearest to the random one is added.
+pub(super) static ORIGINAL: RrtMpKind = RrtMpKind { name: "original", extension: Extension::Original };
+
+/// One of the two planners.
+pub(super) struct RrtMpKind {
+    name: &'static str,
+    extension: Extension,
 }
 
-/// What a planner needs next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
-    /// Where all gaits lead from this node.
-    Expand(usize),
-    /// Nothing: the tree is grown.
-    Done,
+/// How RRT-MP extends its tree.
+#[derive(Clone, Copy, Debug)]
+enum Extension {
+    FloodFill,
+    Original,
+}
+
+impl Component for RrtMpKind {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
+impl PlannerKind for RrtMpKind {
+    fn start(&self, settings: PlannerSettings, root: Place, stream: Stream) -> Box<dyn Planner> {
+        Box::new(RrtMp::new(self.extension, settings, root, stream))
+    }
 }
 
 /// A tree being grown.
-#[derive(Clone, Debug)]
-pub struct RrtMp {
-    planner: Planner,
+#[derive(Debug)]
+struct RrtMp {
+    extension: Extension,
+    settings: PlannerSettings,
     tree: Tree,
     nearest: Nearest,
     stream: Stream,
@@ -65,11 +70,12 @@ struct Arrival {
 
 impl RrtMp {
     /// Starts at a root; q_rand is drawn from `stream`.
-    pub fn new(planner: Planner, root: Place, stream: Stream) -> Self {
+    fn new(extension: Extension, settings: PlannerSettings, root: Place, stream: Stream) -> Self {
         let mut rrt = Self {
-            planner,
+            extension,
+            settings,
             tree: Tree { nodes: Vec::new() },
-            nearest: Nearest::new(planner.metric),
+            nearest: Nearest::new(settings.metric),
             stream,
             iteration: 0,
             arrivals: Vec::new(),
@@ -80,56 +86,11 @@ impl RrtMp {
         rrt
     }
 
-    /// The tree so far.
-    pub fn tree(&self) -> &Tree {
-        &self.tree
-    }
-
-    /// Whether the growth ended at the goal.
-    pub fn at_goal(&self) -> bool {
-        self.at_goal
-    }
-
-    /// Runs iterations until one needs an expansion that was not told yet. `ground` gives the pivot's height at a place
-    /// of the map, for q_rand; it counts only if the metric looks at height.
-    pub fn ask(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Ask {
-        loop {
-            if let Some((_, node)) = self.pending {
-                return Ask::Expand(node);
-            }
-            if self.at_goal || self.iteration == self.planner.iterations {
-                return Ask::Done;
-            }
-            self.iteration += 1;
-            let random = self.random_place(ground);
-            let Some((near, _)) = self.nearest.nearest(&random, None) else { return Ask::Done };
-            match (&self.arrivals[near], self.planner.algorithm) {
-                (None, _) => self.pending = Some((random, near)),
-                (Some(_), Algorithm::FloodFill) => {}
-                (Some(_), Algorithm::Original) => self.extend(random, near),
-            }
-        }
-    }
-
-    /// Takes where each gait arrives from the node asked for; `None` where the motion is rejected.
-    ///
-    /// # Panics
-    /// If nothing was asked for.
-    pub fn tell(&mut self, arrivals: Vec<Option<Place>>) {
-        let (random, near) = self.pending.take().expect("only what was asked for can be told");
-        let arrival = |place| Arrival { place, added: false };
-        self.arrivals[near] = Some(arrivals.into_iter().map(arrival).collect());
-        match self.planner.algorithm {
-            Algorithm::FloodFill => self.flood(near),
-            Algorithm::Original => self.extend(random, near),
-        }
-    }
-
     /// Lines 6 to 11 of Algorithm 1.
     fn flood(&mut self, near: usize) {
         for gait in 0..self.arrivals[near].as_ref().map_or(0, Vec::len) {
             let Some(new) = self.arrival(near, gait) else { continue };
-            let to_parent = self.planner.metric.squared(&new, &self.tree.nodes[near].place);
+            let to_parent = self.settings.metric.squared(&new, &self.tree.nodes[near].place);
             let to_others = self.nearest.nearest(&new, Some(near)).map_or(f64::INFINITY, |(_, d)| d);
             if to_others > to_parent {
                 self.add_arrival(new, near, gait);
@@ -143,7 +104,7 @@ impl RrtMp {
         let mut best: Option<(f64, usize, Arrival, Place)> = None;
         for (gait, &arrival) in self.arrivals[near].iter().flatten().enumerate() {
             let Some(new) = arrival.place else { continue };
-            let distance = self.planner.metric.squared(&new, &random);
+            let distance = self.settings.metric.squared(&new, &random);
             if best.is_none_or(|b| distance < b.0) {
                 best = Some((distance, gait, arrival, new));
             }
@@ -170,16 +131,56 @@ impl RrtMp {
         self.tree.nodes.push(super::Node { place, edge });
         self.nearest.add(place);
         self.arrivals.push(None);
-        if let Some((x, y, radius)) = self.planner.stop_at {
+        if let Some((x, y, radius)) = self.settings.stop_at {
             let goal = Place { x, y, ..place };
             self.at_goal |= place.planar_distance(&goal) <= radius;
         }
     }
 
     fn random_place(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Place {
-        let [width, height] = self.planner.map;
+        let [width, height] = self.settings.map;
         let x = self.stream.uniform(-width / 2.0, width / 2.0);
         let y = self.stream.uniform(-height / 2.0, height / 2.0);
         Place { x, y, z: ground(x, y), yaw: self.stream.uniform(-PI, PI) }
+    }
+}
+
+impl Planner for RrtMp {
+    /// `ground` is for q_rand; it counts only if the metric looks at height.
+    fn ask(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Ask {
+        loop {
+            if let Some((_, node)) = self.pending {
+                return Ask::Expand(node);
+            }
+            if self.at_goal || self.iteration == self.settings.iterations {
+                return Ask::Done;
+            }
+            self.iteration += 1;
+            let random = self.random_place(ground);
+            let Some((near, _)) = self.nearest.nearest(&random, None) else { return Ask::Done };
+            match (&self.arrivals[near], self.extension) {
+                (None, _) => self.pending = Some((random, near)),
+                (Some(_), Extension::FloodFill) => {}
+                (Some(_), Extension::Original) => self.extend(random, near),
+            }
+        }
+    }
+
+    fn tell(&mut self, arrivals: Vec<Option<Place>>) {
+        let (random, near) = self.pending.take().expect("only what was asked for can be told");
+        let arrival = |place| Arrival { place, added: false };
+        self.arrivals[near] = Some(arrivals.into_iter().map(arrival).collect());
+        match self.extension {
+            Extension::FloodFill => self.flood(near),
+            Extension::Original => self.extend(random, near),
+        }
+    }
+
+    fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    fn at_goal(&self) -> bool {
+        self.at_goal
     }
 }

@@ -1,15 +1,17 @@
 //! The `[planner]` table of a job.
 
+use super::PlannerKind;
 use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
 use crate::base::limits;
+use crate::base::registry::Chosen;
 use serde::{Deserialize, Serialize};
 
 /// The `[planner]` table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlannerSpec {
-    /// Which of the two planners.
-    pub algorithm: Algorithm,
+    /// The planner.
+    pub algorithm: Chosen<dyn PlannerKind>,
     /// K_max, iterations.
     pub iterations: u32,
     /// w of the metric √(Δx² + Δy² (+ Δz²) + (w·Δyaw)²), mu/rad.
@@ -30,32 +32,13 @@ pub struct PlannerSpec {
 impl Default for PlannerSpec {
     fn default() -> Self {
         Self {
-            algorithm: Algorithm::FloodFill,
+            algorithm: Chosen::default(),
             iterations: 150,
             yaw_weight: 0.5,
             reuse_tolerance: 0.05,
             variants: 1,
             repeats: 1,
             max_rollouts: None,
-        }
-    }
-}
-
-/// How RRT-MP extends its tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Algorithm {
-    /// Algorithm 1: every gait's new configuration is added unless it lies nearer to another node than to its parent.
-    FloodFill,
-    /// The original RRT-MP: of the new configurations, the one nearest to the random one is added.
-    Original,
-}
-
-impl Algorithm {
-    /// Revision of how the tree is grown.
-    pub(crate) fn revision(self) -> u32 {
-        match self {
-            Self::FloodFill | Self::Original => 1,
         }
     }
 }

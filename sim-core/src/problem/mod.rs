@@ -27,7 +27,7 @@ use crate::objective::Fitness;
 use crate::physics::{Engine, Physics};
 use crate::physics::{EngineKind, PhysicsSpec};
 use crate::plan::validate_planner;
-use crate::plan::{Metric, Planner, Reuse};
+use crate::plan::{Metric, PlannerSettings, Reuse};
 use crate::search::{self, Optimiser};
 use std::sync::Arc;
 
@@ -222,9 +222,9 @@ impl Checked {
 
     /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
     /// distance fitness.
-    pub fn planner(&self) -> Planner {
+    pub fn planner(&self) -> PlannerSettings {
         let spec = &self.0.spec.planner;
-        Planner {
+        PlannerSettings {
             algorithm: spec.algorithm,
             iterations: spec.iterations,
             metric: Metric { yaw_weight: spec.yaw_weight, height: !self.0.environment.is_flat() },

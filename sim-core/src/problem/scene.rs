@@ -7,7 +7,7 @@ use crate::model::environment::Environment;
 use crate::model::{Place, Robot, State};
 use crate::objective::Fitness;
 use crate::physics::{Engine, Physics};
-use crate::plan::{Planner, Reuse};
+use crate::plan::{PlannerSettings, Reuse};
 
 impl Scene for Job {
     fn seed(&self) -> u64 {
@@ -50,7 +50,7 @@ impl Scene for Job {
         self.bounds().0.len()
     }
 
-    fn planner(&self) -> Planner {
+    fn planner(&self) -> PlannerSettings {
         self.checked().planner()
     }
 

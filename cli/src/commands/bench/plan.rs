@@ -11,7 +11,7 @@ use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::base::random::Stream;
 use sim_core::evaluate::{Trial, grow, search_streams};
-use sim_core::plan::{Growth, Planner, Transitions};
+use sim_core::plan::{Growth, PlannerSettings, Transitions};
 use sim_core::problem::Job;
 
 /// A tree is grown again and again until this much CPU time has passed, s.
@@ -120,7 +120,7 @@ fn grown(job: &Job, known: &Transitions, stream: &Stream, iterations: u32) -> (u
 }
 
 fn fresh(job: &Job, stream: &Stream, iterations: u32) -> Growth {
-    Growth::new(Planner { iterations, ..job.planner() }, job.root(), stream.clone())
+    Growth::new(PlannerSettings { iterations, ..job.planner() }, job.root(), stream.clone())
 }
 
 /// Without reuse there is no end of transitions: then trees are grown with what reuse takes by default.
