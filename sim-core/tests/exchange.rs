@@ -6,7 +6,7 @@ use sim_core::base::math::{Vector, angle_between};
 use sim_core::engines::engine;
 use sim_core::exchange::{self, Format};
 use sim_core::job::{JobSpec, Reference};
-use sim_core::model::{Robot, RobotSpec, catalogue};
+use sim_core::model::{HingeSpec, QUARTER_TURNS, Robot, RobotSpec, catalogue};
 use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, Targets, settle};
 use sim_core::problem::Job;
 
@@ -323,6 +323,77 @@ fn foreign_content_is_refused_by_line_and_reason() {
     ];
     let told: Vec<String> = cases.iter().map(|(what, text)| format!("{what}: {}", read(text).unwrap_err())).collect();
     insta::assert_snapshot!(told.join("\n"));
+}
+
+/// A robot whose second joint has limits, speed and torque of its own.
+fn own_joint(limits: Option<[f64; 2]>) -> RobotSpec {
+    let mut spec = read(WORM).unwrap();
+    let hinge = spec.bodies[2].hinge.as_mut().unwrap();
+    (hinge.limits, hinge.speed, hinge.torque) = (limits, Some(2.5), Some(7.0));
+    spec
+}
+
+#[test]
+fn own_limits_speed_and_torque_are_written_out_and_other_joints_have_the_jobs() {
+    let spec = own_joint(Some([-0.25, 0.5]));
+    assert_eq!(toml::from_str::<RobotSpec>(&toml::to_string(&spec).unwrap()).unwrap(), spec);
+    let robot = Robot::compile(&spec).unwrap();
+    let most = physics().max_torque;
+    let mjcf = Format::Mjcf.write(&robot, &physics());
+    for part in [
+        "range=\"-0.25 0.5\"",
+        "ctrlrange=\"-0.25 0.5\"",
+        "forcerange=\"-7 7\"",
+        &format!("forcerange=\"-{most} {most}\""),
+    ] {
+        assert_eq!(mjcf.matches(&format!(" {part}")).count(), 1, "{part}\n{mjcf}");
+    }
+    let urdf = Format::Urdf.write(&robot, &physics());
+    for part in
+        ["lower=\"-0.25\" upper=\"0.5\" effort=\"7\" velocity=\"2.5\"", &format!("effort=\"{most}\" velocity=\"1000\"")]
+    {
+        assert_eq!(urdf.matches(part).count(), 1, "{part}\n{urdf}");
+    }
+    for text in [&mjcf, &urdf] {
+        let refused = read(text).unwrap_err().to_string();
+        assert!(refused.contains("only joints from -90° to 90° are allowed"), "{refused}");
+    }
+    // Efforts and speeds are passed over: the robot comes back with those of the job.
+    let plain = Robot::compile(&own_joint(None)).unwrap();
+    for format in [Format::Mjcf, Format::Urdf] {
+        let again = through(format, &plain);
+        assert!(again.hinges.iter().all(|h| h.limits == QUARTER_TURNS && h.speed.is_none() && h.torque.is_none()));
+    }
+}
+
+#[test]
+fn mechanics_tell_robots_apart_by_their_joints_own_numbers() {
+    let mechanics = |spec: &RobotSpec| Robot::compile(spec).unwrap().mechanics();
+    let plain = read(WORM).unwrap();
+    let own = own_joint(Some([-0.25, 0.5]));
+    assert_ne!(mechanics(&plain), mechanics(&own));
+    assert_ne!(mechanics(&own_joint(None)), mechanics(&own));
+    let mut written = plain.clone();
+    written.bodies[1].hinge.as_mut().unwrap().limits = Some(QUARTER_TURNS.map(f64::from));
+    assert_eq!(mechanics(&plain), mechanics(&written), "the default written out is the same robot");
+}
+
+#[test]
+fn joints_that_can_not_be_are_refused_by_field() {
+    let refused = |change: fn(&mut HingeSpec)| {
+        let mut spec = read(WORM).unwrap();
+        change(spec.bodies[1].hinge.as_mut().unwrap());
+        Robot::compile(&spec).unwrap_err().to_string()
+    };
+    for (error, expected) in [
+        (refused(|h| h.limits = Some([0.1, 0.5])), "robot.body[1].hinge.limits[0] = 0.1"),
+        (refused(|h| h.limits = Some([-0.5, 3.5])), "robot.body[1].hinge.limits[1] = 3.5"),
+        (refused(|h| h.limits = Some([0.0, 0.0])), "list the hinge in `failed` if it is stuck"),
+        (refused(|h| h.speed = Some(0.0)), "robot.body[1].hinge.speed = 0"),
+        (refused(|h| h.torque = Some(-1.0)), "robot.body[1].hinge.torque = -1"),
+    ] {
+        assert!(error.contains(expected), "{error}");
+    }
 }
 
 #[test]

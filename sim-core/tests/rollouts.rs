@@ -19,7 +19,7 @@ fn gait(robot: &Robot, seed: u64, duration: f64) -> Targets {
     let genome: Vec<f64> = (0..robot.hinges.len())
         .flat_map(|_| hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
         .collect();
-    hopf.compile(&genome, robot.hinges.len(), duration)
+    hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
 }
 
 fn run(robot: &Robot, start: &State, targets: &Targets) -> Rollout {

@@ -90,7 +90,7 @@ pub fn random_gait(robot: &Robot, duration: f64, stream: &mut Stream) -> Targets
         .flat_map(|_| hopf.parameters())
         .map(|parameter| stream.uniform(parameter.bounds.0, parameter.bounds.1))
         .collect();
-    hopf.compile(&gait, joints, duration)
+    hopf.compile(&gait, joints, duration).within(&robot.hinges)
 }
 
 /// A random start: any orientation, joints anywhere within ± 1 rad as long as no two bodies overlap, up to 1 mu above the
@@ -160,7 +160,7 @@ pub fn observe(robot: &Robot, physics: &Physics, start: &State, rollout: &Rollou
     };
     let height = |at: &[[f64; 3]]| -> f64 { at.iter().zip(&robot.bodies).map(|(p, b)| p[2] * f64::from(b.mass)).sum() };
     let first = height(&centers(start));
-    let mut turned = 0.0;
+    let mut driven = 0.0;
     let mut before: Option<(f32, State, Vec<[f64; 3]>)> = None;
     for i in (0..rollout.trace.len()).take_while(|&i| rollout.trace.time(i) < until) {
         let (time, state) = (rollout.trace.time(i), rollout.trace.state(i));
@@ -181,13 +181,16 @@ pub fn observe(robot: &Robot, physics: &Physics, start: &State, rollout: &Rollou
             if speeds.iter().any(|square| square.sqrt() > 2.0 * f64::from(Bound::SPEED)) {
                 return Some((time, Bound::Speed));
             }
-            turned += state.joints.iter().zip(&old.joints).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
+            let turned = robot.hinges.iter().zip(state.joints.iter().zip(&old.joints));
+            driven += turned
+                .map(|(hinge, (a, b))| f64::from(hinge.torque_or(physics.max_torque)) * f64::from((a - b).abs()))
+                .sum::<f64>();
             let kinetic: f64 = speeds.iter().zip(&robot.bodies).map(|(s, b)| 0.5 * f64::from(b.mass) * s).sum();
             if kinetic > f64::from(Bound::ENERGY) * mass {
                 return Some((time, Bound::Energy));
             }
             let gained = kinetic + gravity * (height(&at) - first);
-            let given = UNDERRATED * f64::from(physics.max_torque) * turned;
+            let given = UNDERRATED * driven;
             if gained > given + UNEXPLAINED * mass * gravity {
                 return Some((time, Bound::Work));
             }

@@ -38,7 +38,8 @@ fn recorded() -> (Robot, Targets) {
         }
     }
     let duration = TICK * (signals[0].len() - 1) as f64;
-    (robot, Targets::new(&signals, duration))
+    let targets = Targets::new(&signals, duration).within(&robot.hinges);
+    (robot, targets)
 }
 
 #[cfg(test)]

@@ -121,9 +121,10 @@ impl Trial {
         reuse: Reuse,
         streams: impl IntoIterator<Item = Stream>,
     ) -> Self {
-        let (gaits, joints) = (scene.gaits().count as usize, scene.robot().hinges.len());
+        let (gaits, hinges) = (scene.gaits().count as usize, &scene.robot().hinges);
         assert_eq!(genome.len(), scene.genome_length(), "the genome does not fit the job");
-        let compile = |gait: &[f64]| scene.controller().compile(gait, joints, scene.gaits().duration);
+        let signals = |gait: &[f64]| scene.controller().compile(gait, hinges.len(), scene.gaits().duration);
+        let compile = |gait: &[f64]| signals(gait).within(hinges);
         Self {
             targets: genome.chunks(genome.len() / gaits).map(compile).collect(),
             table: Transitions::new(gaits, reuse, scene.start()),

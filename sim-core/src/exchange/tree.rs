@@ -212,6 +212,9 @@ impl Growing<'_> {
             parent: names[parent].clone(),
             anchor: anchor.into(),
             axis: axis.into(),
+            limits: None,
+            speed: None,
+            torque: None,
         });
         let (mut boxes, mut capsules) = (Vec::new(), Vec::new());
         for solid in self.solids {

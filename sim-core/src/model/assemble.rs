@@ -1,9 +1,10 @@
 //! From a robot file to its parts in the neutral configuration: names, attachments, overlaps.
 
 use super::RobotSpec;
-use super::kind::{FaceKind, KINDS, Kind};
+use super::kind::{FaceKind, Kind};
 use crate::base::error::{Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
+use crate::base::registry::Registered;
 use nalgebra::{Matrix3, Vector3};
 
 /// A rigid frame in f64: rotations by quarter turns stay exact.
@@ -71,10 +72,10 @@ fn rotation(axis: usize, degrees: f64) -> Matrix3<f64> {
 }
 
 fn kind_of(field: &str, kind: &str) -> Result<&'static Kind, Invalid> {
-    KINDS.iter().find(|k| k.name == kind).ok_or_else(|| Invalid::Unknown {
+    Kind::registry().find(kind).ok_or_else(|| Invalid::Unknown {
         field: format!("{field}.kind"),
         value: kind.to_owned(),
-        known: KINDS.iter().map(|k| k.name.to_owned()).collect(),
+        known: Kind::registry().names().into_iter().map(str::to_owned).collect(),
     })
 }
 
@@ -130,7 +131,7 @@ impl RobotSpec {
         for (i, failed) in self.failed.iter().enumerate() {
             let field = format!("robot.failed[{i}]");
             let module = self.module(&field, failed)?;
-            if kind_of(&field, &self.modules[module].kind)?.hinge.is_none() {
+            if kind_of(&field, &self.modules[module].kind)?.hinges.is_empty() {
                 let reason = format!("module \"{failed}\" has no joint that could fail");
                 return Err(Invalid::Conflict { field, reason });
             }

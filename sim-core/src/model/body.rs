@@ -6,14 +6,12 @@
 
 use super::RobotSpec;
 use super::assemble::Placed;
+use super::kind::HingeKind;
 use crate::base::error::Invalid;
 use crate::base::math::{Pose, Rotation, Vector};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rapier3d::parry::query;
 use rapier3d::parry::shape::Cuboid;
-
-/// Greatest joint angle to either side, rad.
-pub const JOINT_LIMIT: f32 = std::f32::consts::FRAC_PI_2;
 
 /// Rigidly docked cubes up to this far apart (mu) collide as one box: the docking plates fill the gap.
 const MERGE_GAP: f64 = 0.03;
@@ -72,7 +70,7 @@ pub struct CollisionCapsule {
 /// A joint between two bodies.
 #[derive(Clone, Debug)]
 pub struct Hinge {
-    /// The module it belongs to; a name of its own where bodies are written out.
+    /// The module it belongs to, `module.hinge` where a module has several; a name of its own where bodies are written out.
     pub name: String,
     /// Index of the body that carries.
     pub parent: usize,
@@ -80,6 +78,19 @@ pub struct Hinge {
     pub anchor: Vector,
     /// Unit axis, the same in both bodies' frames at angle 0.
     pub axis: Vector,
+    /// Least and greatest angle, rad; 0 lies between them.
+    pub limits: [f32; 2],
+    /// Greatest rate of its target, rad/s; `None`: as fast as the controller says.
+    pub speed: Option<f32>,
+    /// Greatest torque of its motor, kg·mu²/s²; `None`: that of the job.
+    pub torque: Option<f32>,
+}
+
+impl Hinge {
+    /// Greatest torque of its motor under a job whose motors give `max_torque`, kg·mu²/s².
+    pub fn torque_or(&self, max_torque: f32) -> f32 {
+        self.torque.unwrap_or(max_torque)
+    }
 }
 
 /// A part in the neutral configuration, relative to the pivot.
@@ -87,7 +98,7 @@ pub struct Hinge {
 pub struct PartBox {
     /// Name of its module, or of its body where bodies are written out.
     pub module: String,
-    /// Whether the joint of that is stuck.
+    /// Whether the joints of that are stuck.
     pub failed: bool,
     /// Centre, mu.
     pub center: [f64; 3],
@@ -109,7 +120,8 @@ struct Part {
 }
 
 struct Joint {
-    module: usize,
+    name: String,
+    kind: &'static HingeKind,
     ends: [usize; 2],
     anchor: Vector3<f64>,
     axis: Vector3<f64>,
@@ -140,13 +152,25 @@ impl Robot {
             if let Some((own, (carrier, carrier_part))) = p.dock {
                 join(index(module, own), index(carrier, carrier_part));
             }
-            let Some(hinge) = &p.kind.hinge else { continue };
-            let ends = [index(module, hinge.from), index(module, hinge.to)];
-            if spec.failed.contains(&spec.modules[module].name) {
-                join(ends[0], ends[1]); // stuck at zero
-            } else {
+            let own = &spec.modules[module].name;
+            for hinge in p.kind.hinges {
+                let ends = [index(module, hinge.from), index(module, hinge.to)];
+                if spec.failed.contains(own) {
+                    join(ends[0], ends[1]); // stuck at zero
+                    continue;
+                }
+                let name = match p.kind.hinges {
+                    [_] => own.clone(),
+                    _ => format!("{own}.{}", hinge.name),
+                };
+                if joints.iter().any(|joint: &Joint| joint.name == name) {
+                    return Err(Invalid::Duplicate {
+                        field: format!("name of a joint of robot.module[{module}]"),
+                        value: name,
+                    });
+                }
                 let (anchor, axis) = (p.frame.point(hinge.anchor), p.frame.direction(hinge.axis));
-                joints.push(Joint { module, ends, anchor, axis });
+                joints.push(Joint { name, kind: hinge, ends, anchor, axis });
             }
         }
         if joints.is_empty() {
@@ -226,10 +250,13 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
             // Seen from the other end, the same motion turns the other way about the axis.
             let axis = if a == order[at] { joint.axis } else { -joint.axis };
             hinges.push(Hinge {
-                name: spec.modules[joint.module].name.clone(),
+                name: joint.name.clone(),
                 parent: at,
                 anchor: vector(joint.anchor - origins[at]),
                 axis: vector(axis),
+                limits: joint.kind.limits,
+                speed: joint.kind.speed,
+                torque: joint.kind.torque,
             });
             order.push(other);
             origins.push(joint.anchor);

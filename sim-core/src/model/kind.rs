@@ -1,15 +1,20 @@
-//! Kinds of modules: their parts, hinge and faces. A kind is data; a new one is an entry here.
+//! A kind of module: its parts, hinges and faces. A kind is data; those that ship are in `kinds/`.
+
+use crate::base::registry::Component;
+
+/// Limits of a joint whose kind or file says none: least and greatest angle, rad.
+pub const QUARTER_TURNS: [f32; 2] = [-std::f32::consts::FRAC_PI_2, std::f32::consts::FRAC_PI_2];
 
 /// A kind of module. Coordinates are the module's own, mu.
 #[derive(Debug)]
 pub struct Kind {
     /// The name in robot files.
     pub name: &'static str,
-    /// Rigid boxes.
+    /// Rigid boxes. The hinges make one tree of all of them.
     pub parts: &'static [PartKind],
-    /// The hinge between two of them, if it has one.
-    pub hinge: Option<HingeKind>,
-    /// Where others can be attached; the first is the one a module is attached by unless its file says otherwise.
+    /// The hinges between two parts each.
+    pub hinges: &'static [HingeKind],
+    /// Where others can be attached, at least one. A module is attached by the first unless its file names another.
     pub faces: &'static [FaceKind],
 }
 
@@ -29,6 +34,8 @@ pub struct PartKind {
 /// A hinge between two parts of a module.
 #[derive(Debug)]
 pub struct HingeKind {
+    /// Name. The joint is called `module.name`; the only hinge of a module is called as the module.
+    pub name: &'static str,
     /// Index of the part that carries.
     pub from: usize,
     /// Index of the part that is carried.
@@ -37,6 +44,19 @@ pub struct HingeKind {
     pub anchor: [f64; 3],
     /// Unit vector.
     pub axis: [f64; 3],
+    /// Least and greatest angle, rad, −3 to 3; 0 lies between them.
+    pub limits: [f32; 2],
+    /// Greatest rate of its target, rad/s; `None`: as fast as the controller says.
+    pub speed: Option<f32>,
+    /// Greatest torque of its motor, kg·mu²/s²; `None`: that of the job.
+    pub torque: Option<f32>,
+}
+
+impl HingeKind {
+    /// A hinge from −90° to 90°, as fast as its controller and as strong as the job says.
+    pub const fn new(name: &'static str, [from, to]: [usize; 2], anchor: [f64; 3], axis: [f64; 3]) -> Self {
+        Self { name, from, to, anchor, axis, limits: QUARTER_TURNS, speed: None, torque: None }
+    }
 }
 
 /// A place where two modules dock, face to face.
@@ -54,57 +74,8 @@ pub struct FaceKind {
     pub up: [f64; 3],
 }
 
-/// Module length is 1 mu: two cubes of 0.48 mu on a grid of 0.5 mu, so that docked cubes leave a gap of 0.02 mu.
-const HALF: [f64; 3] = [0.24; 3];
-const CUBE_MASS: f64 = 0.5;
-const X: [f64; 3] = [1.0, 0.0, 0.0];
-const Y: [f64; 3] = [0.0, 1.0, 0.0];
-const Z: [f64; 3] = [0.0, 0.0, 1.0];
-const NEG_X: [f64; 3] = [-1.0, 0.0, 0.0];
-const NEG_Y: [f64; 3] = [0.0, -1.0, 0.0];
-const NEG_Z: [f64; 3] = [0.0, 0.0, -1.0];
-
-const fn face(name: &'static str, part: usize, position: [f64; 3], normal: [f64; 3], up: [f64; 3]) -> FaceKind {
-    FaceKind { name, part, position, normal, up }
+impl Component for Kind {
+    fn name(&self) -> &'static str {
+        self.name
+    }
 }
-
-/// A CoSMO module (Liedke et al. 2013, as Vonásek and Faigl 2016, section V, use it): two cubes and one hinge about z
-/// between them. Cube `a` lies at −x, cube `b` at +x.
-const COSMO: Kind = Kind {
-    name: "cosmo",
-    parts: &[
-        PartKind { name: "a", center: [-0.25, 0.0, 0.0], half: HALF, mass: CUBE_MASS },
-        PartKind { name: "b", center: [0.25, 0.0, 0.0], half: HALF, mass: CUBE_MASS },
-    ],
-    hinge: Some(HingeKind { from: 0, to: 1, anchor: [0.0; 3], axis: Z }),
-    faces: &[
-        face("back", 0, [-0.5, 0.0, 0.0], NEG_X, Z),
-        face("front", 1, [0.5, 0.0, 0.0], X, Z),
-        face("a-left", 0, [-0.25, 0.25, 0.0], Y, Z),
-        face("a-right", 0, [-0.25, -0.25, 0.0], NEG_Y, Z),
-        face("a-top", 0, [-0.25, 0.0, 0.25], Z, X),
-        face("a-bottom", 0, [-0.25, 0.0, -0.25], NEG_Z, X),
-        face("b-left", 1, [0.25, 0.25, 0.0], Y, Z),
-        face("b-right", 1, [0.25, -0.25, 0.0], NEG_Y, Z),
-        face("b-top", 1, [0.25, 0.0, 0.25], Z, X),
-        face("b-bottom", 1, [0.25, 0.0, -0.25], NEG_Z, X),
-    ],
-};
-
-/// One passive cube with six faces: a body to attach legs to.
-const BLOCK: Kind = Kind {
-    name: "block",
-    parts: &[PartKind { name: "cube", center: [0.0; 3], half: HALF, mass: CUBE_MASS }],
-    hinge: None,
-    faces: &[
-        face("back", 0, [-0.25, 0.0, 0.0], NEG_X, Z),
-        face("front", 0, [0.25, 0.0, 0.0], X, Z),
-        face("left", 0, [0.0, 0.25, 0.0], Y, Z),
-        face("right", 0, [0.0, -0.25, 0.0], NEG_Y, Z),
-        face("top", 0, [0.0, 0.0, 0.25], Z, X),
-        face("bottom", 0, [0.0, 0.0, -0.25], NEG_Z, X),
-    ],
-};
-
-/// All kinds.
-pub const KINDS: &[Kind] = &[COSMO, BLOCK];

@@ -1,6 +1,6 @@
 //! What of a robot its motion depends on, as a digest.
 
-use super::{Body, Hinge, Robot};
+use super::{Body, Hinge, QUARTER_TURNS, Robot};
 use crate::base::digest::Digest;
 use crate::base::math::{Pose, Vector};
 use serde::Serialize;
@@ -19,7 +19,13 @@ impl Robot {
     pub fn mechanics(&self) -> Digest {
         let bodies: Vec<BodyBits> = self.bodies.iter().map(body).collect();
         let hinge = |h: &Hinge| (h.parent as u64, h.anchor.to_array(), h.axis.to_array());
-        Digest::of("evogait mechanics 1", &(bodies, self.hinges.iter().map(hinge).collect::<Vec<_>>()))
+        let hinges: Vec<_> = self.hinges.iter().map(hinge).collect();
+        let own = |h: &Hinge| (h.limits, h.speed, h.torque);
+        let owns: Vec<_> = self.hinges.iter().map(own).collect();
+        if owns.iter().all(|own| *own == (QUARTER_TURNS, None, None)) {
+            return Digest::of("evogait mechanics 1", &(bodies, hinges));
+        }
+        Digest::of("evogait mechanics 1", &(bodies, hinges, owns))
     }
 }
 

@@ -5,6 +5,7 @@ mod body;
 pub mod catalogue;
 pub mod environment;
 mod kind;
+mod kinds;
 mod mechanics;
 mod place;
 mod plausible;
@@ -13,8 +14,8 @@ pub(crate) mod rigid;
 mod spec;
 mod touch;
 
-pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, JOINT_LIMIT, PartBox, Robot};
-pub use kind::{FaceKind, HingeKind, KINDS, Kind, PartKind};
+pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, PartBox, Robot};
+pub use kind::{FaceKind, HingeKind, Kind, PartKind, QUARTER_TURNS};
 pub use place::{Place, Plane};
 pub use pose::State;
 pub use spec::*;

@@ -74,7 +74,10 @@ impl RobotSpec {
         for body in &mut robot.bodies {
             body.center_of_mass.iter_mut().for_each(length);
             body.inertia.iter_mut().for_each(|moment| *moment /= unit * unit);
-            body.hinge.iter_mut().for_each(|hinge| hinge.anchor.iter_mut().for_each(length));
+            if let Some(hinge) = &mut body.hinge {
+                hinge.anchor.iter_mut().for_each(length);
+                hinge.torque.iter_mut().for_each(|torque| *torque /= unit * unit);
+            }
             body.boxes.iter_mut().for_each(|part| part.center.iter_mut().chain(&mut part.half).for_each(length));
             for part in &mut body.capsules {
                 part.from.iter_mut().chain(&mut part.to).for_each(length);

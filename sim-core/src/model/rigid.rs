@@ -1,6 +1,7 @@
 //! Compile robots that are written out body by body: the second form of the robot file, which imports use.
 
 use super::body::{OVERLAP_TOLERANCE, vector};
+use super::kind::QUARTER_TURNS;
 use super::{Body, BodySpec, CollisionBox, CollisionCapsule, Hinge, PartBox, Robot, RobotSpec};
 use crate::base::error::{Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
@@ -13,6 +14,12 @@ use rapier3d::parry::shape::{Capsule, Cuboid, Shape};
 const REACH: (f64, f64) = (-1000.0, 1000.0);
 /// Half sides and radii, mu.
 const SIZE: (f64, f64) = (1e-3, 1000.0);
+/// Greatest limit of a joint to either side, rad: within half a turn an angle is known from where the bodies stand.
+const FARTHEST: f64 = 3.0;
+/// rad/s.
+const SPEED: (f64, f64) = (1e-3, 1e4);
+/// kg·mu²/s², as `physics.max_torque`.
+const TORQUE: (f64, f64) = (0.0, 1e7);
 /// kg.
 const MASS: (f64, f64) = (1e-6, 1e6);
 
@@ -79,7 +86,15 @@ pub(super) fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
         for (i, anchor) in carried_by(&groups[at], false) {
             let Some(hinge) = &spec.bodies[i].hinge else { continue };
             let axis = vector(unit(hinge.axis));
-            hinges.push(Hinge { name: hinge.name.clone(), parent: at, anchor: vector(anchor), axis });
+            hinges.push(Hinge {
+                name: hinge.name.clone(),
+                parent: at,
+                anchor: vector(anchor),
+                axis,
+                limits: hinge.limits.map_or(QUARTER_TURNS, |limits| limits.map(|angle| angle as f32)),
+                speed: hinge.speed.map(|speed| speed as f32),
+                torque: hinge.torque.map(|torque| torque as f32),
+            });
             groups.push(vec![(i, Vector3::zeros())]);
             origins.push(origins[at] + anchor);
         }
@@ -168,6 +183,20 @@ fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnM
         point(take, "hinge.axis", &hinge.axis, REACH);
         if Vector3::from(hinge.axis).norm() < 1e-6 {
             take(Err(conflict("hinge.axis", "an axis has a direction: not all of it can be 0")));
+        }
+        if let Some([low, high]) = hinge.limits {
+            take(in_range(field("hinge.limits[0]"), low, (-FARTHEST, 0.0), "rad"));
+            take(in_range(field("hinge.limits[1]"), high, (0.0, FARTHEST), "rad"));
+            if low == high {
+                let reason = "a joint that moves needs two different limits: list the hinge in `failed` if it is stuck";
+                take(Err(conflict("hinge.limits", reason)));
+            }
+        }
+        if let Some(speed) = hinge.speed {
+            take(in_range(field("hinge.speed"), speed, SPEED, "rad/s"));
+        }
+        if let Some(torque) = hinge.torque {
+            take(in_range(field("hinge.torque"), torque, TORQUE, "kg·mu²/s²"));
         }
     }
     for (i, part) in body.boxes.iter().enumerate() {

@@ -15,7 +15,7 @@ pub struct RobotSpec {
     pub description: String,
     /// The part whose pose is the robot's pose: a module's name, or `module/part`; of bodies the one without a hinge.
     pub pivot: String,
-    /// Modules whose joint is stuck at zero; of bodies the hinges that are.
+    /// Modules all of whose joints are stuck at zero; of bodies the hinges that are.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
     /// Named sets of failed modules, such as E1 and E2 of the paper.
@@ -66,6 +66,15 @@ pub struct HingeSpec {
     pub anchor: [f64; 3],
     /// The axis; the carried body turns about it counter-clockwise.
     pub axis: [f64; 3],
+    /// Least and greatest angle, rad; −90° and 90° unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<[f64; 2]>,
+    /// Greatest rate of its target, rad/s; as fast as the controller says unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed: Option<f64>,
+    /// Greatest torque of its motor, kg·mu²/s²; that of the job unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torque: Option<f64>,
 }
 
 /// A box of a body.
@@ -108,7 +117,7 @@ fn is_no_turn(rotation: &[f64; 4]) -> bool {
 pub struct ModuleSpec {
     /// Name, unique in the robot.
     pub name: String,
-    /// Kind of module: `cosmo`, `block`.
+    /// Kind of module, by its name in the registry: `cosmo`, `block`.
     pub kind: String,
     /// What it is attached to; exactly one module, the root, has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]

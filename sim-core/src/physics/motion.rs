@@ -1,11 +1,11 @@
 //! The table of joint targets that a gait compiles to.
 
-use crate::model::JOINT_LIMIT;
+use crate::model::Hinge;
 
 /// Time between two rows of the table, s.
 pub const TICK: f64 = 0.005;
 
-/// Joint targets over time, linear between ticks, kept within the joints' limits.
+/// Joint targets over time, linear between ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Targets {
     joints: usize,
@@ -25,9 +25,30 @@ impl Targets {
     /// If a signal is shorter than the duration.
     pub fn new(signals: &[Vec<f64>], duration: f64) -> Self {
         let ticks = Self::ticks(duration);
-        let limit = f64::from(JOINT_LIMIT);
-        let row = |t: usize| signals.iter().map(move |s| s[t].clamp(-limit, limit) as f32);
+        let row = |t: usize| signals.iter().map(move |s| s[t] as f32);
         Self { joints: signals.len(), duration, rows: (0..ticks).flat_map(row).collect() }
+    }
+
+    /// The table that the joints of a robot can follow: targets are kept within each joint's limits, and from one tick to
+    /// the next they change by no more than its speed allows. The first row is the signal's own start within the limits.
+    ///
+    /// # Panics
+    /// If the table is of fewer joints.
+    pub fn within(mut self, hinges: &[Hinge]) -> Self {
+        for (joint, hinge) in hinges.iter().enumerate() {
+            let [low, high] = hinge.limits;
+            let most = hinge.speed.map(|speed| speed * TICK as f32);
+            let mut before = None;
+            for row in self.rows.chunks_exact_mut(self.joints) {
+                let mut target = row[joint].clamp(low, high);
+                if let (Some(before), Some(most)) = (before, most) {
+                    target = target.clamp(before - most, before + most);
+                }
+                row[joint] = target;
+                before = Some(target);
+            }
+        }
+        self
     }
 
     /// All joints at 0 for `duration` s: standing.
@@ -75,6 +96,8 @@ impl Targets {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::math::Vector;
+    use crate::model::QUARTER_TURNS;
 
     #[test]
     fn targets_are_linear_between_ticks_and_held_at_the_end() {
@@ -92,10 +115,35 @@ mod tests {
 
     #[test]
     fn targets_stay_within_the_joint_limits() {
-        let table = Targets::new(&[vec![9.0, -9.0]], TICK);
+        let table = Targets::new(&[vec![9.0, -9.0]], TICK).within(&[hinge([-0.3, 0.5], None)]);
         let mut out = [0.0];
         table.at(0.0, &mut out);
-        assert_eq!(out[0], JOINT_LIMIT);
+        assert_eq!(out[0], 0.5);
+        table.at(TICK, &mut out);
+        assert_eq!(out[0], -0.3);
+    }
+
+    /// A step of 0.5 rad at 2 rad/s is done after 0.25 s, on a straight line, and a slower signal is left alone.
+    #[test]
+    fn step_is_reached_after_its_angle_by_the_speed() {
+        let ticks = Targets::ticks(1.0);
+        let step: Vec<f64> = (0..ticks).map(|t| if t == 0 { 0.0 } else { 0.5 }).collect();
+        let slow: Vec<f64> = (0..ticks).map(|t| 1.9 * TICK * t as f64).map(|angle| angle.min(0.4)).collect();
+        let signals = [step, slow];
+        let free = Targets::new(&signals, 1.0);
+        let table = free.clone().within(&[hinge(QUARTER_TURNS, Some(2.0)), hinge(QUARTER_TURNS, Some(2.0))]);
+        let (mut out, mut own) = ([0.0; 2], [0.0; 2]);
+        for time in [0.0, 0.05, 0.1, 0.2, 0.25, 0.3, 1.0] {
+            table.at(time, &mut out);
+            free.at(time, &mut own);
+            assert!((f64::from(out[0]) - (2.0 * time).min(0.5)).abs() < 1e-5, "{} rad at {time} s", out[0]);
+            assert_eq!(out[1], own[1], "at {time} s");
+        }
+    }
+
+    fn hinge(limits: [f32; 2], speed: Option<f32>) -> Hinge {
+        let (anchor, axis) = (Vector::ZERO, Vector::Z);
+        Hinge { name: "joint".into(), parent: 0, anchor, axis, limits, speed, torque: None }
     }
 
     #[test]

@@ -221,7 +221,7 @@ fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Targets {
     for _ in 0..robot.hinges.len() {
         genome.extend(hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
     }
-    hopf.compile(&genome, robot.hinges.len(), duration)
+    hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
 }
 
 fn rows(targets: &Targets) -> Vec<Vec<f32>> {

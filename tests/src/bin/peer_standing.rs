@@ -179,7 +179,15 @@ fn some_boxes(stream: &mut Stream) -> RobotSpec {
                 k => rotated(carrier.rotation, std::array::from_fn(|j| if j == k as usize { 1.0 } else { 0.0 })),
             };
             let anchor = sum(origin, carrier.origin.map(|v| -v));
-            hinge = Some(HingeSpec { name: format!("h{i}"), parent: format!("b{c}"), anchor, axis });
+            hinge = Some(HingeSpec {
+                name: format!("h{i}"),
+                parent: format!("b{c}"),
+                anchor,
+                axis,
+                limits: None,
+                speed: None,
+                torque: None,
+            });
         }
         let mass = stream.uniform(0.2, 2.0);
         let square = half.map(|h| 4.0 * h * h * mass / 12.0);

@@ -66,8 +66,8 @@ pub fn length(job: &Job) -> usize {
 
 /// The joint targets of gaits over the job's duration.
 pub fn compiled(job: &Job, gaits: &[Genome]) -> Vec<Targets> {
-    let (joints, duration) = (job.robot().hinges.len(), job.spec().gaits.duration);
-    gaits.iter().map(|gait| job.controller().compile(gait, joints, duration)).collect()
+    let (hinges, duration) = (&job.robot().hinges, job.spec().gaits.duration);
+    gaits.iter().map(|gait| job.controller().compile(gait, hinges.len(), duration).within(hinges)).collect()
 }
 
 #[cfg(test)]

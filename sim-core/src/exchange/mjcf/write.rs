@@ -2,7 +2,7 @@
 
 use crate::base::math::{Pose, Rotation};
 use crate::exchange::xml::{Attribute, Writer, quaternion, triple};
-use crate::model::{Body, JOINT_LIMIT, Robot};
+use crate::model::{Body, Robot};
 use crate::physics::Physics;
 
 /// A step that keeps the gaits of the robots that ship at scale `paper`, s.
@@ -58,6 +58,7 @@ pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
 
     xml.open("actuator", &[]);
     for hinge in &robot.hinges {
+        let (torque, [low, high]) = (hinge.torque_or(physics.max_torque), hinge.limits);
         xml.leaf(
             "position",
             &[
@@ -65,8 +66,8 @@ pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
                 ("joint", hinge.name.clone()),
                 ("kp", physics.stiffness.to_string()),
                 ("kv", physics.damping.to_string()),
-                ("forcerange", format!("{} {}", -physics.max_torque, physics.max_torque)),
-                ("ctrlrange", format!("{} {JOINT_LIMIT}", -JOINT_LIMIT)),
+                ("forcerange", format!("{} {torque}", -torque)),
+                ("ctrlrange", format!("{low} {high}")),
             ],
         );
     }
@@ -85,7 +86,7 @@ fn body(xml: &mut Writer, robot: &Robot, index: usize, place: &[Attribute], surf
                 ("name", hinge.name.clone()),
                 ("type", "hinge".into()),
                 ("axis", triple(hinge.axis)),
-                ("range", format!("{} {JOINT_LIMIT}", -JOINT_LIMIT)),
+                ("range", format!("{} {}", hinge.limits[0], hinge.limits[1])),
             ],
         ),
     }

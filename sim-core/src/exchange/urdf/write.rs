@@ -2,10 +2,10 @@
 
 use crate::base::math::{Rotation, Vector};
 use crate::exchange::xml::{Attribute, Writer, triple};
-use crate::model::{Body, JOINT_LIMIT, Robot};
+use crate::model::{Body, Robot};
 use crate::physics::Physics;
 
-/// URDF demands a greatest speed of each joint, rad/s. Ours have none: more than a motor ever reaches.
+/// URDF demands a greatest speed of each joint, rad/s. This one stands for none: more than a motor ever reaches.
 const VELOCITY: f32 = 1000.0;
 
 /// The robot in its neutral configuration; the root link is the pivot's body.
@@ -30,10 +30,10 @@ pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
         xml.leaf(
             "limit",
             &[
-                ("lower", (-JOINT_LIMIT).to_string()),
-                ("upper", JOINT_LIMIT.to_string()),
-                ("effort", physics.max_torque.to_string()),
-                ("velocity", VELOCITY.to_string()),
+                ("lower", hinge.limits[0].to_string()),
+                ("upper", hinge.limits[1].to_string()),
+                ("effort", hinge.torque_or(physics.max_torque).to_string()),
+                ("velocity", hinge.speed.unwrap_or(VELOCITY).to_string()),
             ],
         );
         xml.close();

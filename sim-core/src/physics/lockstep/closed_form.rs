@@ -12,7 +12,7 @@ use super::uneven::Uneven;
 use crate::base::math::Vector;
 use crate::base::random::{Purpose, Stream};
 use crate::base::simd::{Level, at_level};
-use crate::model::{JOINT_LIMIT, Robot, RobotSpec, State};
+use crate::model::{QUARTER_TURNS, Robot, RobotSpec, State};
 use crate::physics::Physics;
 use fearless_simd::prelude::*;
 
@@ -229,8 +229,8 @@ fn a_joint_stops_at_its_limit_whichever_way_it_is_driven() {
             farthest = farthest.max(world.angles()[0].abs());
         }
         let angle = world.angles()[0].abs();
-        assert!((angle - JOINT_LIMIT).abs() < 0.05, "{angle} rad");
-        assert!(farthest < JOINT_LIMIT + 0.1, "{farthest} rad on the way");
+        assert!((angle - QUARTER_TURNS[1]).abs() < 0.05, "{angle} rad");
+        assert!(farthest < QUARTER_TURNS[1] + 0.1, "{farthest} rad on the way");
     }
 }
 

@@ -1,7 +1,7 @@
 //! A robot as the engine sees it: a tree of hinges, every body about its own origin.
 
 use crate::base::math::{Rotation, Vector};
-use crate::model::{JOINT_LIMIT, Robot};
+use crate::model::Robot;
 use crate::physics::Physics;
 
 /// Constants of a robot and its physics, the same in all lanes.
@@ -19,8 +19,6 @@ pub(super) struct Model {
     pub friction: f32,
     pub stiffness: f32,
     pub damping: f32,
-    pub max_torque: f32,
-    pub limit: f32,
     /// Step, s.
     pub dt: f32,
     /// Times that contacts and motors are linearised anew within a step.
@@ -85,6 +83,10 @@ pub(super) struct Joint {
     pub carrier: Option<usize>,
     pub anchor: Vector,
     pub axis: Vector,
+    /// Least and greatest angle, rad.
+    pub limits: [f32; 2],
+    /// Of its motor, kg·mu²/s².
+    pub max_torque: f32,
 }
 
 /// A box of a body.
@@ -113,7 +115,14 @@ impl Model {
         let hinges: Vec<Joint> = robot
             .hinges
             .iter()
-            .map(|h| Joint { parent: h.parent, carrier: h.parent.checked_sub(1), anchor: h.anchor, axis: h.axis })
+            .map(|h| Joint {
+                parent: h.parent,
+                carrier: h.parent.checked_sub(1),
+                anchor: h.anchor,
+                axis: h.axis,
+                limits: h.limits,
+                max_torque: h.torque_or(physics.max_torque),
+            })
             .collect();
         let mut boxes = Vec::new();
         for (body, b) in robot.bodies.iter().enumerate() {
@@ -152,8 +161,6 @@ impl Model {
             friction: physics.friction,
             stiffness: physics.stiffness,
             damping: physics.damping,
-            max_torque: physics.max_torque,
-            limit: JOINT_LIMIT,
             dt,
             iterations: physics.substeps,
             contact: Contact::new(mass, physics.gravity, dt),

@@ -8,7 +8,7 @@ use super::factor::System;
 use super::inertia::{Composite, Inertia};
 use super::kinematics::{Frames, Motion, Spatial, Velocity};
 use super::lanes::{Lanes, Mask, V3, all, clamp, fma, fnma};
-use super::model::Model;
+use super::model::{Joint, Model};
 use super::touch;
 use crate::base::math::Vector;
 use fearless_simd::prelude::*;
@@ -168,8 +168,9 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                     let parent = model.hinges[i].parent;
                     self.impulses[parent] = self.impulses[parent].add(wrench);
                     let rate = self.next.rates[i];
-                    let motor = self.motor(motion.angles[i], rate, targets[i]);
-                    let limit = self.limit(motion.angles[i], rate);
+                    let hinge = &model.hinges[i];
+                    let motor = self.motor(hinge, motion.angles[i], rate, targets[i]);
+                    let limit = self.limit(hinge, motion.angles[i], rate);
                     self.system.stiffen(i, motor.stiffening + limit.stiffening);
                     self.next.rates[i] = self.frames.hinges[i].dot(wrench) + (motor.impulse + limit.impulse);
                     self.motors[i] = motor;
@@ -191,13 +192,13 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
     /// The motor of a hinge, linearised about a rate: an implicit spring and damper, or a constant torque where that would
     /// be too strong.
     #[inline(always)]
-    fn motor(&self, angle: Lanes<S>, rate: Lanes<S>, target: Lanes<S>) -> Drive<S> {
+    fn motor(&self, hinge: &Joint, angle: Lanes<S>, rate: Lanes<S>, target: Lanes<S>) -> Drive<S> {
         let (simd, model) = (self.simd, self.model);
         let dt = all(simd, model.dt);
         let ahead = fma::<S>(dt, rate, angle);
         let stiffness = all(simd, model.stiffness);
         let torque = fnma::<S>(all(simd, model.damping), rate, stiffness * (target - ahead));
-        let most = all(simd, model.max_torque);
+        let most = all(simd, hinge.max_torque);
         let weak: Mask<S> = torque.abs().simd_le(most);
         let stiffening = all(simd, model.dt * (model.damping + model.dt * model.stiffness));
         Drive {
@@ -208,12 +209,14 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
 
     /// The limits of a hinge, linearised about a rate: a spring and damper, only while it pushes back.
     #[inline(always)]
-    fn limit(&self, angle: Lanes<S>, rate: Lanes<S>) -> Drive<S> {
+    fn limit(&self, hinge: &Joint, angle: Lanes<S>, rate: Lanes<S>) -> Drive<S> {
         let (simd, model) = (self.simd, self.model);
         let zero = all(simd, 0.0);
-        let edge = all(simd, model.limit);
-        let bound = angle.simd_gt(zero).select(edge, -edge);
-        let beyond: Mask<S> = fma::<S>(all(simd, model.dt), rate, angle).abs().simd_gt(edge);
+        let [low, high] = hinge.limits.map(|limit| all(simd, limit));
+        let middle = all(simd, 0.5 * (hinge.limits[0] + hinge.limits[1]));
+        let bound = angle.simd_gt(middle).select(high, low);
+        let ahead = fma::<S>(all(simd, model.dt), rate, angle);
+        let beyond: Mask<S> = ahead.simd_gt(high) | ahead.simd_lt(low);
         let (spring, damper) = (LIMIT_STIFFNESS * model.stiffness, LIMIT_STIFFNESS * model.damping);
         Drive {
             stiffening: beyond.select(all(simd, model.dt * (damper + model.dt * spring)), zero),

@@ -29,7 +29,7 @@ pub(super) fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
         for _ in 0..robot.hinges.len() {
             parameters.extend(hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
         }
-        hopf.compile(&parameters, robot.hinges.len(), duration)
+        hopf.compile(&parameters, robot.hinges.len(), duration).within(&robot.hinges)
     };
     (0..count).map(gait).collect()
 }

@@ -2,7 +2,7 @@
 //! velocities, without motors, with the pivot held in place.
 
 use super::*;
-use crate::model::{JOINT_LIMIT, RobotSpec};
+use crate::model::{QUARTER_TURNS, RobotSpec};
 use crate::physics::{JointKind, Targets};
 use rapier3d::dynamics::RigidBodyType;
 
@@ -177,7 +177,7 @@ fn a_joint_stops_at_its_limit() {
         world.set_targets(&[2.5]);
         world.steps(3.0);
         let angle = world.state().joints[0];
-        assert!((angle - JOINT_LIMIT).abs() < 0.05, "{joints:?}: {angle} rad");
+        assert!((angle - QUARTER_TURNS[1]).abs() < 0.05, "{joints:?}: {angle} rad");
     }
 }
 

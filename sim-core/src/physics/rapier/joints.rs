@@ -2,7 +2,7 @@
 //! whose angles the robot itself moves. Motors, gains, limits and contacts are the same.
 
 use super::{PhysicsWorld, RigidBodyHandle, Robot};
-use crate::model::{Hinge, JOINT_LIMIT, State};
+use crate::model::{Hinge, State};
 use crate::physics::{JointKind, Physics};
 use rapier3d::dynamics::{ImpulseJointHandle, JointAxis, MotorModel, MultibodyJointHandle, RevoluteJointBuilder};
 
@@ -78,9 +78,9 @@ fn revolute(hinge: &Hinge, physics: &Physics, angle: f32) -> RevoluteJointBuilde
         .local_anchor1(hinge.anchor)
         .local_anchor2(rapier3d::math::Vector::ZERO)
         .contacts_enabled(false)
-        .limits([-JOINT_LIMIT, JOINT_LIMIT])
+        .limits(hinge.limits)
         .motor_model(MotorModel::ForceBased)
-        .motor_max_force(physics.max_torque)
+        .motor_max_force(hinge.torque_or(physics.max_torque))
         .motor_position(angle, physics.stiffness, physics.damping)
 }
 

@@ -1,0 +1,19 @@
+//! A module without a hinge.
+
+use super::{CUBE_MASS, HALF, NEG_X, NEG_Y, NEG_Z, X, Y, Z, face};
+use crate::model::kind::{Kind, PartKind};
+
+/// One passive cube with six faces: a body to attach legs to.
+pub(super) static BLOCK: Kind = Kind {
+    name: "block",
+    parts: &[PartKind { name: "cube", center: [0.0; 3], half: HALF, mass: CUBE_MASS }],
+    hinges: &[],
+    faces: &[
+        face("back", 0, [-0.25, 0.0, 0.0], NEG_X, Z),
+        face("front", 0, [0.25, 0.0, 0.0], X, Z),
+        face("left", 0, [0.0, 0.25, 0.0], Y, Z),
+        face("right", 0, [0.0, -0.25, 0.0], NEG_Y, Z),
+        face("top", 0, [0.0, 0.0, 0.25], Z, X),
+        face("bottom", 0, [0.0, 0.0, -0.25], NEG_Z, X),
+    ],
+};

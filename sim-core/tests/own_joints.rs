@@ -1,0 +1,107 @@
+//! Joints with limits, speed and torque of their own, against closed forms on every engine and kind of joint.
+
+use sim_core::engines::engine;
+use sim_core::model::{Robot, RobotSpec};
+use sim_core::physics::{EngineKind, JointKind, Outcome, Physics, Request, Scale, TICK, Targets};
+
+/// The arm: a cube of 0.5 kg and edge 0.48 mu, its centre 0.25 mu from the axis.
+const MASS: f32 = 0.5;
+const LENGTH: f32 = 0.25;
+
+/// An arm that hangs down from the side of a heavy block on the ground, its axis along y. `own` are further keys of its
+/// hinge.
+fn swing(own: &str) -> Robot {
+    let inertia = MASS * 0.48 * 0.48 / 6.0;
+    let text = format!(
+        r#"
+        name = "swing"
+        pivot = "block"
+        [[body]]
+        name = "block"
+        mass = 100.0
+        inertia = [150.0, 150.0, 150.0, 0.0, 0.0, 0.0]
+        [[body.box]]
+        half = [1.5, 1.5, 1.5]
+        [[body]]
+        name = "arm"
+        hinge = {{ name = "axis", parent = "block", anchor = [1.8, 0.0, 1.0], axis = [0.0, 1.0, 0.0]{own} }}
+        mass = {MASS}
+        center_of_mass = [0.0, 0.0, -{LENGTH}]
+        inertia = [{inertia}, {inertia}, {inertia}, 0.0, 0.0, 0.0]
+        [[body.box]]
+        center = [0.0, 0.0, -{LENGTH}]
+        half = [0.24, 0.24, 0.24]
+        "#
+    );
+    Robot::compile(&toml::from_str::<RobotSpec>(&text).unwrap()).unwrap()
+}
+
+fn engines() -> [(EngineKind, Physics); 3] {
+    let rapier = |joints| Physics { joints, ..Physics::of(EngineKind::Rapier, Scale::Paper) };
+    [
+        (EngineKind::Rapier, rapier(JointKind::Impulse)),
+        (EngineKind::Rapier, rapier(JointKind::Multibody)),
+        (EngineKind::Lockstep, Physics::of(EngineKind::Lockstep, Scale::Paper)),
+    ]
+}
+
+/// The joint's angle after the targets, rad, from an angle at rest.
+fn reached(kind: EngineKind, physics: &Physics, robot: &Robot, from: f32, targets: &Targets) -> f32 {
+    let mut start = robot.neutral();
+    start.joints[0] = from;
+    let rollout = engine(kind).run(robot, physics, &[], &[Request { start: &start, targets }]).swap_remove(0);
+    assert_eq!(rollout.outcome, Outcome::Completed, "{kind:?}");
+    rollout.end.joints[0]
+}
+
+fn constant(target: f64) -> Targets {
+    Targets::new(&[vec![target; Targets::ticks(2.0)]], 2.0)
+}
+
+#[test]
+fn joint_that_is_pushed_beyond_its_limits_stops_at_them() {
+    let robot = swing(", limits = [-0.3, 0.5]");
+    for (kind, physics) in engines() {
+        for (target, expected) in [(-2.5, -0.3), (2.5, 0.5)] {
+            let angle = reached(kind, &physics, &robot, 0.0, &constant(target));
+            assert!((angle - expected).abs() < 0.05, "{kind:?} {:?}: {angle} rad", physics.joints);
+        }
+    }
+}
+
+/// A motor too weak to lift the arm holds it where m g d sin θ is its torque; the job's own lifts it to the target.
+#[test]
+fn joint_of_little_torque_stalls_where_the_load_equals_it() {
+    for (kind, physics) in engines() {
+        let stalled = 0.5;
+        let torque = MASS * physics.gravity * LENGTH * libm::sinf(stalled);
+        let angle = reached(kind, &physics, &swing(&format!(", torque = {torque}")), stalled, &constant(1.4));
+        assert!((angle - stalled).abs() < 0.03, "{kind:?} {:?}: {angle} rad", physics.joints);
+        let angle = reached(kind, &physics, &swing(""), stalled, &constant(1.4));
+        assert!((angle - 1.4).abs() < 0.06, "{kind:?} {:?}: {angle} rad", physics.joints);
+    }
+}
+
+/// A step of 1 rad at 0.8 rad/s is reached after 1.25 s; before that the joint is where speed times time is.
+#[test]
+fn step_is_reached_after_its_angle_by_the_speed() {
+    let robot = swing(", speed = 0.8");
+    for (kind, physics) in engines() {
+        for (duration, expected) in [(0.5, 0.4), (1.0, 0.8), (1.25, 1.0), (2.0, 1.0)] {
+            let signal: Vec<f64> = (0..Targets::ticks(duration)).map(|t| f64::from(t > 0)).collect();
+            let targets = Targets::new(&[signal], duration).within(&robot.hinges);
+            let angle = reached(kind, &physics, &robot, 0.0, &targets);
+            assert!((angle - expected).abs() < 0.06, "{kind:?} {:?} at {duration} s: {angle} rad", physics.joints);
+        }
+    }
+}
+
+#[test]
+fn targets_within_limits_and_speed_are_left_to_the_bit() {
+    let robot = swing(", limits = [-1.0, 1.0], speed = 10.0");
+    let signal: Vec<f64> = (0..Targets::ticks(2.0)).map(|t| 0.9 * libm::sin(4.0 * TICK * t as f64)).collect();
+    let free = Targets::new(&[signal], 2.0);
+    assert_eq!(free.clone().within(&robot.hinges), free);
+    assert_ne!(free.clone().within(&swing(", limits = [-1.0, 0.8]").hinges), free);
+    assert_ne!(free.clone().within(&swing(", speed = 3.0").hinges), free);
+}
