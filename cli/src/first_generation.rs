@@ -5,7 +5,8 @@ use crate::progress::Label;
 use crate::values::{self, Generation};
 use proto::v1::JobEvent;
 use sim_core::base::score::Counts;
-use sim_core::objective::FitnessSpec;
+use sim_core::base::registry::Component;
+use sim_core::objective::{self, Coverage};
 use sim_core::problem::Checked;
 
 /// Scores of a first generation, or of those of its candidates that were evaluated.
@@ -101,7 +102,9 @@ fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
     let environment = job.environment();
     let [width, depth] = environment.size;
     let number = console::score;
-    if let FitnessSpec::Coverage { cell, .. } = job.spec().fitness {
+    let fitness = &job.spec().fitness;
+    if fitness.kind.0.name() == Coverage.name() {
+        let cell = fitness.settings.real(&objective::CELL);
         if length < cell {
             causes.push(format!(
                 "the robot is some {} mu long and a cell {} mu wide: give the robot's lengths in mu (`evogait robot FILE --unit \

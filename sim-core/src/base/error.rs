@@ -281,16 +281,6 @@ pub(crate) fn whole_in_range(
     }
 }
 
-/// Refuses what a table gives that its kind has no use for: (setting, whether it is given, the kinds that have it).
-pub(crate) fn only_settings_of(kind: &str, settings: &[(&str, bool, &[&str])]) -> Result<(), String> {
-    let has = |kinds: &[&str]| kinds.contains(&kind);
-    let Some((stray, ..)) = settings.iter().find(|&&(_, given, kinds)| given && !has(kinds)) else { return Ok(()) };
-    let own: Vec<String> =
-        settings.iter().filter(|(.., kinds)| has(kinds)).map(|(name, ..)| format!("`{name}`")).collect();
-    let own = if own.is_empty() { "no settings".to_owned() } else { own.join(", ") };
-    Err(format!("`{stray}` is no setting of kind = \"{kind}\", which has {own}"))
-}
-
 /// Refuses texts that can't name a thing in messages, tables and file names.
 pub(crate) fn name(field: impl Into<String>, value: &str) -> Result<(), Invalid> {
     let fine = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);

@@ -8,6 +8,7 @@ pub mod math;
 pub mod random;
 pub mod registry;
 pub mod score;
+pub mod settings;
 pub(crate) mod simd;
 pub mod statistics;
 pub mod toml_file;

@@ -116,18 +116,19 @@ impl<'de, T: Registered + ?Sized> Deserialize<'de> for Chosen<T> {
         let name = String::deserialize(deserializer)?;
         let registry = T::registry();
         registry.find(&name).map(Self).ok_or_else(|| {
-            let known = registry.names().iter().map(|known| format!("`{known}`")).collect::<Vec<_>>();
-            serde::de::Error::custom(unknown_variant(&name, &known))
+            // The words of serde's own refusal, whose list of names would have to be known at compile time.
+            serde::de::Error::custom(format!("unknown variant `{name}`, {}", expected(&registry.names())))
         })
     }
 }
 
-/// The words of serde's own refusal, whose list of names would have to be known at compile time.
-fn unknown_variant(name: &str, known: &[String]) -> String {
-    match known {
-        [one] => format!("unknown variant `{name}`, expected {one}"),
-        [one, other] => format!("unknown variant `{name}`, expected {one} or {other}"),
-        _ => format!("unknown variant `{name}`, expected one of {}", known.join(", ")),
+/// The names that a parser expects, in serde's words: "expected one of `a`, `b`, `c`".
+pub(super) fn expected(known: &[&str]) -> String {
+    let quoted: Vec<String> = known.iter().map(|name| format!("`{name}`")).collect();
+    match quoted.as_slice() {
+        [one] => format!("expected {one}"),
+        [one, other] => format!("expected {one} or {other}"),
+        _ => format!("expected one of {}", quoted.join(", ")),
     }
 }
 

@@ -10,7 +10,7 @@ use crate::control::{Controller, GaitsSpec};
 use crate::genotype::Genome;
 use crate::model::environment::{Block, Environment};
 use crate::model::{Place, Robot, State};
-use crate::objective::Fitness;
+use crate::objective::Objective;
 use crate::physics::{Engine, Outcome, Physics, Request, Targets};
 use crate::plan::{Growth, PlannerSettings, Reuse, Setting, TransitionKey, Transitions, Tree};
 use std::collections::BTreeSet;
@@ -50,7 +50,7 @@ pub trait Scene {
     /// How transitions are reused.
     fn reuse(&self) -> Reuse;
     /// What a tree is worth.
-    fn fitness(&self) -> &Fitness;
+    fn fitness(&self) -> &dyn Objective;
     /// Rollouts that so many trees of a candidate may simulate; `as_in_search`: they reuse transitions as the search does.
     fn rollout_budget(&self, trees: u32, as_in_search: bool) -> u64;
 }

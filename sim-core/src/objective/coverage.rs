@@ -1,16 +1,74 @@
 //! Coverage: the share of a map's cells that a tree reaches.
 
+use super::{Objective, ObjectiveKind};
 use crate::base::error::{Invalid, in_range, whole_in_range};
 use crate::base::limits;
+use crate::base::registry::Component;
+use crate::base::score::Direction;
+use crate::base::settings::{Configurable, Setting, Settings};
 use crate::model::environment::{Block, Environment};
 use crate::plan::Tree;
+
+/// Share of the map's cells that hold a node, percent. Maximised.
+pub struct Coverage;
+
+/// Side of a cell.
+pub const CELL: Setting = Setting::real("cell", "mu", 2.0).within(0.01, limits::MAX_MAP_SIZE);
+/// 2 counts squares of the map, 3 cubes of the space above it up to the height.
+const DIMENSIONS: Setting = Setting::whole("dimensions", 2).within(2.0, 3.0);
+/// Height of the counted space in three dimensions; unless given, one cell above the highest terrain. At least a cell.
+const HEIGHT: Setting = Setting::optional_real("height", "mu");
+
+impl Component for Coverage {
+    fn name(&self) -> &'static str {
+        "coverage"
+    }
+}
+
+impl Configurable for Coverage {
+    fn settings(&self) -> &'static [Setting] {
+        &[CELL, DIMENSIONS, HEIGHT]
+    }
+}
+
+impl ObjectiveKind for Coverage {
+    /// In three dimensions, 2: the cell that is not counted is that of the settled pivot, not the one on the ground below it.
+    fn revision_with(&self, settings: &Settings) -> u32 {
+        if settings.whole(&DIMENSIONS) == 3 { 2 } else { 1 }
+    }
+
+    fn validate(&self, settings: &Settings, environment: &Environment) -> Result<(), Invalid> {
+        Grid::counts(settings, environment).map(|_| ())
+    }
+
+    fn direction(&self) -> Direction {
+        Direction::Maximise
+    }
+
+    fn label(&self) -> (&'static str, &'static str) {
+        ("coverage", "%")
+    }
+
+    fn range(&self) -> (f64, f64) {
+        (0.0, 100.0)
+    }
+
+    fn prepare(
+        &self,
+        settings: &Settings,
+        environment: &Environment,
+        start: f64,
+    ) -> Result<Box<dyn Objective>, Invalid> {
+        Ok(Box::new(Grid::new(settings, environment, start)?))
+    }
+}
 
 /// The cells of a coverage: a grid from the map's lower corner; the last row and column are cut by the map.
 ///
 /// Cells wholly inside one obstacle or piece of terrain can't be reached and are left out. The start's own cell is not
 /// counted, so robots that do not move score 0.
-#[derive(Clone, Debug)]
-pub struct Grid {
+#[derive(Debug)]
+struct Grid {
     cell: f64,
     corner: [f64; 2],
     counts: [usize; 3],
@@ -19,16 +77,10 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The grid of an environment. In three dimensions it reaches up to `height` (mu); unless given, one cell above the
-    /// highest terrain. `start`: height of the pivot at the start, mu.
-    pub fn new(
-        environment: &Environment,
-        cell: f64,
-        dimensions: u32,
-        height: Option<f64>,
-        start: f64,
-    ) -> Result<Self, Invalid> {
-        let counts = Self::counts(environment, cell, dimensions, height)?;
+    /// The grid of an environment. `start`: height of the pivot at the start, mu.
+    fn new(settings: &Settings, environment: &Environment, start: f64) -> Result<Self, Invalid> {
+        let counts = Self::counts(settings, environment)?;
+        let (cell, dimensions) = (settings.real(&CELL), settings.whole(&DIMENSIONS));
         let cells = counts.iter().product();
         let [width, depth] = environment.size;
         let corner = [-width / 2.0, -depth / 2.0];
@@ -57,17 +109,11 @@ impl Grid {
     }
 
     /// Cells along x, y and z.
-    pub(super) fn counts(
-        environment: &Environment,
-        cell: f64,
-        dimensions: u32,
-        height: Option<f64>,
-    ) -> Result<[usize; 3], Invalid> {
-        in_range("fitness.cell", cell, (0.01, limits::MAX_MAP_SIZE), "mu")?;
-        whole_in_range("fitness.dimensions", dimensions, (2, 3), "")?;
+    fn counts(settings: &Settings, environment: &Environment) -> Result<[usize; 3], Invalid> {
+        let (cell, height) = (settings.real(&CELL), settings.optional(&HEIGHT));
         let [width, depth] = environment.size;
         let along = |side: f64| libm::ceil(side / cell - 1e-9).max(1.0) as usize;
-        let layers = if dimensions == 3 {
+        let layers = if settings.whole(&DIMENSIONS) == 3 {
             let top = environment.terrain.iter().map(|t| t.top).fold(0.0, f64::max);
             let height = height.unwrap_or(top + cell);
             in_range("fitness.height", height, (cell, limits::MAX_MAP_SIZE), "mu")?;
@@ -94,25 +140,6 @@ impl Grid {
         at(-reach).min(self.counts[axis])..(at(reach) + 1).min(self.counts[axis])
     }
 
-    /// Number of cells that count.
-    pub fn total(&self) -> usize {
-        self.total
-    }
-
-    /// Percentage of the counted cells that hold a node.
-    pub fn coverage(&self, tree: &Tree) -> f64 {
-        // Zeroed memory costs nothing until it is touched: the work goes by nodes, not by cells.
-        let mut covered = vec![false; self.counted.len()];
-        let mut count = 0;
-        for node in &tree.nodes {
-            if let Some(i) = self.index(node.place.x, node.place.y, node.place.z) {
-                let fresh = !std::mem::replace(&mut covered[i], true);
-                count += usize::from(fresh && self.counted[i]);
-            }
-        }
-        100.0 * count as f64 / self.total as f64
-    }
-
     /// The cell of a point; `None` outside the grid. Points on the map's upper border belong to the last cell.
     fn index(&self, x: f64, y: f64, z: f64) -> Option<usize> {
         let along = |offset: f64, axis: usize| {
@@ -135,5 +162,21 @@ impl Grid {
             .all(|&(i, j)| block.covers(edge(i, 0), edge(j, 1), 1e-9));
         let (low, high) = (k as f64 * self.cell, (k + 1) as f64 * self.cell);
         flat && (!solid || (block.base <= low && block.top >= high))
+    }
+}
+
+impl Objective for Grid {
+    /// Percentage of the counted cells that hold a node.
+    fn score(&self, tree: &Tree) -> f64 {
+        // Zeroed memory costs nothing until it is touched: the work goes by nodes, not by cells.
+        let mut covered = vec![false; self.counted.len()];
+        let mut count = 0;
+        for node in &tree.nodes {
+            if let Some(i) = self.index(node.place.x, node.place.y, node.place.z) {
+                let fresh = !std::mem::replace(&mut covered[i], true);
+                count += usize::from(fresh && self.counted[i]);
+            }
+        }
+        100.0 * count as f64 / self.total as f64
     }
 }

@@ -23,7 +23,6 @@ use crate::engines::{Quiet, engine, engine_digest, engines_digest};
 use crate::genotype::Bounds;
 use crate::model::environment::Environment;
 use crate::model::{Robot, RobotSpec, catalogue};
-use crate::objective::Fitness;
 use crate::physics::{Engine, Physics};
 use crate::physics::{EngineKind, PhysicsSpec};
 use crate::plan::validate_planner;
@@ -106,7 +105,7 @@ impl Checked {
         faults.take(budget::validate(&spec, &environment, &physics));
         faults.end()?;
         let Some(bounds) = bounds else { unreachable!("bounds that are not there left a fault") };
-        Fitness::validate(&spec.fitness, &environment)?;
+        spec.fitness.validate(&environment)?;
 
         spec.variant = None;
         spec.physics = physics.written_out(chosen.engine, &spec.physics);
@@ -254,17 +253,17 @@ impl Checked {
 
     /// Whether larger or smaller scores are better.
     pub fn direction(&self) -> Direction {
-        Fitness::direction(&self.0.spec.fitness)
+        self.0.spec.fitness.kind.0.direction()
     }
 
     /// Name and unit of the score, such as ("coverage", "%").
     pub fn score_label(&self) -> (&'static str, &'static str) {
-        Fitness::label(&self.0.spec.fitness)
+        self.0.spec.fitness.kind.0.label()
     }
 
     /// Least and greatest score that an evaluation can have.
     pub fn score_range(&self) -> (f64, f64) {
-        Fitness::range(&self.0.spec.fitness)
+        self.0.spec.fitness.kind.0.range()
     }
 
     /// A fresh optimiser at generation 0.

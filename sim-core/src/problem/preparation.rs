@@ -7,7 +7,7 @@ use crate::base::math::{Pose, Rotation, Vector};
 use crate::engines::{Quiet, Settled, settle_quietly_until};
 use crate::evaluate;
 use crate::model::{Place, State};
-use crate::objective::Fitness;
+use crate::objective::Objective;
 use crate::physics::{PhysicsSpec, Unsettled, settle_until};
 use crate::plan::{Setting, standing_at};
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ pub struct Job(Arc<Prepared>);
 #[derive(Debug)]
 struct Prepared {
     checked: Checked,
-    fitness: Fitness,
+    fitness: Box<dyn Objective>,
     /// The settled start in the canonical frame.
     start: State,
     /// Height of the terrain that the robot starts on, mu; 0 on flat ground.
@@ -214,7 +214,8 @@ impl Checked {
         let Settled { state: start, quiet } = settled;
         let ground = standing::ground_of_start(self.robot(), self.environment(), &start)?;
         let height = f64::from(start.pivot.translation.z) + ground;
-        let fitness = Fitness::new(&self.spec().fitness, self.environment(), height)?;
+        let fitness = &self.spec().fitness;
+        let fitness = fitness.kind.0.prepare(&fitness.settings, self.environment(), height)?;
         Ok(Job(Arc::new(Prepared { checked: self, fitness, start, ground, quiet, reference })))
     }
 }
@@ -292,9 +293,9 @@ impl Job {
         self.0.reference.as_ref()
     }
 
-    /// The fitness.
-    pub fn fitness(&self) -> &Fitness {
-        &self.0.fitness
+    /// The objective.
+    pub fn fitness(&self) -> &dyn Objective {
+        &*self.0.fitness
     }
 
     /// The settled start in the canonical frame.

@@ -5,7 +5,7 @@ use crate::control::{Controller, GaitsSpec};
 use crate::evaluate::Scene;
 use crate::model::environment::Environment;
 use crate::model::{Place, Robot, State};
-use crate::objective::Fitness;
+use crate::objective::Objective;
 use crate::physics::{Engine, Physics};
 use crate::plan::{PlannerSettings, Reuse};
 
@@ -62,7 +62,7 @@ impl Scene for Job {
         self.checked().reuse()
     }
 
-    fn fitness(&self) -> &Fitness {
+    fn fitness(&self) -> &dyn Objective {
         self.fitness()
     }
 

@@ -4,12 +4,12 @@
 //! bits. Scores are told for a whole generation at once, by candidate index, never by arrival.
 
 pub mod archive;
+mod kind;
 mod real;
-mod settings;
 mod state;
 
-use real::{ga, pso};
-pub use settings::OptimiserSpec;
+pub use kind::{GENERATIONS, OptimiserSpec, SearchKind};
+pub use real::{Constriction, Ga, Pso};
 
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Direction;
@@ -65,31 +65,7 @@ pub trait Optimiser: Send {
 pub fn build(spec: &OptimiserSpec, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser> {
     let usable = |&(low, high): &(f64, f64)| low <= high && (high - low).is_finite();
     assert!(bounds.0.iter().all(usable), "bounds must be finite, low end first");
-    match *spec {
-        OptimiserSpec::Pso { particles, inertia_weight, cognitive, social, .. } => {
-            let coefficients = pso::Coefficients { constriction: 1.0, inertia_weight, cognitive, social };
-            Box::new(pso::Swarm::new(particles, coefficients, bounds, direction, seed))
-        }
-        OptimiserSpec::PsoConstriction { particles, cognitive, social, .. } => {
-            let coefficients = pso::Coefficients::constricted(cognitive, social);
-            Box::new(pso::Swarm::new(particles, coefficients, bounds, direction, seed))
-        }
-        OptimiserSpec::Ga {
-            population,
-            tournament,
-            crossover_rate,
-            crossover_eta,
-            mutation_rate,
-            mutation_scale,
-            elite,
-            ..
-        } => {
-            let mutation_rate = mutation_rate.unwrap_or(1.0 / bounds.0.len().max(1) as f64);
-            let breeding =
-                ga::Breeding { tournament, crossover_rate, crossover_eta, mutation_rate, mutation_scale, elite };
-            Box::new(ga::GeneticAlgorithm::new(population, breeding, bounds, direction, seed))
-        }
-    }
+    spec.kind.0.build(&spec.settings, bounds, direction, seed)
 }
 
 /// Candidate `i` of generation 0: uniform in the bounds.

@@ -5,16 +5,87 @@
 //! and are scored again like everyone else: where scores have luck in them, an elite has to earn its place anew. A failed
 //! evaluation is never an elite, and wins a tournament against other failures only.
 
+use crate::base::error::{Faults, Invalid, whole_in_range};
+use crate::base::limits::MAX_POPULATION;
 use crate::base::random::{Purpose, Stream};
+use crate::base::registry::Component;
 use crate::base::score::Direction;
+use crate::base::settings::{Configurable, Setting, Settings};
 use crate::genotype::{Bounds, Genome};
 use crate::search::state::{Owner, Reader, Writer};
-use crate::search::{BadState, Optimiser, random_genome};
+use crate::search::{BadState, GENERATIONS, Optimiser, SearchKind, random_genome};
 use std::cmp::Ordering;
 
-/// How children are made. The words are those of [`super::OptimiserSpec::Ga`].
+/// The genetic algorithm.
+pub struct Ga;
+
+/// Individuals.
+const POPULATION: Setting = Setting::whole("population", 20).within(2.0, MAX_POPULATION as f64);
+/// Individuals that compete for a parent's place: 1 to all.
+const TOURNAMENT: Setting = Setting::whole("tournament", 2);
+/// Chance that a pair of parents is crossed rather than copied.
+const CROSSOVER_RATE: Setting = Setting::real("crossover_rate", "", 0.9).within(0.0, 1.0);
+/// η of simulated binary crossover: larger keeps children nearer to their parents.
+const CROSSOVER_ETA: Setting = Setting::real("crossover_eta", "", 10.0).within(0.0, 1000.0);
+/// Chance of a gene to mutate; 1 / length unless given.
+const MUTATION_RATE: Setting = Setting::optional_real("mutation_rate", "").within(0.0, 1.0);
+/// Standard deviation of a mutation, as a share of the gene's range.
+const MUTATION_SCALE: Setting = Setting::real("mutation_scale", "", 0.1).within(0.0, 1.0);
+/// Best individuals that pass on unchanged: 0 to all but one.
+const ELITE: Setting = Setting::whole("elite", 1);
+
+impl Component for Ga {
+    fn name(&self) -> &'static str {
+        "ga"
+    }
+}
+
+impl Configurable for Ga {
+    fn settings(&self) -> &'static [Setting] {
+        &[
+            POPULATION,
+            GENERATIONS,
+            TOURNAMENT,
+            CROSSOVER_RATE,
+            CROSSOVER_ETA,
+            MUTATION_RATE,
+            MUTATION_SCALE,
+            ELITE,
+        ]
+    }
+}
+
+impl SearchKind for Ga {
+    fn population(&self, settings: &Settings) -> u32 {
+        settings.whole(&POPULATION)
+    }
+
+    fn conflicts(&self, settings: &Settings) -> Result<(), Invalid> {
+        let mut faults = Faults::default();
+        if settings.fits(&POPULATION) {
+            let (all, whole) = (u64::from(self.population(settings)), |setting| settings.whole(setting));
+            faults.take(whole_in_range("optimiser.tournament", whole(&TOURNAMENT), (1, all), ""));
+            faults.take(whole_in_range("optimiser.elite", whole(&ELITE), (0, all - 1), ""));
+        }
+        faults.end()
+    }
+
+    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser> {
+        let breeding = Breeding {
+            tournament: settings.whole(&TOURNAMENT),
+            crossover_rate: settings.real(&CROSSOVER_RATE),
+            crossover_eta: settings.real(&CROSSOVER_ETA),
+            mutation_rate: settings.optional(&MUTATION_RATE).unwrap_or(1.0 / bounds.0.len().max(1) as f64),
+            mutation_scale: settings.real(&MUTATION_SCALE),
+            elite: settings.whole(&ELITE),
+        };
+        Box::new(GeneticAlgorithm::new(self.population(settings), breeding, bounds, direction, seed))
+    }
+}
+
+/// How children are made, in the words of the settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::search) struct Breeding {
+struct Breeding {
     pub tournament: u32,
     pub crossover_rate: f64,
     pub crossover_eta: f64,
@@ -24,7 +95,7 @@ pub(in crate::search) struct Breeding {
 }
 
 #[derive(Clone, Debug)]
-pub(in crate::search) struct GeneticAlgorithm {
+struct GeneticAlgorithm {
     breeding: Breeding,
     bounds: Bounds,
     direction: Direction,

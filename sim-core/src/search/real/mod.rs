@@ -1,4 +1,9 @@
 //! Searches over real vectors.
 
-pub(super) mod ga;
-pub(super) mod pso;
+mod constriction;
+mod ga;
+mod pso;
+
+pub use constriction::Constriction;
+pub use ga::Ga;
+pub use pso::Pso;

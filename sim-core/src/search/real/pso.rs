@@ -1,21 +1,63 @@
 //! Particle swarm optimisation: Eq. 1 and Algorithm 2 of V. Vonásek and J. Faigl, *Evolution of multiple gaits for
-//! modular robots*, IEEE SSCI 2016; and its constricted form, M. Clerc and J. Kennedy, *The particle swarm: explosion,
-//! stability, and convergence in a multidimensional complex space*, IEEE Trans. Evol. Comp. 6(1), 2002.
+//! modular robots*, IEEE SSCI 2016.
 //!
 //! Where the paper is silent: the swarm is synchronous (everyone is scored before anyone moves); first velocities are
 //! uniform in ± half a parameter's range; a particle that would leave the bounds stops at them, with that component of
 //! its velocity set to 0; bests are replaced by strictly better ones only, ties go to the lowest index; a failed
 //! evaluation is never a best, and who has no best yet is not pulled to one.
 
+use crate::base::limits::MAX_POPULATION;
 use crate::base::random::{Purpose, Stream};
+use crate::base::registry::Component;
 use crate::base::score::Direction;
+use crate::base::settings::{Configurable, Setting, Settings};
 use crate::genotype::{Bounds, Genome};
 use crate::search::state::{Owner, Reader, Writer};
-use crate::search::{BadState, Optimiser, random_genome};
+use crate::search::{BadState, GENERATIONS, Optimiser, SearchKind, random_genome};
+
+/// The swarm of Eq. 1, with the paper's coefficients unless others are given.
+pub struct Pso;
+
+/// p, particles.
+pub(super) const PARTICLES: Setting = Setting::whole("particles", 20).within(1.0, MAX_POPULATION as f64);
+/// w in Eq. 1.
+const INERTIA_WEIGHT: Setting = Setting::real("inertia_weight", "", 0.1).within(0.0, 2.0);
+/// φ₁ in Eq. 1, the pull to the particle's own best.
+const COGNITIVE: Setting = Setting::real("cognitive", "", 2.0).within(0.0, 10.0);
+/// φ₂ in Eq. 1, the pull to the swarm's best.
+const SOCIAL: Setting = Setting::real("social", "", 2.0).within(0.0, 10.0);
+
+impl Component for Pso {
+    fn name(&self) -> &'static str {
+        "pso"
+    }
+}
+
+impl Configurable for Pso {
+    fn settings(&self) -> &'static [Setting] {
+        &[PARTICLES, GENERATIONS, INERTIA_WEIGHT, COGNITIVE, SOCIAL]
+    }
+}
+
+impl SearchKind for Pso {
+    fn population(&self, settings: &Settings) -> u32 {
+        settings.whole(&PARTICLES)
+    }
+
+    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser> {
+        let coefficients = Coefficients {
+            constriction: 1.0,
+            inertia_weight: settings.real(&INERTIA_WEIGHT),
+            cognitive: settings.real(&COGNITIVE),
+            social: settings.real(&SOCIAL),
+        };
+        Box::new(Swarm::new(self.population(settings), coefficients, bounds, direction, seed))
+    }
+}
 
 /// The coefficients of v ← χ (w v + φ₁ r₁ (x̄ − x) + φ₂ r₂ (x̂ − x)); Eq. 1 has χ = 1, the constricted form w = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::search) struct Coefficients {
+pub(super) struct Coefficients {
     /// χ.
     pub constriction: f64,
     /// w.
@@ -24,15 +66,6 @@ pub(in crate::search) struct Coefficients {
     pub cognitive: f64,
     /// φ₂, the pull to the swarm's best.
     pub social: f64,
-}
-
-impl Coefficients {
-    /// Clerc and Kennedy's: χ = 2 / |2 − φ − √(φ² − 4φ)| with φ = φ₁ + φ₂, which must be greater than 4.
-    pub fn constricted(cognitive: f64, social: f64) -> Self {
-        let phi = cognitive + social;
-        let constriction = 2.0 / (2.0 - phi - (phi * phi - 4.0 * phi).sqrt()).abs();
-        Self { constriction, inertia_weight: 1.0, cognitive, social }
-    }
 }
 
 /// A position that was scored.
@@ -54,7 +87,7 @@ struct Particle {
 
 /// The swarm.
 #[derive(Clone, Debug)]
-pub(in crate::search) struct Swarm {
+pub(super) struct Swarm {
     coefficients: Coefficients,
     bounds: Bounds,
     direction: Direction,
@@ -199,13 +232,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn constriction_is_the_published_one() {
-        // Clerc and Kennedy, and all who use it since: φ = 4.1 gives χ ≈ 0.7298.
-        let c = Coefficients::constricted(2.05, 2.05);
-        assert!((c.constriction - 0.7298).abs() < 5e-5, "{}", c.constriction);
-    }
-
-    #[test]
     fn eq_1_by_hand() {
         let coefficients = Coefficients { constriction: 1.0, inertia_weight: 0.1, cognitive: 2.0, social: 2.0 };
         let mut swarm = Swarm::new(2, coefficients, Bounds(vec![(-10.0, 10.0)]), Direction::Maximise, 3);
@@ -234,7 +260,7 @@ mod tests {
 
     #[test]
     fn bests_need_strict_improvement_and_ties_go_to_the_lowest_index() {
-        let coefficients = Coefficients::constricted(2.05, 2.05);
+        let coefficients = Coefficients { constriction: 0.73, inertia_weight: 1.0, cognitive: 2.05, social: 2.05 };
         let mut swarm = Swarm::new(3, coefficients, Bounds(vec![(0.0, 1.0); 2]), Direction::Minimise, 3);
         let first = swarm.ask();
         swarm.tell(&[None, Some(4.0), Some(4.0)]);

@@ -1,0 +1,64 @@
+//! Kinds of searches, and the `[optimiser]` table of a job that chooses one.
+
+use super::Optimiser;
+use super::real::{Constriction, Ga, Pso};
+use crate::base::error::{Faults, Invalid};
+use crate::base::limits::MAX_GENERATIONS;
+use crate::base::registry::{Registered, Registry};
+use crate::base::score::Direction;
+use crate::base::settings::{Configurable, Setting, Settings, Table};
+use crate::genotype::Bounds;
+
+/// The searches there are.
+static SEARCHES: Registry<dyn SearchKind> = Registry::new(&[&Pso, &Constriction, &Ga]);
+
+/// Generations that are scored. Every kind has this setting.
+pub const GENERATIONS: Setting = Setting::whole("generations", 150).within(1.0, MAX_GENERATIONS as f64);
+
+/// A kind of search, chosen by `kind` in the `[optimiser]` table.
+pub trait SearchKind: Configurable {
+    /// Candidates of a generation.
+    fn population(&self, settings: &Settings) -> u32;
+
+    /// Refuses settings that can't stand together. Their ranges are checked beside it.
+    fn conflicts(&self, _settings: &Settings) -> Result<(), Invalid> {
+        Ok(())
+    }
+
+    /// A search at generation 0, with settings that were accepted. All its randomness follows from `seed`.
+    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser>;
+}
+
+impl Registered for dyn SearchKind {
+    fn registry() -> &'static Registry<Self> {
+        &SEARCHES
+    }
+}
+
+/// The `[optimiser]` table: a search and its settings. The defaults are the paper's where it states one.
+pub type OptimiserSpec = Table<dyn SearchKind>;
+
+impl OptimiserSpec {
+    /// Revision of how candidates are searched for.
+    pub(crate) fn revision(&self) -> u32 {
+        self.kind.0.revision()
+    }
+
+    /// Candidates of a generation.
+    pub fn population(&self) -> u32 {
+        self.kind.0.population(&self.settings)
+    }
+
+    /// Generations that are scored.
+    pub fn generations(&self) -> u32 {
+        self.settings.whole(&GENERATIONS)
+    }
+
+    /// Refuses settings out of range, and those that can't stand together: swarms that explode, more elites than places.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let mut faults = Faults::default();
+        faults.take(self.settings.check("optimiser"));
+        faults.take(self.kind.0.conflicts(&self.settings));
+        faults.end()
+    }
+}
