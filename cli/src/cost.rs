@@ -68,7 +68,7 @@ pub fn at_once(job: &Job) -> u32 {
 pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
     let started = Instant::now();
     let mut cost = Cost::default();
-    let genomes = job.optimiser().ask();
+    let genomes = job.optimiser().ask().genotypes;
     let candidates: Vec<(u32, &Genome)> = (0..).zip(&genomes).collect();
     let ranges = (0..).flat_map(|generation| {
         candidates.chunks(at_once(job) as usize).map(move |candidates| (generation, candidates))
@@ -185,7 +185,7 @@ mod tests {
 
     fn is_what_a_worker_does(job: &Job) {
         let cost = measure(job, Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
-        let candidates: Vec<(u32, Genome)> = (0..).zip(job.optimiser().ask()).collect();
+        let candidates: Vec<(u32, Genome)> = (0..).zip(job.optimiser().ask().genotypes).collect();
         let scored = evaluate(job, 0, &candidates, &|| false).unwrap();
         assert_eq!(cost.scores, scored.iter().map(|e| e.score.unwrap()).collect::<Vec<_>>());
         let mut counts = Counts::default();

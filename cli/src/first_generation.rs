@@ -4,8 +4,8 @@ use crate::console;
 use crate::progress::Label;
 use crate::values::{self, Generation};
 use proto::v1::JobEvent;
-use sim_core::base::score::Counts;
 use sim_core::base::registry::Component;
+use sim_core::base::score::Counts;
 use sim_core::objective::{self, Coverage};
 use sim_core::problem::Checked;
 

@@ -65,7 +65,7 @@ fn kinematics(c: &mut Criterion) {
 /// The main job's tree of 150 iterations, all of its transitions known.
 fn tree(c: &mut Criterion) {
     let job = job();
-    let genome = &job.optimiser().ask()[0];
+    let genome = &job.optimiser().ask().genotypes[0];
     let stream = search_streams(&job, 0, 0).next().expect("a candidate has a tree");
     let mut trials = [Trial::new(&job, genome, job.spec().planner.reuse_tolerance, [stream.clone()])];
     grow(&job, &mut trials, &|| false).expect("nobody stops it");

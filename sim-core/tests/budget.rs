@@ -22,7 +22,7 @@ fn refusal(planner: &str) -> String {
 }
 
 fn candidates(job: &Job) -> Vec<(u32, Genome)> {
-    (0..).zip(job.optimiser().ask()).collect()
+    (0..).zip(job.optimiser().ask().genotypes).collect()
 }
 
 #[test]

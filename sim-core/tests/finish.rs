@@ -26,7 +26,7 @@ const PLANNER: &str = "planner = { iterations = 12, repeats = 2 }";
 
 /// A candidate of the first generation, scored as the search does.
 fn candidate(job: &Job, index: u32) -> Scored {
-    let genome = job.optimiser().ask()[index as usize].clone();
+    let genome = job.optimiser().ask().genotypes[index as usize].clone();
     let score = evaluate(job, 0, &[(index, genome.clone())], &|| false).unwrap()[0].score.unwrap();
     Scored { generation: 0, candidate: index, score, genome }
 }
@@ -114,7 +114,7 @@ fn traces_hold_the_tree_that_the_search_scored() {
 #[test]
 fn an_examination_can_be_stopped() {
     let job = job(PLANNER);
-    let genome = job.optimiser().ask().remove(0);
+    let genome = job.optimiser().ask().genotypes.remove(0);
     let scored = Scored { generation: 0, candidate: 0, score: 0.0, genome };
     for question in [Question::Fresh, Question::Reference, Question::WithoutReuse, Question::Traces] {
         assert!(examine(&job, &Examination::new(question, &scored), &|| true).is_err());

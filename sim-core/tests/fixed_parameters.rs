@@ -36,9 +36,9 @@ fn fixed_parameters_keep_their_value_in_every_optimiser() {
             assert_eq!((0..bounds_of.len()).filter(|&i| is_fixed(i)).count() * 6, fixed * bounds_of.len(), "{bounds}");
             let mut search = job.optimiser();
             let mut random = Stream::new(5, Purpose::Sample, 0, 0, 0);
-            let mut seen = search.ask();
+            let mut seen = search.ask().genotypes;
             for generation in 0..30 {
-                let candidates = search.ask();
+                let candidates = search.ask().genotypes;
                 for genome in &candidates {
                     for (i, gene) in genome.iter().enumerate().filter(|(i, _)| is_fixed(*i)) {
                         assert_eq!(gene.to_bits(), bounds_of[i].0.to_bits(), "{bounds}, {optimiser}: {generation}");
@@ -46,7 +46,7 @@ fn fixed_parameters_keep_their_value_in_every_optimiser() {
                 }
                 seen.extend(candidates);
                 let scores: Vec<_> = (0..5).map(|i| (i != 3).then(|| random.uniform(0.0, 9.0))).collect();
-                search.tell(&scores);
+                search.tell(&search.ask().scored(&scores));
                 let state = search.save();
                 search.restore(&state).unwrap();
             }

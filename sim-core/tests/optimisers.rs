@@ -5,7 +5,7 @@ use sim_core::base::digest::Digest;
 use sim_core::base::error::Invalid;
 use sim_core::base::score::Direction;
 use sim_core::genotype::{Bounds, Genome};
-use sim_core::search::{Optimiser, OptimiserSpec, build};
+use sim_core::search::{OptimiserSpec, Search, build};
 use std::f64::consts::PI;
 
 /// Σ xᵢ². Minimum 0 at the origin; searched in ±5.12.
@@ -36,12 +36,13 @@ fn cube(half: f64, dimensions: usize) -> Bounds {
 }
 
 /// All candidates of all generations, as they were asked for.
-fn path(optimiser: &mut dyn Optimiser, generations: u32, f: impl Fn(&[f64]) -> Option<f64>) -> Vec<Vec<Genome>> {
+fn path(optimiser: &mut dyn Search, generations: u32, f: impl Fn(&[f64]) -> Option<f64>) -> Vec<Vec<Genome>> {
     (0..generations)
         .map(|_| {
-            let candidates = optimiser.ask();
-            optimiser.tell(&candidates.iter().map(|x| f(x)).collect::<Vec<_>>());
-            candidates
+            let batch = optimiser.ask();
+            let scores: Vec<_> = batch.genotypes.iter().map(|x| f(x)).collect();
+            optimiser.tell(&batch.clone().scored(&scores));
+            batch.genotypes
         })
         .collect()
 }
@@ -193,9 +194,9 @@ fn a_failed_evaluation_never_becomes_best() {
 }
 
 #[test]
-#[should_panic(expected = "one score")]
-fn a_missing_score_is_a_bug() {
-    build(&spec("pso", 4), cube(1.0, 2), Direction::Maximise, 2).tell(&[Some(1.0)]);
+#[should_panic(expected = "one evaluation")]
+fn a_missing_evaluation_is_a_bug() {
+    build(&spec("pso", 4), cube(1.0, 2), Direction::Maximise, 2).tell(&[]);
 }
 
 /// What a stored or published run rests on. Only a change that is meant to change results may change these.

@@ -22,7 +22,7 @@ fn recorded(robot: &str, environment: &str, planner: &str, duration: f64) -> Str
     .unwrap();
     let tolerance = job.spec().planner.reuse_tolerance;
     let of = |(index, genome): (u32, Vec<f64>)| Trial::new(&job, &genome, tolerance, search_streams(&job, 0, index));
-    let mut trials: Vec<Trial> = (0..2).zip(job.optimiser().ask()).map(of).collect();
+    let mut trials: Vec<Trial> = (0..2).zip(job.optimiser().ask().genotypes).map(of).collect();
     grow(&job, &mut trials, &|| false).unwrap();
     let bits = |trial: &Trial| {
         let trees = trial.growths.iter().map(|growth| {

@@ -26,7 +26,7 @@ fn job(planner: &str) -> Job {
 }
 
 fn trial(job: &Job, candidate: u32, tolerance: f64, variants: u32) -> Trial {
-    let genome = &job.optimiser().ask()[candidate as usize];
+    let genome = &job.optimiser().ask().genotypes[candidate as usize];
     let reuse = Reuse { tolerance, variants };
     let mut trials = [Trial::with_reuse(job, genome, reuse, search_streams(job, 0, candidate))];
     grow(job, &mut trials, &|| false).unwrap();
@@ -93,7 +93,7 @@ fn variants_are_members_of_their_local_state_and_no_more_than_asked_for() {
 #[test]
 fn variants_do_not_depend_on_who_shares_a_batch() {
     let job = job("iterations = 30, variants = 4, repeats = 2");
-    let candidates: Vec<(u32, Vec<f64>)> = (0..).zip(job.optimiser().ask()).collect();
+    let candidates: Vec<(u32, Vec<f64>)> = (0..).zip(job.optimiser().ask().genotypes).collect();
     let together = evaluate(&job, 0, &candidates, &|| false).unwrap();
     for (candidate, expected) in candidates.iter().zip(&together) {
         assert_eq!(&evaluate(&job, 0, std::slice::from_ref(candidate), &|| false).unwrap()[0], expected);

@@ -26,7 +26,7 @@ fn job(environment: &str, planner: &str) -> Job {
 }
 
 fn trial(job: &Job, candidate: u32) -> Trial {
-    let genome = &job.optimiser().ask()[candidate as usize];
+    let genome = &job.optimiser().ask().genotypes[candidate as usize];
     let tolerance = job.spec().planner.reuse_tolerance;
     let mut trials = [Trial::new(job, genome, tolerance, search_streams(job, 0, candidate))];
     grow(job, &mut trials, &|| false).unwrap();
@@ -188,7 +188,7 @@ fn same_seed_same_tree_and_another_seed_another_tree() {
     let job = job("empty", "iterations = 30");
     assert_eq!(trial(&job, 2).tree(), trial(&job, 2).tree());
     let other = Job::from_toml(&job.to_toml().replace("seed = 5", "seed = 6")).unwrap();
-    let genome = &job.optimiser().ask()[2];
+    let genome = &job.optimiser().ask().genotypes[2];
     let mut trials = [Trial::new(&other, genome, 0.05, search_streams(&other, 0, 2))];
     grow(&other, &mut trials, &|| false).unwrap();
     assert_ne!(trials[0].tree(), trial(&job, 2).tree());
@@ -197,7 +197,8 @@ fn same_seed_same_tree_and_another_seed_another_tree() {
 #[test]
 fn a_candidates_score_does_not_depend_on_who_shares_its_batch() {
     let job = job("column", "iterations = 20\nrepeats = 2");
-    let candidates: Vec<(u32, Vec<f64>)> = job.optimiser().ask().into_iter().zip(0..).map(|(g, i)| (i, g)).collect();
+    let candidates: Vec<(u32, Vec<f64>)> =
+        job.optimiser().ask().genotypes.into_iter().zip(0..).map(|(g, i)| (i, g)).collect();
     let together = evaluate(&job, 0, &candidates, &|| false).unwrap();
     for (candidate, expected) in candidates.iter().zip(&together) {
         let alone = evaluate(&job, 0, std::slice::from_ref(candidate), &|| false).unwrap();
@@ -212,7 +213,7 @@ fn a_candidates_score_does_not_depend_on_who_shares_its_batch() {
 #[test]
 fn evaluation_stops_when_asked() {
     let job = job("empty", "iterations = 40");
-    let candidates = [(0, job.optimiser().ask()[0].clone())];
+    let candidates = [(0, job.optimiser().ask().genotypes[0].clone())];
     assert!(evaluate(&job, 0, &candidates, &|| true).is_err());
 }
 

@@ -124,7 +124,7 @@ mod tests {
     fn what_a_genome_scores_depends_on_its_index_alone_not_on_whom_it_is_measured_with() {
         for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
             let job = job(engine);
-            let genomes = job.optimiser().ask();
+            let genomes = job.optimiser().ask().genotypes;
             let genomes: Vec<&Genome> = genomes.iter().collect();
             let together = measure(&job, 0, &genomes[..3], 4, false, &|| false).unwrap();
             let alone = measure(&job, 2, &genomes[2..3], 4, false, &|| false).unwrap();
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn a_disturbed_start_is_another_start() {
         let job = job(EngineKind::Rapier);
-        let genomes = job.optimiser().ask();
+        let genomes = job.optimiser().ask().genotypes;
         let genomes: Vec<&Genome> = genomes.iter().collect();
         let trial = |off| measure(&job, 0, &genomes, 3, off, &|| false).unwrap();
         let (settled, off) = (trial(false), trial(true));

@@ -31,10 +31,11 @@ pub fn searched<E>(
     let mut optimiser = job.optimiser();
     let mut generations: Vec<Vec<Genome>> = Vec::new();
     for generation in 0..job.spec().optimiser.generations() {
-        generations.push(optimiser.ask());
+        generations.push(optimiser.ask().genotypes);
         if generation + 1 < job.spec().optimiser.generations() {
-            let candidates: Vec<(u32, Genome)> = (0..).zip(optimiser.ask()).collect();
-            optimiser.tell(&score(generation, &candidates)?);
+            let candidates: Vec<(u32, Genome)> = (0..).zip(optimiser.ask().genotypes).collect();
+            let scores = score(generation, &candidates)?;
+            optimiser.tell(&optimiser.ask().scored(&scores));
         }
     }
     Ok(generations)
@@ -128,7 +129,7 @@ mod tests {
         let samples = first_and_last(&generations, 9);
         assert_eq!(samples.len(), 9);
         let random: Vec<Genome> = samples.iter().filter(|s| s.generation == 0).map(|s| s.genome.clone()).collect();
-        assert_eq!(random, search.optimiser().ask());
+        assert_eq!(random, search.optimiser().ask().genotypes);
         assert!(samples[5..].iter().all(|s| s.generation >= 2), "the last generation and an elite's predecessor");
         none_twice(&samples);
     }

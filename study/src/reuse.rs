@@ -214,7 +214,7 @@ mod tests {
     fn a_column_does_not_depend_on_which_others_are_measured() {
         let job = job();
         let columns = study().columns(&job);
-        let genome = &job.optimiser().ask()[1];
+        let genome = &job.optimiser().ask().genotypes[1];
         let all = measure(&job, &columns, 1, genome, &|| false).unwrap();
         for (column, expected) in columns.iter().zip(&all) {
             assert_eq!(&measure(&job, &[*column], 1, genome, &|| false).unwrap()[0], expected);

@@ -27,7 +27,7 @@ use crate::physics::{Engine, Physics};
 use crate::physics::{EngineKind, PhysicsSpec};
 use crate::plan::validate_planner;
 use crate::plan::{Metric, PlannerSettings, Reuse};
-use crate::search::{self, Optimiser};
+use crate::search::{self, Search};
 use std::sync::Arc;
 
 /// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
@@ -266,8 +266,8 @@ impl Checked {
         self.0.spec.fitness.kind.0.range()
     }
 
-    /// A fresh optimiser at generation 0.
-    pub fn optimiser(&self) -> Box<dyn Optimiser> {
+    /// A fresh search at generation 0.
+    pub fn optimiser(&self) -> Box<dyn Search> {
         search::build(&self.0.spec.optimiser, self.0.bounds.clone(), self.direction(), self.0.spec.seed)
     }
 }

@@ -1,7 +1,7 @@
 //! Kinds of searches, and the `[optimiser]` table of a job that chooses one.
 
-use super::Optimiser;
 use super::real::{Constriction, Ga, Pso};
+use super::{Ask, Search};
 use crate::base::error::{Faults, Invalid};
 use crate::base::limits::MAX_GENERATIONS;
 use crate::base::registry::{Registered, Registry};
@@ -17,6 +17,11 @@ pub const GENERATIONS: Setting = Setting::whole("generations", 150).within(1.0, 
 
 /// A kind of search, chosen by `kind` in the `[optimiser]` table.
 pub trait SearchKind: Configurable {
+    /// Kind of evaluation that it asks for.
+    fn asks(&self) -> Ask {
+        Ask::Set
+    }
+
     /// Candidates of a generation.
     fn population(&self, settings: &Settings) -> u32;
 
@@ -26,7 +31,7 @@ pub trait SearchKind: Configurable {
     }
 
     /// A search at generation 0, with settings that were accepted. All its randomness follows from `seed`.
-    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser>;
+    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search>;
 }
 
 impl Registered for dyn SearchKind {
@@ -55,8 +60,16 @@ impl OptimiserSpec {
     }
 
     /// Refuses settings out of range, and those that can't stand together: swarms that explode, more elites than places.
+    /// Refuses a search that asks for evaluations which no procedure does.
     pub fn validate(&self) -> Result<(), Invalid> {
         let mut faults = Faults::default();
+        if self.kind.0.asks() == Ask::Motion {
+            let reason = format!(
+                "\"{}\" asks for evaluations of single motions, which evogait can't do yet: choose another kind",
+                self.kind.0.name()
+            );
+            faults.add(Invalid::Conflict { field: "optimiser.kind".into(), reason });
+        }
         faults.take(self.settings.check("optimiser"));
         faults.take(self.kind.0.conflicts(&self.settings));
         faults.end()

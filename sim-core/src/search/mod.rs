@@ -1,7 +1,7 @@
-//! Optimisers, as ask and tell: they say which candidates they want scored and are told the scores.
+//! Searches, as ask and tell: they say which candidates they want evaluated and are told the evaluations.
 //!
-//! An optimiser's state serialises, so a coordinator can stop between two generations and go on later with the same
-//! bits. Scores are told for a whole generation at once, by candidate index, never by arrival.
+//! A search's state serialises, so a coordinator can stop between two generations and go on later with the same bits.
+//! Evaluations are told for a whole generation at once, by candidate index, never by arrival.
 
 pub mod archive;
 mod kind;
@@ -29,21 +29,64 @@ pub struct Scored {
     pub genome: Genome,
 }
 
-/// A stored state that does not fit the optimiser it is given to.
+/// A stored state that does not fit the search it is given to.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the stored optimiser state can't be used: {0}")]
 pub struct BadState(pub String);
 
-/// A population-based search over real vectors.
-pub trait Optimiser: Send {
-    /// The candidates of the current generation, by index. Always the same until the next `tell`.
-    fn ask(&self) -> Vec<Genome>;
+/// Kind of evaluation that a search asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// The score of a set of gaits: what a planner does with them.
+    Set,
+    /// The displacement of one motion. No procedure does such evaluations yet, so [`OptimiserSpec::validate`] refuses
+    /// searches that ask for them.
+    Motion,
+}
 
-    /// Takes the scores of the current generation (`None` = failed, worst), one a candidate, and moves on to the next.
+/// Candidates of a generation, and the kind of evaluation that each needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch {
+    /// Kind of evaluation.
+    pub ask: Ask,
+    /// The candidates, by index.
+    pub genotypes: Vec<Genome>,
+}
+
+impl Batch {
+    /// The evaluations of candidates that were scored as they were sent; `None` = failed.
     ///
     /// # Panics
-    /// If the number of scores is not the population's size.
-    fn tell(&mut self, scores: &[Option<f64>]);
+    /// If the number of scores is not that of candidates.
+    pub fn scored(self, scores: &[Option<f64>]) -> Vec<Evaluation> {
+        assert_eq!(scores.len(), self.genotypes.len(), "one score a candidate");
+        let evaluation = |(genotype, &score)| Evaluation { genotype, score, descriptors: Vec::new() };
+        self.genotypes.into_iter().zip(scores).map(evaluation).collect()
+    }
+}
+
+/// Evaluation of a candidate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// The genotype that was evaluated. It may be another than the one sent, but lies in the same bounds.
+    pub genotype: Genome,
+    /// The score; `None` if the evaluation failed, which counts as worst.
+    pub score: Option<f64>,
+    /// What the candidate does beside its score, for searches that keep candidates apart by it.
+    pub descriptors: Vec<f64>,
+}
+
+/// A population-based search.
+pub trait Search: Send {
+    /// The candidates of the current generation. Always the same until the next `tell`.
+    fn ask(&self) -> Batch;
+
+    /// Takes the evaluations of the current generation, one a candidate, by index, and moves on to the next. A genotype
+    /// other than the one sent takes the candidate's place.
+    ///
+    /// # Panics
+    /// If the number of evaluations is not the population's size.
+    fn tell(&mut self, evaluations: &[Evaluation]);
 
     /// The current generation, from 0: how often `tell` was called.
     fn generation(&self) -> u32;
@@ -52,17 +95,20 @@ pub trait Optimiser: Send {
     fn save(&self) -> Vec<u8>;
 
     /// Takes up a stored state.
+    ///
+    /// # Errors
+    /// It is not the state of such a search. The search is unchanged then.
     fn restore(&mut self, state: &[u8]) -> Result<(), BadState>;
 
     /// Whether larger or smaller scores are better.
     fn direction(&self) -> Direction;
 }
 
-/// Makes the optimiser that a validated spec describes, at generation 0. All its randomness follows from `seed`.
+/// Makes the search that a validated spec describes, at generation 0. All its randomness follows from `seed`.
 ///
 /// # Panics
 /// If a bound is not finite, or its low end lies above its high end.
-pub fn build(spec: &OptimiserSpec, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser> {
+pub fn build(spec: &OptimiserSpec, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
     let usable = |&(low, high): &(f64, f64)| low <= high && (high - low).is_finite();
     assert!(bounds.0.iter().all(usable), "bounds must be finite, low end first");
     spec.kind.0.build(&spec.settings, bounds, direction, seed)

@@ -47,16 +47,17 @@ pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, quiet: bool) -> Vec<Geno
 fn last_generation(job: &Job, progress: &Pieces) -> Vec<Genome> {
     let mut optimiser = job.optimiser();
     for generation in 0.. {
-        let candidates: Vec<(u32, Genome)> = (0..).zip(optimiser.ask()).collect();
+        let candidates: Vec<(u32, Genome)> = (0..).zip(optimiser.ask().genotypes).collect();
         if generation + 1 == job.spec().optimiser.generations() {
             progress.one_done();
             break;
         }
         let Ok(scored) = evaluate(job, generation, &candidates, &|| false) else { break };
-        optimiser.tell(&scored.iter().map(|e| e.score).collect::<Vec<_>>());
+        let scores: Vec<Option<f64>> = scored.iter().map(|e| e.score).collect();
+        optimiser.tell(&optimiser.ask().scored(&scores));
         progress.one_done();
     }
-    optimiser.ask()
+    optimiser.ask().genotypes
 }
 
 /// Parameters of one gait.
@@ -86,7 +87,7 @@ mod tests {
         let found = evolved((1..).map(job), 11, true);
         assert_eq!(found.len(), 11, "more than one evolution has");
         assert_eq!(found, evolved((1..).map(job), 11, true));
-        let first: Vec<Genome> = job(1).optimiser().ask();
+        let first: Vec<Genome> = job(1).optimiser().ask().genotypes;
         for (i, gait) in found.iter().enumerate() {
             assert_eq!(gait.len(), length(&job(1)));
             assert!(!found[..i].contains(gait), "gait {i} is there twice");

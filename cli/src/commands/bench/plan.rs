@@ -74,7 +74,7 @@ pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
 
 /// Of the first candidates, the one with the largest tree: (index, genome).
 fn farthest(job: &Job, candidates: u32, quiet: bool) -> (u32, Vec<f64>) {
-    let genomes = job.optimiser().ask();
+    let genomes = job.optimiser().ask().genotypes;
     let candidates: Vec<_> = (0..candidates).zip(&genomes).collect();
     let progress = Pieces::new("candidates tried", candidates.len() as u64, quiet);
     let nodes = |&(index, genome): &(u32, &Vec<f64>)| {

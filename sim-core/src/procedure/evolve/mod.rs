@@ -28,7 +28,7 @@ use crate::procedure::evolve::finish::{Done, Examination, Found, Plan, total};
 use crate::procedure::evolve::report::report;
 use crate::report::Traces;
 use crate::search::archive::Archive;
-use crate::search::{Optimiser, Scored};
+use crate::search::{Ask, Batch, Evaluation, Scored, Search};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -59,7 +59,7 @@ impl ProcedureKind for Kind {
 pub struct Evolve {
     job: Checked,
     plan: Plan,
-    optimiser: Box<dyn Optimiser>,
+    optimiser: Box<dyn Search>,
     archive: Archive,
     /// What all evaluations of the search took.
     counts: Counts,
@@ -80,7 +80,7 @@ struct Examined {
 /// The tasks of the round at hand.
 enum Work {
     /// Candidates of a generation, by index.
-    Searching { generation: u32, genomes: Vec<Genome> },
+    Searching { generation: u32, batch: Batch },
     /// The archive's entries and the global bests are examined.
     Finishing(Vec<Examination>),
     /// The winner and the first generation's best are examined.
@@ -91,7 +91,7 @@ impl Evolve {
     /// An evolution before generation 0.
     pub fn new(job: &Checked) -> Self {
         let (optimiser, plan) = (job.optimiser(), Plan::of(job));
-        let work = Work::Searching { generation: 0, genomes: optimiser.ask() };
+        let work = Work::Searching { generation: 0, batch: optimiser.ask() };
         Self {
             job: job.clone(),
             plan,
@@ -141,11 +141,14 @@ impl Evolve {
 
     fn at(&self, index: u32) -> Option<Task> {
         match &self.work {
-            Work::Searching { generation, genomes } => genomes.get(index as usize).map(|genome| Task::Evaluate {
-                generation: *generation,
-                candidate: index,
-                genome: genome.clone(),
-            }),
+            Work::Searching { generation, batch } => {
+                let genome = batch.genotypes.get(index as usize)?.clone();
+                match batch.ask {
+                    Ask::Set => Some(Task::Evaluate { generation: *generation, candidate: index, genome }),
+                    // No checked job has a search that asks for it.
+                    Ask::Motion => None,
+                }
+            }
             Work::Finishing(all) | Work::Reporting(all) => all.get(index as usize).cloned().map(Task::Examine),
         }
     }
@@ -154,7 +157,7 @@ impl Evolve {
     fn next_work(&self) -> Option<Work> {
         let generation = self.optimiser.generation();
         if generation < self.generations() {
-            return Some(Work::Searching { generation, genomes: self.optimiser.ask() });
+            return Some(Work::Searching { generation, batch: self.optimiser.ask() });
         }
         let found = self.found()?;
         if self.examined.is_none() {
@@ -186,22 +189,23 @@ impl Evolve {
         }
     }
 
-    fn seal_generation(&mut self, generation: u32, genomes: Vec<Genome>, results: Vec<TaskResult>) -> Told {
-        let (mut scores, mut counts) = (Vec::with_capacity(results.len()), Counts::default());
-        let mut succeeded = Vec::new();
-        for (i, (sent, result)) in genomes.into_iter().zip(results).enumerate() {
-            let TaskResult::Evaluated { genotype, score, counts: took, .. } = result else {
+    fn seal_generation(&mut self, generation: u32, sent: Vec<Genome>, results: Vec<TaskResult>) -> Told {
+        let (mut evaluations, mut counts) = (Vec::with_capacity(results.len()), Counts::default());
+        for (sent, result) in sent.into_iter().zip(results) {
+            let TaskResult::Evaluated { genotype, score, descriptors, counts: took } = result else {
                 return unusable("an examination's result for an evaluation");
             };
             counts += took;
-            scores.push(score);
-            let genome = genotype.unwrap_or(sent);
-            succeeded.extend(score.map(|score| Scored { generation, candidate: i as u32, score, genome }));
+            evaluations.push(Evaluation { genotype: genotype.unwrap_or(sent), score, descriptors });
         }
+        let scores: Vec<Option<f64>> = evaluations.iter().map(|evaluation| evaluation.score).collect();
+        let succeeded = evaluations.iter().zip(0..).filter_map(|(evaluation, candidate)| {
+            Some(Scored { generation, candidate, score: evaluation.score?, genome: evaluation.genotype.clone() })
+        });
         self.counts += counts;
         self.failed += scores.iter().filter(|s| s.is_none()).count() as u64;
         self.archive.generation(succeeded);
-        self.optimiser.tell(&scores);
+        self.optimiser.tell(&evaluations);
         let best = self.best().map(|best| best.score);
         let row = statistics::row(generation, &scores, counts, best, self.job.score_label().1);
         Told { row: Some(row), step: self.next() }
@@ -252,9 +256,9 @@ impl Procedure for Evolve {
             kept: false,
         };
         match &self.work {
-            Work::Searching { generation, genomes } => Round {
+            Work::Searching { generation, batch } => Round {
                 number: *generation,
-                tasks: genomes.len() as u32,
+                tasks: batch.genotypes.len() as u32,
                 at_most: (MAX_ASSIGNMENT_GENOMES / (8 * self.job.bounds().0.len().max(1))).max(1) as u32,
                 lanes: self.job.candidates_at_once(),
                 phase: self.phase(),
@@ -304,9 +308,9 @@ impl Procedure for Evolve {
             Err(unreadable) => return unusable(&unreadable.to_string()),
         };
         match &mut self.work {
-            Work::Searching { generation, genomes } => {
-                let (generation, genomes) = (*generation, std::mem::take(genomes));
-                self.seal_generation(generation, genomes, results)
+            Work::Searching { generation, batch } => {
+                let (generation, sent) = (*generation, std::mem::take(&mut batch.genotypes));
+                self.seal_generation(generation, sent, results)
             }
             Work::Finishing(_) => {
                 let answers = results.into_iter().map(|result| match result {

@@ -13,7 +13,7 @@ use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
 use crate::genotype::{Bounds, Genome};
 use crate::search::state::{Owner, Reader, Writer};
-use crate::search::{BadState, GENERATIONS, Optimiser, SearchKind, random_genome};
+use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genome};
 use std::cmp::Ordering;
 
 /// The genetic algorithm.
@@ -42,16 +42,7 @@ impl Component for Ga {
 
 impl Configurable for Ga {
     fn settings(&self) -> &'static [Setting] {
-        &[
-            POPULATION,
-            GENERATIONS,
-            TOURNAMENT,
-            CROSSOVER_RATE,
-            CROSSOVER_ETA,
-            MUTATION_RATE,
-            MUTATION_SCALE,
-            ELITE,
-        ]
+        &[POPULATION, GENERATIONS, TOURNAMENT, CROSSOVER_RATE, CROSSOVER_ETA, MUTATION_RATE, MUTATION_SCALE, ELITE]
     }
 }
 
@@ -70,7 +61,7 @@ impl SearchKind for Ga {
         faults.end()
     }
 
-    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser> {
+    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
         let breeding = Breeding {
             tournament: settings.whole(&TOURNAMENT),
             crossover_rate: settings.real(&CROSSOVER_RATE),
@@ -202,14 +193,17 @@ fn reflect(value: f64, (low, high): (f64, f64)) -> f64 {
     if inside.is_nan() { low } else { (low + inside).clamp(low, high) }
 }
 
-impl Optimiser for GeneticAlgorithm {
-    fn ask(&self) -> Vec<Genome> {
-        self.population.clone()
+impl Search for GeneticAlgorithm {
+    fn ask(&self) -> Batch {
+        Batch { ask: Ask::Set, genotypes: self.population.clone() }
     }
 
-    fn tell(&mut self, scores: &[Option<f64>]) {
-        assert_eq!(scores.len(), self.population.len(), "one score an individual");
-        self.population = self.breed(scores);
+    /// An individual whose genotype was evaluated in another form is a parent in that form.
+    fn tell(&mut self, evaluations: &[Evaluation]) {
+        assert_eq!(evaluations.len(), self.population.len(), "one evaluation an individual");
+        self.population = evaluations.iter().map(|evaluation| evaluation.genotype.clone()).collect();
+        let scores: Vec<Option<f64>> = evaluations.iter().map(|evaluation| evaluation.score).collect();
+        self.population = self.breed(&scores);
         self.generation += 1;
     }
 
@@ -276,12 +270,31 @@ mod tests {
             elite: 2,
         };
         let mut ga = GeneticAlgorithm::new(5, breeding, Bounds(vec![(0.0, 1.0); 3]), Direction::Maximise, 9);
-        let first = ga.ask();
-        ga.tell(&[Some(1.0), None, Some(3.0), Some(2.0), None]);
-        assert_eq!(ga.ask()[..2], [first[2].clone(), first[3].clone()]);
-        let second = ga.ask();
-        ga.tell(&[None, None, None, Some(1.0), None]);
-        assert_eq!(ga.ask()[0], second[3]);
-        assert!(ga.ask()[1..].iter().all(|g| !second.contains(g)));
+        let first = ga.ask().genotypes;
+        ga.tell(&ga.ask().scored(&[Some(1.0), None, Some(3.0), Some(2.0), None]));
+        assert_eq!(ga.ask().genotypes[..2], [first[2].clone(), first[3].clone()]);
+        let second = ga.ask().genotypes;
+        ga.tell(&ga.ask().scored(&[None, None, None, Some(1.0), None]));
+        assert_eq!(ga.ask().genotypes[0], second[3]);
+        assert!(ga.ask().genotypes[1..].iter().all(|g| !second.contains(g)));
+    }
+
+    #[test]
+    fn genotype_other_than_sent_becomes_parent() {
+        let breeding = Breeding {
+            tournament: 5,
+            crossover_rate: 0.0,
+            crossover_eta: 5.0,
+            mutation_rate: 0.0,
+            mutation_scale: 0.1,
+            elite: 1,
+        };
+        let mut ga = GeneticAlgorithm::new(5, breeding, Bounds(vec![(0.0, 1.0); 3]), Direction::Maximise, 9);
+        let mut evaluations = ga.ask().scored(&[Some(1.0), None, Some(3.0), Some(2.0), None]);
+        evaluations[2].genotype = vec![0.25, 0.5, 0.75];
+        ga.tell(&evaluations);
+        // Without crossover and mutation, the next generation is made of copies.
+        assert_eq!(ga.ask().genotypes[0], [0.25, 0.5, 0.75]);
+        assert!(ga.ask().genotypes.iter().all(|child| evaluations.iter().any(|parent| parent.genotype == *child)));
     }
 }

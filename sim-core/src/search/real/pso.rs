@@ -13,7 +13,7 @@ use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
 use crate::genotype::{Bounds, Genome};
 use crate::search::state::{Owner, Reader, Writer};
-use crate::search::{BadState, GENERATIONS, Optimiser, SearchKind, random_genome};
+use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genome};
 
 /// The swarm of Eq. 1, with the paper's coefficients unless others are given.
 pub struct Pso;
@@ -44,7 +44,7 @@ impl SearchKind for Pso {
         settings.whole(&PARTICLES)
     }
 
-    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Optimiser> {
+    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
         let coefficients = Coefficients {
             constriction: 1.0,
             inertia_weight: settings.real(&INERTIA_WEIGHT),
@@ -115,8 +115,8 @@ impl Swarm {
     }
 
     /// Lines 9 and 10 of Algorithm 2.
-    fn update_bests(&mut self, scores: &[Option<f64>]) {
-        for (particle, &score) in self.particles.iter_mut().zip(scores) {
+    fn update_bests(&mut self, evaluations: &[Evaluation]) {
+        for (particle, &Evaluation { score, .. }) in self.particles.iter_mut().zip(evaluations) {
             let beats = |best: &Option<Best>| self.direction.better(score, best.as_ref().map(|b| b.score));
             let Some(value) = score else { continue };
             if beats(&particle.best) {
@@ -181,14 +181,18 @@ impl Swarm {
     }
 }
 
-impl Optimiser for Swarm {
-    fn ask(&self) -> Vec<Genome> {
-        self.particles.iter().map(|p| p.position.clone()).collect()
+impl Search for Swarm {
+    fn ask(&self) -> Batch {
+        Batch { ask: Ask::Set, genotypes: self.particles.iter().map(|p| p.position.clone()).collect() }
     }
 
-    fn tell(&mut self, scores: &[Option<f64>]) {
-        assert_eq!(scores.len(), self.particles.len(), "one score a particle");
-        self.update_bests(scores);
+    /// A particle whose genotype was evaluated elsewhere than at its position moves there.
+    fn tell(&mut self, evaluations: &[Evaluation]) {
+        assert_eq!(evaluations.len(), self.particles.len(), "one evaluation a particle");
+        for (particle, evaluation) in self.particles.iter_mut().zip(evaluations) {
+            particle.position.clone_from(&evaluation.genotype);
+        }
+        self.update_bests(evaluations);
         self.generation += 1;
         self.fly();
     }
@@ -253,7 +257,7 @@ mod tests {
         let mut swarm = Swarm::new(1, coefficients, Bounds(vec![(0.0, 1.0), (0.0, 1.0)]), Direction::Maximise, 3);
         swarm.particles[0].position = vec![0.75, 0.5];
         swarm.particles[0].velocity = vec![0.5, 0.25];
-        swarm.tell(&[Some(1.0)]);
+        swarm.tell(&swarm.ask().scored(&[Some(1.0)]));
         assert_eq!(swarm.particles[0].position, [1.0, 0.75]);
         assert_eq!(swarm.particles[0].velocity, [0.0, 0.25]);
     }
@@ -262,13 +266,25 @@ mod tests {
     fn bests_need_strict_improvement_and_ties_go_to_the_lowest_index() {
         let coefficients = Coefficients { constriction: 0.73, inertia_weight: 1.0, cognitive: 2.05, social: 2.05 };
         let mut swarm = Swarm::new(3, coefficients, Bounds(vec![(0.0, 1.0); 2]), Direction::Minimise, 3);
-        let first = swarm.ask();
-        swarm.tell(&[None, Some(4.0), Some(4.0)]);
+        let first = swarm.ask().genotypes;
+        swarm.tell(&swarm.ask().scored(&[None, Some(4.0), Some(4.0)]));
         assert_eq!(swarm.particles[0].best, None);
         assert_eq!(swarm.best.as_ref().map(|b| &b.position), Some(&first[1]));
-        swarm.tell(&[Some(f64::NAN), Some(4.0), Some(5.0)]);
+        swarm.tell(&swarm.ask().scored(&[Some(f64::NAN), Some(4.0), Some(5.0)]));
         assert_eq!(swarm.particles[0].best, None);
         assert_eq!(swarm.particles[1].best.as_ref().map(|b| &b.position), Some(&first[1]));
         assert_eq!(swarm.particles[2].best.as_ref().map(|b| &b.position), Some(&first[2]));
+    }
+
+    #[test]
+    fn genotype_other_than_sent_becomes_position() {
+        let coefficients = Coefficients { constriction: 1.0, inertia_weight: 0.0, cognitive: 0.0, social: 0.0 };
+        let mut swarm = Swarm::new(2, coefficients, Bounds(vec![(0.0, 1.0); 2]), Direction::Minimise, 3);
+        let mut evaluations = swarm.ask().scored(&[Some(2.0), Some(1.0)]);
+        evaluations[1].genotype = vec![0.25, 0.75];
+        swarm.tell(&evaluations);
+        // Without inertia and pull, a particle stays where it is.
+        assert_eq!(swarm.ask().genotypes, [evaluations[0].genotype.clone(), vec![0.25, 0.75]]);
+        assert_eq!(swarm.best, Some(Best { position: vec![0.25, 0.75], score: 1.0 }));
     }
 }
