@@ -3,7 +3,7 @@
 use sim_core::base::digest::Digest;
 use sim_core::base::math::{Pose, Vector, about_z};
 use sim_core::base::random::{Purpose, Stream};
-use sim_core::control::{ControllerKind, controller};
+use sim_core::control::{Controller, Hopf};
 use sim_core::engines::engine;
 use sim_core::model::{Robot, State, catalogue};
 use sim_core::physics::{EngineKind, JointKind, Outcome, Physics, Request, Rollout, Scale, Targets, settle};
@@ -14,12 +14,11 @@ fn robots() -> Vec<Robot> {
 }
 
 fn gait(robot: &Robot, seed: u64, duration: f64) -> Targets {
-    let hopf = controller(ControllerKind::Hopf);
     let mut stream = Stream::new(seed, Purpose::Sample, 0, 0, 0);
     let genome: Vec<f64> = (0..robot.hinges.len())
-        .flat_map(|_| hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
+        .flat_map(|_| Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
         .collect();
-    hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
+    Hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
 }
 
 fn run(robot: &Robot, start: &State, targets: &Targets) -> Rollout {

@@ -10,7 +10,7 @@ use rapier3d::parry::shape::Cuboid;
 use serde::Serialize;
 use sim_core::base::math::{Pose, Rotation, Vector};
 use sim_core::base::random::{Purpose, Stream};
-use sim_core::control::{ControllerKind, controller};
+use sim_core::control::{Controller, Hopf};
 use sim_core::exchange;
 use sim_core::model::{Robot, RobotSpec, State};
 use sim_core::physics::{Bound, Outcome, Physics, Rollout, Targets};
@@ -84,13 +84,12 @@ pub fn random_arms(stream: &mut Stream, capsules: bool) -> Robot {
 
 /// A random gait, uniform in the controller's bounds.
 pub fn random_gait(robot: &Robot, duration: f64, stream: &mut Stream) -> Targets {
-    let hopf = controller(ControllerKind::Hopf);
     let joints = robot.hinges.len();
     let gait: Vec<f64> = (0..joints)
-        .flat_map(|_| hopf.parameters())
+        .flat_map(|_| Hopf.parameters())
         .map(|parameter| stream.uniform(parameter.bounds.0, parameter.bounds.1))
         .collect();
-    hopf.compile(&gait, joints, duration).within(&robot.hinges)
+    Hopf.compile(&gait, joints, duration).within(&robot.hinges)
 }
 
 /// A random start: any orientation, joints anywhere within ± 1 rad as long as no two bodies overlap, up to 1 mu above the

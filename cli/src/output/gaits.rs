@@ -1,7 +1,8 @@
 //! gaits.json: the winner's gaits, each with its parameters by name and where it leads.
 
 use serde::Serialize;
-use sim_core::control::ControllerKind;
+use sim_core::base::registry::Chosen;
+use sim_core::control::Controller;
 use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::Report;
 use sim_core::report::GaitTrace;
@@ -10,7 +11,7 @@ use std::collections::BTreeMap;
 #[derive(Serialize)]
 pub struct GaitFile {
     /// What generates the joint targets.
-    controller: ControllerKind,
+    controller: Chosen<dyn Controller>,
     /// s.
     duration: f64,
     gaits: Vec<Gait>,

@@ -1,8 +1,9 @@
 //! The `[gaits]` table of a job.
 
-use super::{ControllerKind, controller};
+use super::Controller;
 use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
 use crate::base::limits;
+use crate::base::registry::Chosen;
 use crate::genotype::Bounds;
 use crate::physics::TICK;
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ pub struct GaitsSpec {
     pub duration: f64,
     /// What generates the joint targets.
     #[serde(default)]
-    pub controller: ControllerKind,
+    pub controller: Chosen<dyn Controller>,
     /// Bounds of parameters that differ from the controller's own, by the parameter's name: `mu = [0.3, 1.3]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub bounds: BTreeMap<String, (f64, f64)>,
@@ -54,7 +55,7 @@ pub(crate) fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32)
 
 /// The box of genomes: the bounds of every parameter of every joint and gait.
 pub(crate) fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
-    let parameters = controller(gaits.controller).parameters();
+    let parameters = gaits.controller.0.parameters();
     for (parameter, &(low, high)) in &gaits.bounds {
         let field = format!("gaits.bounds.{parameter}");
         if !parameters.iter().any(|p| p.name == parameter) {

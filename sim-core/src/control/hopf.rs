@@ -1,6 +1,7 @@
 //! A Hopf oscillator a joint: Eq. 2 of Vonásek and Faigl (2016), after Righetti and Ijspeert (2008).
 
 use super::{Controller, Parameter};
+use crate::base::registry::Component;
 use crate::base::simd::{Level, at_level};
 use crate::physics::TICK;
 use fearless_simd::prelude::*;
@@ -15,6 +16,12 @@ const START: (f64, f64) = (0.1, 0.0);
 
 /// Parameters of an oscillator.
 const EACH: usize = 6;
+
+impl Component for Hopf {
+    fn name(&self) -> &'static str {
+        "hopf"
+    }
+}
 
 impl Controller for Hopf {
     fn parameters(&self) -> &'static [Parameter] {

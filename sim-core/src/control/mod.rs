@@ -12,8 +12,11 @@ pub(crate) use gaits::{bounds_of, validate_gaits, whole_steps};
 pub use hopf::Hopf;
 pub use sine::Sine;
 
+use crate::base::registry::{Component, Registered, Registry};
 use crate::physics::Targets;
-use serde::{Deserialize, Serialize};
+
+/// The controllers there are; the first is that of a job that names none.
+static CONTROLLERS: Registry<dyn Controller> = Registry::new(&[&Hopf, &Sine]);
 
 /// A parameter of a controller, one a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +30,8 @@ pub struct Parameter {
 }
 
 /// A controller drives every joint by a signal of its own. A gait's parameters are laid out joint after joint, each with
-/// the parameters in the order of [`Controller::parameters`].
-pub trait Controller: Sync {
+/// the parameters in the order of [`Controller::parameters`]. Chosen by `controller` in the `[gaits]` table.
+pub trait Controller: Component {
     /// The parameters of one joint.
     fn parameters(&self) -> &'static [Parameter];
 
@@ -47,30 +50,8 @@ pub trait Controller: Sync {
     }
 }
 
-/// The controllers there are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ControllerKind {
-    /// A Hopf oscillator a joint, Eq. 2: six parameters a joint.
-    #[default]
-    Hopf,
-    /// A sine a joint (section III): four parameters a joint.
-    Sine,
-}
-
-impl ControllerKind {
-    /// Revision of how the signals are computed.
-    pub(crate) fn revision(self) -> u32 {
-        match self {
-            Self::Hopf | Self::Sine => 1,
-        }
-    }
-}
-
-/// The controller of a kind.
-pub fn controller(kind: ControllerKind) -> &'static dyn Controller {
-    match kind {
-        ControllerKind::Hopf => &Hopf,
-        ControllerKind::Sine => &Sine,
+impl Registered for dyn Controller {
+    fn registry() -> &'static Registry<Self> {
+        &CONTROLLERS
     }
 }

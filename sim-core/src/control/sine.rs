@@ -1,12 +1,19 @@
 //! A sine a joint: section III of Vonásek and Faigl (2016).
 
 use super::{Controller, Parameter};
+use crate::base::registry::Component;
 use crate::physics::TICK;
 use std::f64::consts::PI;
 
 /// a(t) = A sin(ω t + φ) + B: four parameters a joint. The paper gives no bounds; these keep the amplitude that of the
 /// Hopf oscillator (√1.3) and its frequencies, and offsets within a third of the joint's range.
 pub struct Sine;
+
+impl Component for Sine {
+    fn name(&self) -> &'static str {
+        "sine"
+    }
+}
 
 impl Controller for Sine {
     fn parameters(&self) -> &'static [Parameter] {

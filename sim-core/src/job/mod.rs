@@ -37,7 +37,7 @@ impl Checked {
         let unless_named = <dyn ProcedureKind>::registry().default().name();
         spec.procedure.take_if(|name| name == unless_named);
         let used = [
-            ("controller", spec.gaits.controller.revision()),
+            ("controller", spec.gaits.controller.0.revision()),
             ("planner", spec.planner.algorithm.0.revision()),
             ("fitness", spec.fitness.revision()),
             ("optimiser", spec.optimiser.revision()),

@@ -15,8 +15,7 @@ use crate::base::digest::Digest;
 use crate::base::error::{Faults, Invalid, name, whole_in_range};
 use crate::base::score::Direction;
 use crate::base::{limits, toml_file};
-use crate::control::{Controller, controller};
-use crate::control::{bounds_of, validate_gaits, whole_steps};
+use crate::control::{Controller, bounds_of, validate_gaits, whole_steps};
 use crate::engines::known::Known;
 use crate::engines::{Chosen, Why, auto};
 use crate::engines::{Quiet, engine, engine_digest, engines_digest};
@@ -216,7 +215,7 @@ impl Checked {
 
     /// The controller.
     pub fn controller(&self) -> &'static dyn Controller {
-        controller(self.0.spec.gaits.controller)
+        self.0.spec.gaits.controller.0
     }
 
     /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a

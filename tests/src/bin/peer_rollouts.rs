@@ -7,7 +7,7 @@ use clap::Parser;
 use serde::Serialize;
 use sim_core::base::math::heading;
 use sim_core::base::random::{Purpose, Stream};
-use sim_core::control::{ControllerKind, controller};
+use sim_core::control::{Controller, Hopf};
 use sim_core::engines::engine;
 use sim_core::exchange::Format;
 use sim_core::model::{Robot, RobotSpec, State, catalogue};
@@ -215,13 +215,12 @@ fn compiled(name: &str) -> Result<Robot, Box<dyn std::error::Error>> {
 }
 
 fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Targets {
-    let hopf = controller(ControllerKind::Hopf);
     let mut stream = Stream::new(seed, Purpose::Sample, 0, index as u32, 0);
     let mut genome = Vec::new();
     for _ in 0..robot.hinges.len() {
-        genome.extend(hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
+        genome.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
     }
-    hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
+    Hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
 }
 
 fn rows(targets: &Targets) -> Vec<Vec<f32>> {

@@ -7,7 +7,7 @@ use super::model::Model;
 use super::{Level, run_at};
 use crate::base::random::{Purpose, Stream};
 use crate::base::simd::{at_level, levels};
-use crate::control::{ControllerKind, controller};
+use crate::control::{Controller, Hopf};
 use crate::model::{Robot, State};
 use crate::physics::{Outcome, Physics, Request, Rollout, Scale, Targets};
 use fearless_simd::prelude::*;
@@ -22,14 +22,13 @@ pub(super) fn physics() -> Physics {
 }
 
 pub(super) fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
-    let hopf = controller(ControllerKind::Hopf);
     let gait = |c: u32| {
         let mut stream = Stream::new(0, Purpose::Sample, 0, c, 0);
         let mut parameters = Vec::new();
         for _ in 0..robot.hinges.len() {
-            parameters.extend(hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
+            parameters.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
         }
-        hopf.compile(&parameters, robot.hinges.len(), duration).within(&robot.hinges)
+        Hopf.compile(&parameters, robot.hinges.len(), duration).within(&robot.hinges)
     };
     (0..count).map(gait).collect()
 }
