@@ -6,7 +6,7 @@ use sim_core::evaluate::{Stopped, Trial, grow_on, search_streams};
 use sim_core::genotype::Genome;
 use sim_core::model::Robot;
 use sim_core::model::environment::Block;
-use sim_core::physics::{Engine, Physics, Request, Rollout};
+use sim_core::physics::{Engine, Motion, Physics, Request, Rollout, Unsupported};
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::finish::total as total_counts;
 use std::sync::{Mutex, PoisonError};
@@ -149,6 +149,10 @@ struct Watched {
 }
 
 impl Engine for Watched {
+    fn supports(&self, robot: &Robot, terrain: &[Block], motion: &Motion) -> Result<(), Unsupported> {
+        self.engine.supports(robot, terrain, motion)
+    }
+
     fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
         let (rollouts, spent) = timed(|| self.engine.run(robot, physics, terrain, batch));
         let (useful, width) = (batch.len() as u64, self.engine.lanes() as u64);

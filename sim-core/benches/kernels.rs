@@ -25,8 +25,8 @@ fn gait(job: &Job) -> Vec<f64> {
 
 fn rollout(c: &mut Criterion) {
     let job = job();
-    let targets = job.controller().compile(&gait(&job), job.robot().hinges.len(), 1.0);
-    let request = Request { start: job.start(), targets: &targets };
+    let motion = job.controller().compile(job.robot(), &gait(&job), 1.0);
+    let request = Request { start: job.start(), motion: &motion };
     for (name, joints) in [("impulse", JointKind::Impulse), ("multibody", JointKind::Multibody)] {
         let physics = Physics { joints, ..Physics::of(EngineKind::Rapier, Scale::Paper) };
         c.bench_function(&format!("rapier: rollout of 1 s, {name} joints"), |b| {
@@ -51,8 +51,10 @@ fn rollout(c: &mut Criterion) {
 
 fn targets(c: &mut Criterion) {
     let job = job();
-    let (gait, joints) = (gait(&job), job.robot().hinges.len());
-    c.bench_function("target table of 10 s", |b| b.iter(|| job.controller().compile(black_box(&gait), joints, 10.0)));
+    let gait = gait(&job);
+    c.bench_function("target table of 10 s", |b| {
+        b.iter(|| job.controller().compile(job.robot(), black_box(&gait), 10.0))
+    });
 }
 
 fn kinematics(c: &mut Criterion) {

@@ -7,7 +7,7 @@ use sim_core::engines::engine;
 use sim_core::exchange::{self, Format};
 use sim_core::job::{JobSpec, Reference};
 use sim_core::model::{HingeSpec, QUARTER_TURNS, Robot, RobotSpec, catalogue};
-use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, Targets, settle};
+use sim_core::physics::{EngineKind, Motion, Outcome, Physics, Request, Scale, Targets, settle};
 use sim_core::problem::Job;
 
 /// Reads a robot without its notes.
@@ -73,8 +73,8 @@ fn a_robot_that_goes_through_mjcf_is_the_same_and_moves_the_same() {
         let start = settle(rapier, &robot, &physics()).unwrap();
         assert_eq!(settle(rapier, &again, &physics()).unwrap(), start);
         let wave = |joint: usize| (0..=400).map(|t| libm::sin(0.01 * f64::from(t) + joint as f64)).collect();
-        let targets = Targets::new(&(0..robot.hinges.len()).map(wave).collect::<Vec<_>>(), 2.0);
-        let request = Request { start: &start, targets: &targets };
+        let motion = Motion::from(Targets::new(&(0..robot.hinges.len()).map(wave).collect::<Vec<_>>(), 2.0));
+        let request = Request { start: &start, motion: &motion };
         let run = |robot: &Robot| rapier.run(robot, &physics(), &[], &[request]).swap_remove(0);
         assert_eq!(run(&robot), run(&again), "{}", robot.name);
     }
@@ -209,8 +209,8 @@ fn capsules_lie_on_the_ground_by_their_radius() {
     let rapier = engine(EngineKind::Rapier);
     let start = settle(rapier, &robot, &physics()).unwrap();
     assert!((start.pivot.translation.z - 0.1).abs() < 2e-3, "{}", start.pivot.translation.z);
-    let targets = Targets::new(&[vec![0.8; 401], vec![-0.8; 401]], 2.0);
-    let rollout = rapier.run(&robot, &physics(), &[], &[Request { start: &start, targets: &targets }]).swap_remove(0);
+    let motion = Motion::from(Targets::new(&[vec![0.8; 401], vec![-0.8; 401]], 2.0));
+    let rollout = rapier.run(&robot, &physics(), &[], &[Request { start: &start, motion: &motion }]).swap_remove(0);
     assert_eq!(rollout.outcome, Outcome::Completed);
     assert!((rollout.end.joints[0] - 0.8).abs() < 0.05 && (rollout.end.joints[1] + 0.8).abs() < 0.05);
 }

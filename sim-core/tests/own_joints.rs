@@ -49,7 +49,8 @@ fn engines() -> [(EngineKind, Physics); 3] {
 fn reached(kind: EngineKind, physics: &Physics, robot: &Robot, from: f32, targets: &Targets) -> f32 {
     let mut start = robot.neutral();
     start.joints[0] = from;
-    let rollout = engine(kind).run(robot, physics, &[], &[Request { start: &start, targets }]).swap_remove(0);
+    let motion = &targets.clone().into();
+    let rollout = engine(kind).run(robot, physics, &[], &[Request { start: &start, motion }]).swap_remove(0);
     assert_eq!(rollout.outcome, Outcome::Completed, "{kind:?}");
     rollout.end.joints[0]
 }

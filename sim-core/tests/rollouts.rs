@@ -6,24 +6,24 @@ use sim_core::base::random::{Purpose, Stream};
 use sim_core::control::{Controller, Hopf};
 use sim_core::engines::engine;
 use sim_core::model::{Robot, State, catalogue};
-use sim_core::physics::{EngineKind, JointKind, Outcome, Physics, Request, Rollout, Scale, Targets, settle};
+use sim_core::physics::{EngineKind, JointKind, Motion, Outcome, Physics, Request, Rollout, Scale, settle};
 
 fn robots() -> Vec<Robot> {
     let compile = |e: &catalogue::Entry| Robot::compile(&toml::from_str(e.toml).unwrap()).unwrap();
     catalogue::robots().iter().map(compile).collect()
 }
 
-fn gait(robot: &Robot, seed: u64, duration: f64) -> Targets {
+fn gait(robot: &Robot, seed: u64, duration: f64) -> Motion {
     let mut stream = Stream::new(seed, Purpose::Sample, 0, 0, 0);
     let genome: Vec<f64> = (0..robot.hinges.len())
         .flat_map(|_| Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
         .collect();
-    Hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
+    Hopf.compile(robot, &genome, duration)
 }
 
-fn run(robot: &Robot, start: &State, targets: &Targets) -> Rollout {
+fn run(robot: &Robot, start: &State, motion: &Motion) -> Rollout {
     let physics = Physics::of_scale(Scale::Paper);
-    engine(EngineKind::Rapier).run(robot, &physics, &[], &[Request { start, targets }]).swap_remove(0)
+    engine(EngineKind::Rapier).run(robot, &physics, &[], &[Request { start, motion }]).swap_remove(0)
 }
 
 fn start(robot: &Robot) -> State {
@@ -67,8 +67,8 @@ fn golden_rollouts_of_the_lockstep_engine_have_their_recorded_bits() {
     let robots = robots();
     let recorded = robots.iter().map(|robot| {
         let start = settle(engine, robot, &physics).unwrap();
-        let targets = gait(robot, 1, 5.0);
-        let rollout = engine.run(robot, &physics, &[], &[Request { start: &start, targets: &targets }]).swap_remove(0);
+        let motion = gait(robot, 1, 5.0);
+        let rollout = engine.run(robot, &physics, &[], &[Request { start: &start, motion: &motion }]).swap_remove(0);
         assert_eq!(rollout.outcome, Outcome::Completed, "{}", robot.name);
         format!("{} {}", robot.name, Digest::of("golden", &bits(&rollout)).short())
     });
@@ -90,7 +90,7 @@ fn multibody_joints_settle_and_have_their_recorded_bits() {
     let recorded = robots.iter().map(|robot| {
         let start = settle(engine, robot, &physics).unwrap();
         let gaits = [gait(robot, 1, 2.0), gait(robot, 2, 2.0)];
-        let requests = gaits.each_ref().map(|targets| Request { start: &start, targets });
+        let requests = gaits.each_ref().map(|motion| Request { start: &start, motion });
         let together = engine.run(robot, &physics, &[], &requests);
         let alone = engine.run(robot, &physics, &[], &requests[..1]).swap_remove(0);
         assert_eq!(alone.outcome, Outcome::Completed, "{}", robot.name);
@@ -110,12 +110,12 @@ fn multibody_joints_settle_and_have_their_recorded_bits() {
 fn one_rollout_more_in_a_batch_changes_no_bit_of_any_other() {
     let robot = &robots()[0];
     let start = start(robot);
-    let gaits: Vec<Targets> = (0..4).map(|seed| gait(robot, seed, 2.0)).collect();
+    let gaits: Vec<Motion> = (0..4).map(|seed| gait(robot, seed, 2.0)).collect();
     let physics = Physics::of_scale(Scale::Paper);
-    let requests: Vec<Request<'_>> = gaits.iter().map(|targets| Request { start: &start, targets }).collect();
+    let requests: Vec<Request<'_>> = gaits.iter().map(|motion| Request { start: &start, motion }).collect();
     let together = engine(EngineKind::Rapier).run(robot, &physics, &[], &requests);
-    for (targets, rollout) in gaits.iter().zip(&together) {
-        assert_eq!(bits(rollout), bits(&run(robot, &start, targets)));
+    for (motion, rollout) in gaits.iter().zip(&together) {
+        assert_eq!(bits(rollout), bits(&run(robot, &start, motion)));
     }
 }
 
@@ -129,12 +129,12 @@ fn flat_ground_hardly_cares_where_the_robot_stands() {
         let start = start(robot);
         let mut errors = Vec::new();
         for seed in 0..10 {
-            let targets = gait(robot, seed, 1.0);
-            let here = run(robot, &start, &targets).end.pivot;
+            let motion = gait(robot, seed, 1.0);
+            let here = run(robot, &start, &motion).end.pivot;
             for (x, y, yaw) in [(10.0, -5.0, 0.0), (0.0, 0.0, 0.5), (0.0, 0.0, 2.0), (-20.0, 12.0, -1.1)] {
                 let frame = Pose::from_parts(Vector::new(x, y, 0.0), about_z(yaw));
-                let there = State { pivot: frame * start.pivot, joints: start.joints.clone() };
-                let back = frame.inverse() * run(robot, &there, &targets).end.pivot;
+                let there = State::new(frame * start.pivot, start.joints.clone());
+                let back = frame.inverse() * run(robot, &there, &motion).end.pivot;
                 errors.push((back.translation - here.translation).length());
             }
         }
@@ -148,7 +148,7 @@ fn flat_ground_hardly_cares_where_the_robot_stands() {
 fn settled_robots_stand_still_and_upright() {
     for robot in robots() {
         let start = start(&robot);
-        let rollout = run(&robot, &start, &Targets::zero(robot.hinges.len(), 5.0));
+        let rollout = run(&robot, &start, &Motion::standing(robot.hinges.len(), 5.0));
         let moved = (rollout.end.pivot.translation - start.pivot.translation).length();
         assert!(moved < 0.02, "{} moved {moved} mu in 5 s of standing", robot.name);
         assert!(rollout.end.joints.iter().all(|a| a.abs() < 0.1), "{}: {:?}", robot.name, rollout.end.joints);
@@ -178,8 +178,8 @@ fn a_broken_simulation_is_reported_not_returned() {
     let robot = &robots()[0];
     let mut start = start(robot);
     start.pivot.translation.z = -3.0;
-    let targets = Targets::zero(robot.hinges.len(), 1.0);
-    assert!(matches!(run(robot, &start, &targets).outcome, Outcome::Unstable { .. }));
+    let motion = Motion::standing(robot.hinges.len(), 1.0);
+    assert!(matches!(run(robot, &start, &motion).outcome, Outcome::Unstable { .. }));
     start.pivot.translation.z = f32::NAN;
-    assert!(matches!(run(robot, &start, &targets).outcome, Outcome::Unstable { .. }));
+    assert!(matches!(run(robot, &start, &motion).outcome, Outcome::Unstable { .. }));
 }

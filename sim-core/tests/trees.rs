@@ -3,7 +3,7 @@
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::model::Place;
-use sim_core::physics::Request;
+use sim_core::physics::{Change, Event, Request};
 use sim_core::plan::{Ask, Planner, PlannerSettings};
 use sim_core::problem::Job;
 
@@ -45,13 +45,30 @@ fn assert_edges_are_reproduced(job: &Job, trial: &Trial) {
         assert_eq!(key.gait, gait);
         let start = trial.table.start(key.start);
         let terrain = if trial.table.is_in_place(key.start) { job.environment().terrain.as_slice() } else { &[] };
-        let request = Request { start, targets: &trial.targets[gait] };
+        let request = Request { start, motion: &trial.motions[gait] };
         let again = job.engine().run(job.robot(), job.physics(), terrain, &[request]).swap_remove(0);
         let transition = trial.table.get(key).unwrap();
         assert_eq!(again, transition.rollout, "edge to node {i}");
         let frame = growth.frame(&trial.table, parent, key);
         assert_eq!(frame.then(&transition.end), node.place, "edge to node {i}");
     }
+}
+
+/// A gait that the engine refuses on the way leads nowhere, and each of its rollouts is counted.
+#[test]
+fn refused_rollouts_are_rejected_edges() {
+    let job = job("empty", "iterations = 20");
+    let streams = search_streams(&job, 0, 0);
+    let mut trials = [Trial::new(&job, &job.optimiser().ask().genotypes[0], 0.0, streams)];
+    let change = Change::Replace { module: 0 };
+    trials[0].motions[1] = trials[0].motions[1].clone().with_events(vec![Event { tick: 100, change }]);
+    grow(&job, &mut trials, &|| false).unwrap();
+    let [trial] = trials;
+    let nodes = &trial.tree().nodes;
+    assert!(nodes.len() > 3 && nodes.iter().all(|node| node.edge.is_none_or(|(_, gait)| gait != 1)));
+    let counts = trial.counts();
+    assert!(counts.rejected >= counts.edges / 3, "{counts:?}");
+    assert!(counts.unstable >= counts.rollouts / 3, "{counts:?}");
 }
 
 #[test]

@@ -59,7 +59,7 @@ pub fn arrival(rollout: &Rollout, from: &Place) -> Option<Place> {
 pub fn disturbed(start: &State, gait: u32) -> State {
     let mut stream = Stream::new(0, Purpose::Sample, 0, gait, 1);
     let mut off = |angle: &f32| if stream.unit() < 0.5 { angle - DISTURBANCE } else { angle + DISTURBANCE };
-    State { pivot: start.pivot, joints: start.joints.iter().map(&mut off).collect() }
+    State::new(start.pivot, start.joints.iter().map(&mut off).collect())
 }
 
 /// Compares where gaits lead with a setting and with the reference, gait by gait; `None` stands for an unstable rollout.
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_disturbed_start_is_off_by_a_millionth_in_every_joint() {
-        let start = State { pivot: sim_core::base::math::Pose::IDENTITY, joints: vec![0.1; 32] };
+        let start = State::new(sim_core::base::math::Pose::IDENTITY, vec![0.1; 32]);
         let (one, two) = (disturbed(&start, 1), disturbed(&start, 2));
         assert_eq!(one, disturbed(&start, 1));
         assert_ne!(one, two);

@@ -13,7 +13,7 @@ use sim_core::base::random::{Purpose, Stream};
 use sim_core::control::{Controller, Hopf};
 use sim_core::exchange;
 use sim_core::model::{Robot, RobotSpec, State};
-use sim_core::physics::{Bound, Outcome, Physics, Rollout, Targets};
+use sim_core::physics::{Bound, Motion, Outcome, Physics, Rollout};
 use std::collections::BTreeMap;
 
 /// Hinges of a random robot, from and to.
@@ -83,13 +83,13 @@ pub fn random_arms(stream: &mut Stream, capsules: bool) -> Robot {
 }
 
 /// A random gait, uniform in the controller's bounds.
-pub fn random_gait(robot: &Robot, duration: f64, stream: &mut Stream) -> Targets {
+pub fn random_gait(robot: &Robot, duration: f64, stream: &mut Stream) -> Motion {
     let joints = robot.hinges.len();
     let gait: Vec<f64> = (0..joints)
         .flat_map(|_| Hopf.parameters())
         .map(|parameter| stream.uniform(parameter.bounds.0, parameter.bounds.1))
         .collect();
-    Hopf.compile(&gait, joints, duration).within(&robot.hinges)
+    Hopf.compile(robot, &gait, duration)
 }
 
 /// A random start: any orientation, joints anywhere within ± 1 rad as long as no two bodies overlap, up to 1 mu above the
@@ -145,7 +145,7 @@ fn overlaps(robot: &Robot, state: &State) -> bool {
 pub fn observe(robot: &Robot, physics: &Physics, start: &State, rollout: &Rollout) -> Option<(f32, Bound)> {
     let until = match rollout.outcome {
         Outcome::Completed => f32::INFINITY,
-        Outcome::Unstable { time, .. } => time,
+        Outcome::Unstable { time, .. } | Outcome::Refused { time, .. } => time,
     };
     let mass: f64 = robot.bodies.iter().map(|b| f64::from(b.mass)).sum();
     let gravity = f64::from(physics.gravity);
@@ -250,13 +250,13 @@ pub fn of_robot(
 ) -> Soundness {
     let stream = |which: u32| Stream::new(seed, Purpose::Sample, index, which, 2);
     let robot = random_robot(&mut stream(0));
-    let drawn: Vec<(State, Targets)> = (1..=rollouts)
+    let drawn: Vec<(State, Motion)> = (1..=rollouts)
         .map(|which| {
             let mut stream = stream(which);
             (random_start(&robot, &mut stream), random_gait(&robot, duration, &mut stream))
         })
         .collect();
-    let requests: Vec<_> = drawn.iter().map(|(start, targets)| sim_core::physics::Request { start, targets }).collect();
+    let requests: Vec<_> = drawn.iter().map(|(start, motion)| sim_core::physics::Request { start, motion }).collect();
     let mut found = Soundness::default();
     for (rollout, (start, _)) in engine.run(&robot, physics, &[], &requests).iter().zip(&drawn) {
         found.note(rollout, observe(&robot, physics, start, rollout));

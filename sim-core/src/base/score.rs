@@ -49,7 +49,7 @@ pub fn mean(scores: &[Option<f64>]) -> Option<f64> {
 pub struct Counts {
     /// Rollouts simulated.
     pub rollouts: u64,
-    /// Rollouts that ended unstable.
+    /// Rollouts that did not run to their end: unstable, or refused by the engine.
     pub unstable: u64,
     /// Physics ticks simulated, in milliseconds of simulated time.
     pub simulated_ms: u64,

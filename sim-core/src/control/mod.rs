@@ -1,7 +1,7 @@
 //! Controllers: signal generators that give joint targets over time.
 //!
-//! Nothing in a controller senses the physics, so a gait is compiled once to a table of joint targets, which all rollouts
-//! of that gait share. No physics engine knows what an oscillator is.
+//! Nothing in a controller senses the physics, so a gait is compiled once to a motion, which all rollouts of that gait
+//! share. No physics engine knows what an oscillator is.
 
 mod gaits;
 mod hopf;
@@ -13,7 +13,8 @@ pub use hopf::Hopf;
 pub use sine::Sine;
 
 use crate::base::registry::{Component, Registered, Registry};
-use crate::physics::Targets;
+use crate::model::Robot;
+use crate::physics::{Motion, Targets};
 
 /// The controllers there are; the first is that of a job that names none.
 static CONTROLLERS: Registry<dyn Controller> = Registry::new(&[&Hopf, &Sine]);
@@ -39,14 +40,14 @@ pub trait Controller: Component {
     /// depends on another's parameters.
     fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>>;
 
-    /// The joint targets of a gait over `duration` s.
+    /// The motion of a gait over `duration` s.
     ///
     /// # Panics
-    /// If the number of parameters is not that of `joints` joints.
-    fn compile(&self, gait: &[f64], joints: usize, duration: f64) -> Targets {
-        let each = self.parameters().len();
+    /// If the number of parameters is not that of the robot's joints.
+    fn compile(&self, robot: &Robot, gait: &[f64], duration: f64) -> Motion {
+        let (joints, each) = (robot.hinges.len(), self.parameters().len());
         assert_eq!(gait.len(), joints * each, "a gait of {joints} joints has {} parameters", joints * each);
-        Targets::new(&self.signals(gait, Targets::ticks(duration)), duration)
+        Targets::new(&self.signals(gait, Targets::ticks(duration)), duration).within(&robot.hinges).into()
     }
 }
 

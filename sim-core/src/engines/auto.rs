@@ -4,8 +4,8 @@ use crate::base::error::Invalid;
 use crate::engines::known::{Known, Row};
 use crate::model::Robot;
 use crate::model::environment::Environment;
-use crate::physics::lockstep::{self, Unsupported};
-use crate::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec};
+use crate::physics::lockstep;
+use crate::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Unsupported};
 use std::fmt;
 
 /// The engine that a job runs on, and why.
@@ -83,8 +83,10 @@ pub(crate) fn choose(
 /// What rules the lockstep engine out, for `auto` and in words.
 fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Option<(Why, String)> {
     match lockstep::supports(robot, &environment.terrain) {
-        Err(reason @ Unsupported::Terrain) => Some((Why::Terrain, reason.to_string())),
-        Err(reason @ Unsupported::Capsules) => Some((Why::Capsules, reason.to_string())),
+        Err(reason) => {
+            let why = if reason == Unsupported::Terrain { Why::Terrain } else { Why::Capsules };
+            Some((why, reason.to_string()))
+        }
         Ok(()) if spec.joints == JointKind::Multibody => {
             Some((Why::Multibody, "physics.joints = \"multibody\" is a kind of joint of rapier's".to_owned()))
         }

@@ -3,7 +3,7 @@
 
 use super::engine;
 use crate::model::Robot;
-use crate::physics::{EngineKind, JointKind, Physics, Request, Scale, TICK, Targets};
+use crate::physics::{EngineKind, JointKind, Motion, Physics, Request, Scale, TICK, Targets};
 
 /// A body with four legs of two modules: eight hinges.
 const ROBOT: &str = include_str!("golden/robot.toml");
@@ -12,9 +12,9 @@ const TARGETS: &str = include_str!("golden/targets.txt");
 
 /// Simulates the recorded gait, 2 s, with every kind of joint that the engine has. Returns the bits of where it ends.
 pub(super) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
-    let (robot, targets) = recorded();
+    let (robot, motion) = recorded();
     let start = robot.neutral();
-    let request = Request { start: &start, targets: &targets };
+    let request = Request { start: &start, motion: &motion };
     let bits = |joints: JointKind| {
         let physics = Physics { joints, ..Physics::of(kind, Scale::Paper) };
         let end = engine(kind).run(&robot, &physics, &[], &[request]).swap_remove(0).end;
@@ -27,8 +27,8 @@ pub(super) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
     }
 }
 
-/// The robot and its targets.
-fn recorded() -> (Robot, Targets) {
+/// The robot and its gait.
+fn recorded() -> (Robot, Motion) {
     let spec = toml::from_str(ROBOT).expect("the recorded robot is valid");
     let robot = Robot::compile(&spec).expect("the recorded robot is valid");
     let mut signals = vec![Vec::new(); robot.hinges.len()];
@@ -39,7 +39,7 @@ fn recorded() -> (Robot, Targets) {
     }
     let duration = TICK * (signals[0].len() - 1) as f64;
     let targets = Targets::new(&signals, duration).within(&robot.hinges);
-    (robot, targets)
+    (robot, targets.into())
 }
 
 #[cfg(test)]
@@ -48,7 +48,8 @@ mod tests {
 
     #[test]
     fn recorded_gait_moves_every_joint_for_2_s() {
-        let (robot, targets) = recorded();
+        let (robot, motion) = recorded();
+        let targets = motion.targets();
         assert_eq!((robot.hinges.len(), targets.joints(), targets.duration()), (8, 8, 2.0));
         let (mut first, mut last) = ([0.0; 8], [0.0; 8]);
         targets.at(0.0, &mut first);

@@ -11,7 +11,7 @@ use crate::genotype::Genome;
 use crate::model::environment::{Block, Environment};
 use crate::model::{Place, Robot, State};
 use crate::objective::Objective;
-use crate::physics::{Engine, Outcome, Physics, Request, Targets};
+use crate::physics::{Engine, Motion, Outcome, Physics, Request};
 use crate::plan::{Growth, PlannerSettings, Reuse, Setting, TransitionKey, Transitions, Tree};
 use std::collections::BTreeSet;
 
@@ -84,8 +84,8 @@ pub struct Evaluation {
 /// One candidate being evaluated: its gaits, its table of transitions and its trees.
 #[derive(Debug)]
 pub struct Trial {
-    /// What the joints are told, by gait.
-    pub targets: Vec<Targets>,
+    /// The motion of each gait.
+    pub motions: Vec<Motion>,
     /// Local states and transitions, shared by the trees.
     pub table: Transitions,
     /// The trees.
@@ -121,12 +121,11 @@ impl Trial {
         reuse: Reuse,
         streams: impl IntoIterator<Item = Stream>,
     ) -> Self {
-        let (gaits, hinges) = (scene.gaits().count as usize, &scene.robot().hinges);
+        let gaits = scene.gaits().count as usize;
         assert_eq!(genome.len(), scene.genome_length(), "the genome does not fit the job");
-        let signals = |gait: &[f64]| scene.controller().compile(gait, hinges.len(), scene.gaits().duration);
-        let compile = |gait: &[f64]| signals(gait).within(hinges);
+        let compile = |gait: &[f64]| scene.controller().compile(scene.robot(), gait, scene.gaits().duration);
         Self {
-            targets: genome.chunks(genome.len() / gaits).map(compile).collect(),
+            motions: genome.chunks(genome.len() / gaits).map(compile).collect(),
             table: Transitions::new(gaits, reuse, scene.start()),
             growths: streams.into_iter().map(|s| Growth::new(scene.planner(), scene.root(), s)).collect(),
             counts: Counts::default(),
@@ -222,7 +221,7 @@ fn run(
         }
         let request = |&(i, key): &(usize, TransitionKey)| {
             let trial: &Trial = &trials[i];
-            Request { start: trial.table.start(key.start), targets: &trial.targets[key.gait] }
+            Request { start: trial.table.start(key.start), motion: &trial.motions[key.gait] }
         };
         let requests: Vec<Request<'_>> = batch.iter().map(request).collect();
         let rollouts = engine.run(scene.robot(), scene.physics(), terrain, &requests);

@@ -17,6 +17,6 @@ mod touch;
 pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, PartBox, Robot};
 pub use kind::{FaceKind, HingeKind, Kind, PartKind, QUARTER_TURNS};
 pub use place::{Place, Plane};
-pub use pose::State;
+pub use pose::{Connection, Face, Phase, State, Twist, Velocities};
 pub use spec::*;
 pub(crate) use touch::{Solid, state_touches};

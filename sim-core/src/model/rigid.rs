@@ -313,7 +313,7 @@ fn drawn(spec: &BodySpec, body: usize, origin: Vector3<f64>, failed: bool) -> im
 
 /// Bodies that share no hinge push each other apart: overlapping ones would blow the robot up.
 fn refuse_overlaps(robot: &Robot) -> Result<(), Invalid> {
-    let still = robot.body_poses(&super::State { pivot: Pose::identity(), joints: vec![0.0; robot.hinges.len()] });
+    let still = robot.body_poses(&super::State::new(Pose::identity(), vec![0.0; robot.hinges.len()]));
     let solids = |i: usize| -> Vec<(Pose, Box<dyn Shape>)> {
         let boxes = robot.bodies[i].boxes.iter().map(|b| (still[i] * b.pose, Box::new(Cuboid::new(b.half)) as _));
         let capsules = robot.bodies[i].capsules.iter().map(|c| {

@@ -8,8 +8,9 @@ mod settings;
 mod settle;
 mod trace;
 
-pub use engine::{Engine, Request};
-pub use motion::{TICK, Targets};
+pub use engine::{Engine, Request, Unsupported};
+pub(crate) use motion::Course;
+pub use motion::{Change, Event, Motion, TICK, Targets, Track};
 pub use rapier::RapierEngine;
 pub use settings::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Scale};
 pub use settle::{LONGEST_SETTLING, Unsettled, settle, settle_until};

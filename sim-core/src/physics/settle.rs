@@ -1,6 +1,6 @@
 //! The start of a robot: its neutral configuration lowered to the ground until at rest.
 
-use super::{Engine, Outcome, Physics, Request, Rollout, Targets};
+use super::{Engine, Motion, Outcome, Physics, Request, Rollout};
 use crate::base::math::{Pose, Vector, about_z, heading};
 use crate::model::{Robot, State};
 
@@ -72,13 +72,13 @@ fn stand(
     still: impl Fn(&Rollout) -> bool,
     stop: &dyn Fn() -> bool,
 ) -> Result<State, Unsettled> {
-    let targets = Targets::zero(robot.hinges.len(), RUN);
+    let motion = Motion::standing(robot.hinges.len(), RUN);
     let mut state = robot.neutral();
     // A little above the ground: exact ties of all corners at distance 0 are no generic start.
     state.pivot.translation.z += 0.001;
     let mut speed = 0.0;
     for _ in 0..RUNS {
-        let request = Request { start: &state, targets: &targets };
+        let request = Request { start: &state, motion: &motion };
         let rollout = engine.run_until(robot, physics, &request, stop).ok_or(Unsettled::Stopped)?;
         if rollout.outcome != Outcome::Completed {
             return Err(Unsettled::Unstable(rollout.outcome));
@@ -86,7 +86,7 @@ fn stand(
         speed = rollout.end_speed;
         let rests = speed < REST && still(&rollout);
         speed = speed.max(if speed < REST { drift(&rollout) } else { speed });
-        state = canonical(rollout.end);
+        state = canonical(rollout.end.at_rest());
         if rests {
             return Ok(state);
         }
@@ -105,10 +105,12 @@ fn drift(rollout: &Rollout) -> f32 {
     moved.max(turned) / seconds
 }
 
-/// The same configuration at x = y = 0 with heading 0.
+/// The same state at x = y = 0 with heading 0.
 pub(crate) fn canonical(state: State) -> State {
-    let State { pivot, joints } = state;
-    let rotation = (about_z(-heading(pivot.rotation)) * pivot.rotation).normalize();
+    let pivot = state.pivot;
+    let turn = about_z(-heading(pivot.rotation));
+    let rotation = (turn * pivot.rotation).normalize();
     let translation = Vector::new(0.0, 0.0, pivot.translation.z);
-    State { pivot: Pose::from_parts(translation, rotation), joints }
+    let velocities = state.velocities.map(|velocities| velocities.turned(turn));
+    State { pivot: Pose::from_parts(translation, rotation), velocities, ..state }
 }

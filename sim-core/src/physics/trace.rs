@@ -1,7 +1,8 @@
-//! What a rollout tells.
+//! Outcome of a rollout and the way to it.
 
+use super::Unsupported;
 use crate::base::math::{Pose, Rotation, Vector};
-use crate::model::State;
+use crate::model::{Robot, State};
 use std::fmt;
 
 /// Samples a second that a trace has at least, if there are as many steps.
@@ -12,7 +13,8 @@ const SAMPLES_PER_SPAN: usize = 10;
 /// A rollout's outcome and the way to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
-    /// The configuration at the end, or at the last sound moment of an unstable rollout.
+    /// The state at the end, with its velocities and, if it completed, the motion's end phase. Of an unstable rollout the
+    /// state at the last sound moment, of a refused one that before the refused event.
     pub end: State,
     /// Greatest speed of a body at the end, mu/s.
     pub end_speed: f32,
@@ -38,6 +40,31 @@ pub enum Outcome {
         /// Which bound.
         bound: Bound,
     },
+    /// The engine can't simulate the rest. Everything before is simulated.
+    Refused {
+        /// When, s.
+        time: f32,
+        /// Index of the refused event in the motion; `None` where the robot, the terrain or the start is refused.
+        event: Option<usize>,
+        /// Why.
+        reason: Unsupported,
+    },
+}
+
+impl Rollout {
+    /// A rollout that is refused before its first step.
+    pub(crate) fn refused(robot: &Robot, start: &State, reason: Unsupported) -> Self {
+        let mut trace = Trace::new(robot.hinges.len());
+        trace.push(0.0, start);
+        Self {
+            end: start.clone(),
+            end_speed: 0.0,
+            trace,
+            swept: spans(&[robot.bounds(start)]),
+            outcome: Outcome::Refused { time: 0.0, event: None, reason },
+            simulated_ms: 0,
+        }
+    }
 }
 
 /// The bounds that tell a sound simulation from a broken one.
@@ -71,7 +98,14 @@ impl Bound {
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self::Unstable { time, bound } = self else { return f.write_str("completed") };
+        let (time, bound) = match self {
+            Self::Completed => return f.write_str("completed"),
+            Self::Refused { event: None, reason, .. } => return write!(f, "refused: {reason}"),
+            Self::Refused { time, event: Some(event), reason } => {
+                return write!(f, "event {event} was refused after {time:.2} s: {reason}");
+            }
+            Self::Unstable { time, bound } => (time, bound),
+        };
         match bound {
             Bound::Finite => write!(f, "a number was not finite after {time:.2} s"),
             Bound::Speed => write!(f, "a body was faster than {} mu/s after {time:.2} s", Bound::SPEED),
@@ -153,9 +187,9 @@ impl Trace {
         &self.numbers[i * (7 + self.joints) + 7..][..self.joints]
     }
 
-    /// The configuration at a moment.
+    /// The configuration at a moment, without its velocities.
     pub fn state(&self, i: usize) -> State {
-        State { pivot: self.pivot(i), joints: self.joints(i).to_vec() }
+        State::new(self.pivot(i), self.joints(i).to_vec())
     }
 }
 

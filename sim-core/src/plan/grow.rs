@@ -158,7 +158,7 @@ impl Growth {
         let Some((key, transition)) = reached else {
             return NodeStart { local: StartId(0), exact: None, in_place: None };
         };
-        let exact = table.is_in_place(key.start).then(|| transition.rollout.end.clone());
+        let exact = table.is_in_place(key.start).then(|| transition.rollout.end.clone().at_rest());
         NodeStart { local: table.start_of_node(transition, node), exact, in_place: None }
     }
 }
@@ -167,9 +167,11 @@ impl Growth {
 pub(super) fn laid_out(state: &State, place: &Place) -> State {
     let local = canonical(state.clone());
     let height = f64::from(local.pivot.translation.z);
-    let rotation = (about_z(place.yaw) * local.pivot.rotation).normalize();
+    let turn = about_z(place.yaw);
+    let rotation = (turn * local.pivot.rotation).normalize();
     let translation = Vector::new(place.x as f32, place.y as f32, height as f32);
-    State { pivot: Pose::from_parts(translation, rotation), joints: local.joints }
+    let velocities = local.velocities.map(|velocities| velocities.turned(turn));
+    State { pivot: Pose::from_parts(translation, rotation), velocities, ..local }
 }
 
 /// A canonical configuration, moved to a place of the map and to its height.

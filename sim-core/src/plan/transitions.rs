@@ -40,7 +40,7 @@ pub struct Transition {
     pub end: Place,
     /// How far it reaches, in the frame of the rollout.
     pub extent: Extent,
-    /// The representative of where it ends. `None` if it was unstable.
+    /// The representative of where it ends. `None` if it did not run to its end.
     pub end_start: Option<StartId>,
     /// Where it ends, if that is a member of its local state.
     pub end_member: Option<StartId>,
@@ -141,7 +141,7 @@ impl Transitions {
         let (p, yaw) = (rollout.end.pivot.translation, heading(rollout.end.pivot.rotation));
         let end = Place { x: p.x.into(), y: p.y.into(), z: p.z.into(), yaw };
         let sound = rollout.outcome == Outcome::Completed;
-        let (end_start, end_member) = match sound.then(|| self.local_state(rollout.end.clone())) {
+        let (end_start, end_member) = match sound.then(|| self.local_state(rollout.end.clone().at_rest())) {
             Some((representative, member)) => (Some(representative), member),
             None => (None, None),
         };
@@ -198,7 +198,7 @@ mod tests {
 
     fn state(x: f32, rotation: Rotation, joint: f32) -> State {
         let translation = Vector::new(x, -x, 0.5);
-        State { pivot: Pose::from_parts(translation, rotation.normalize()), joints: vec![joint, 0.2] }
+        State::new(Pose::from_parts(translation, rotation.normalize()), vec![joint, 0.2])
     }
 
     fn place_of(state: &State) -> Place {

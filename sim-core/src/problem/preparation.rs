@@ -120,7 +120,7 @@ impl fmt::Display for Preparation {
 
 impl Start {
     fn of(settled: &Settled) -> Self {
-        let State { pivot, joints } = &settled.state;
+        let State { pivot, joints, .. } = &settled.state;
         let (p, q) = (pivot.translation, pivot.rotation);
         Self {
             pivot: [p.x, p.y, p.z, q.x, q.y, q.z, q.w],
@@ -133,7 +133,7 @@ impl Start {
     fn settled(&self, job: &Checked) -> Settled {
         let [x, y, z, i, j, k, w] = self.pivot;
         let pivot = Pose::from_parts(Vector::new(x, y, z), Rotation::from_xyzw(i, j, k, w));
-        let state = State { pivot, joints: self.joints.clone() };
+        let state = State::new(pivot, self.joints.clone());
         Settled { state, quiet: self.trembling.map(|trembling| job.quiet_setting(trembling)) }
     }
 

@@ -110,7 +110,7 @@ pub fn traces(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<
     let mut counts = trial.counts();
     let tree = record::tree(job, &trial);
     let paths = record::paths(job, &trial, &tree.best_path, &mut counts);
-    let gaits = record::gaits(job, candidate, &trial.targets, &mut counts);
+    let gaits = record::gaits(job, candidate, &trial.motions, &mut counts);
     Ok((Traces { gaits, tree, paths }, counts))
 }
 
@@ -120,7 +120,7 @@ pub fn traces(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<
 /// If the genome's length does not fit the job.
 pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
     let trial = Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, []);
-    record::gaits(job, candidate, &trial.targets, &mut Counts::default())
+    record::gaits(job, candidate, &trial.motions, &mut Counts::default())
 }
 
 /// A candidate's tree as the search scored it, and its best path run three ways: what [`Traces::tree`] and

@@ -6,7 +6,7 @@ use crate::base::score::Counts;
 use crate::evaluate::Trial;
 use crate::model::environment::Block;
 use crate::model::{Place, State};
-use crate::physics::{Outcome, Request, Rollout, Targets};
+use crate::physics::{Motion, Outcome, Request, Rollout};
 use crate::plan::standing_at;
 use crate::problem::Job;
 use crate::search::Scored;
@@ -55,17 +55,17 @@ pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
 }
 
 /// Each gait from the start, in the map.
-pub(super) fn gaits(job: &Job, winner: &Scored, targets: &[Targets], counts: &mut Counts) -> Vec<GaitTrace> {
-    let each = winner.genome.len() / targets.len();
+pub(super) fn gaits(job: &Job, winner: &Scored, motions: &[Motion], counts: &mut Counts) -> Vec<GaitTrace> {
+    let each = winner.genome.len() / motions.len();
     let root = job.root();
     let (start, terrain, frame) = from_place(job, job.start(), &root);
-    let rollouts: Vec<Rollout> = targets.iter().map(|t| simulate(job, &start, t, terrain, counts)).collect();
+    let rollouts: Vec<Rollout> = motions.iter().map(|m| simulate(job, &start, m, terrain, counts)).collect();
     let stride = rollouts.iter().map(|r| r.trace.len()).sum::<usize>().div_ceil(MAX_SAMPLES).max(1);
-    let trace = |((parameters, targets), rollout): ((&[f64], &Targets), &Rollout)| {
+    let trace = |((parameters, motion), rollout): ((&[f64], &Motion), &Rollout)| {
         let sample = |i: usize| {
-            let mut commanded = vec![0.0; targets.joints()];
+            let mut commanded = vec![0.0; motion.targets().joints()];
             let time = f64::from(rollout.trace.time(i));
-            targets.at(time, &mut commanded);
+            motion.targets().at(time, &mut commanded);
             let state = laid_out_in(&frame, &rollout.trace.state(i));
             let (p, q) = (state.pivot.translation, state.pivot.rotation);
             TraceSample {
@@ -84,7 +84,7 @@ pub(super) fn gaits(job: &Job, winner: &Scored, targets: &[Targets], counts: &mu
             unstable: (rollout.outcome != Outcome::Completed).then(|| rollout.outcome.to_string()),
         }
     };
-    winner.genome.chunks(each).zip(targets).zip(&rollouts).map(trace).collect()
+    winner.genome.chunks(each).zip(motions).zip(&rollouts).map(trace).collect()
 }
 
 /// The path run three ways.
@@ -113,16 +113,16 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
     let (mut place, mut state) = (root, job.start().clone());
     for &gait in &gaits {
         let (start, terrain, frame) = from_place(job, &state, &place);
-        let rollout = simulate(job, &start, &trial.targets[gait], terrain, counts);
+        let rollout = simulate(job, &start, &trial.motions[gait], terrain, counts);
         resimulated.extend(way(&rollout, &frame, step));
         let (p, yaw) = (rollout.end.pivot.translation, heading(rollout.end.pivot.rotation));
         place = frame.then(&Place { x: p.x.into(), y: p.y.into(), z: p.z.into(), yaw });
-        state = rollout.end;
+        state = rollout.end.at_rest();
     }
 
     let mut continuous = vec![[root.x, root.y]];
     if !gaits.is_empty() {
-        let chain = Targets::chain(&gaits.iter().map(|&g| &trial.targets[g]).collect::<Vec<_>>());
+        let chain = Motion::chain(&gaits.iter().map(|&g| &trial.motions[g]).collect::<Vec<_>>());
         let (start, terrain, frame) = from_place(job, job.start(), &root);
         continuous.extend(way(&simulate(job, &start, &chain, terrain, counts), &frame, step));
     }
@@ -143,8 +143,8 @@ fn from_place<'a>(job: &'a Job, state: &State, place: &Place) -> (State, &'a [Bl
     }
 }
 
-fn simulate(job: &Job, start: &State, targets: &Targets, terrain: &[Block], counts: &mut Counts) -> Rollout {
-    let request = Request { start, targets };
+fn simulate(job: &Job, start: &State, motion: &Motion, terrain: &[Block], counts: &mut Counts) -> Rollout {
+    let request = Request { start, motion };
     let rollout = job.engine().run(job.robot(), job.physics(), terrain, &[request]).swap_remove(0);
     counts.rollouts += 1;
     counts.unstable += u64::from(rollout.outcome != Outcome::Completed);
@@ -171,7 +171,7 @@ fn way(rollout: &Rollout, frame: &Place, step: f32) -> Vec<[f64; 2]> {
 /// A configuration of a frame, in the map.
 fn laid_out_in(frame: &Place, state: &State) -> State {
     let pivot = frame.frame() * state.pivot;
-    State { pivot, joints: state.joints.clone() }
+    State::new(pivot, state.joints.clone())
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use sim_core::control::{Controller, Hopf};
 use sim_core::engines::engine;
 use sim_core::exchange::Format;
 use sim_core::model::{Robot, RobotSpec, State, catalogue};
-use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, TICK, Targets, settle};
+use sim_core::physics::{EngineKind, Motion, Outcome, Physics, Request, Scale, TICK, Targets, settle};
 use std::collections::BTreeMap;
 use std::time::Instant;
 use study::soundness::random_robot;
@@ -156,11 +156,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let own = Physics::of(EngineKind::Lockstep, scale);
     let start = settle(rapier, &robot, &physics).or_else(|_| settle(engine(EngineKind::Lockstep), &robot, &own))?;
 
-    let gaits: Vec<Targets> =
+    let gaits: Vec<Motion> =
         (0..arguments.gaits).map(|i| gait(&robot, arguments.seed, i, arguments.duration)).collect();
     let runs = arguments.settings.iter().map(|&setting| {
         let physics = Physics { steps_per_second: setting.steps, substeps: setting.substeps, ..physics };
-        let requests: Vec<Request<'_>> = gaits.iter().map(|targets| Request { start: &start, targets }).collect();
+        let requests: Vec<Request<'_>> = gaits.iter().map(|motion| Request { start: &start, motion }).collect();
         let clock = Instant::now();
         let rollouts = engine(setting.engine).run(&robot, &physics, &[], &requests);
         let wall = clock.elapsed().as_secs_f64();
@@ -173,8 +173,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let let_go = |lift: f32, seconds: f64, physics: &Physics| {
         let mut above = start.clone();
         above.pivot.translation.z += lift;
-        let targets = Targets::zero(robot.hinges.len(), seconds);
-        let request = Request { start: &above, targets: &targets };
+        let motion = Motion::standing(robot.hinges.len(), seconds);
+        let request = Request { start: &above, motion: &motion };
         let end = rapier.run(&robot, physics, &[], &[request]).swap_remove(0).end;
         Drop { lift, seconds, height: end.pivot.translation.z }
     };
@@ -196,7 +196,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         limp: let_go(0.5, 4.0, &Physics { stiffness: 0.0, ..fine }),
         tick: TICK,
         duration: arguments.duration,
-        tables: if arguments.tables { gaits.iter().map(rows).collect() } else { Vec::new() },
+        tables: if arguments.tables { gaits.iter().map(|gait| rows(gait.targets())).collect() } else { Vec::new() },
         runs,
     };
     println!("{}", serde_json::to_string(&answer)?);
@@ -214,13 +214,13 @@ fn compiled(name: &str) -> Result<Robot, Box<dyn std::error::Error>> {
     Ok(Robot::compile(&variant.map_or(Ok(spec.clone()), |variant| spec.variant(variant))?)?)
 }
 
-fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Targets {
+fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Motion {
     let mut stream = Stream::new(seed, Purpose::Sample, 0, index as u32, 0);
     let mut genome = Vec::new();
     for _ in 0..robot.hinges.len() {
         genome.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
     }
-    Hopf.compile(&genome, robot.hinges.len(), duration).within(&robot.hinges)
+    Hopf.compile(robot, &genome, duration)
 }
 
 fn rows(targets: &Targets) -> Vec<Vec<f32>> {

@@ -20,7 +20,7 @@ use sim_core::engines::engine;
 use sim_core::genotype::Genome;
 use sim_core::model::environment::Environment;
 use sim_core::model::{Place, State};
-use sim_core::physics::{Engine, EngineKind, Physics, Request, Rollout, Scale, Targets};
+use sim_core::physics::{Engine, EngineKind, Motion, Physics, Request, Rollout, Scale};
 use sim_core::problem::Job;
 use std::fs;
 use std::path::Path;
@@ -204,7 +204,7 @@ fn evolved(
 }
 
 /// Every gait with every variant, by turns, so that all variants see the same machine. By gait, then by variant.
-fn simulate(job: &Job, variants: &[Variant], gaits: &[Targets], threads: u32, progress: &Pieces) -> Vec<Vec<Run>> {
+fn simulate(job: &Job, variants: &[Variant], gaits: &[Motion], threads: u32, progress: &Pieces) -> Vec<Vec<Run>> {
     let turns = turns(gaits.len(), variants.iter().any(|v| v.engine.lanes() > 1));
     let (start, from) = job.start_among_terrain();
     let next = AtomicUsize::new(0);
@@ -232,12 +232,12 @@ fn simulate(job: &Job, variants: &[Variant], gaits: &[Targets], threads: u32, pr
 fn all(
     job: &Job,
     variant: &Variant,
-    gaits: &[Targets],
+    gaits: &[Motion],
     (start, disturbed, from): (&State, &[State], &Place),
 ) -> Vec<Run> {
     let start = |i: usize| if variant.disturbed { &disturbed[i] } else { start };
     let requests: Vec<Request<'_>> =
-        gaits.iter().enumerate().map(|(i, targets)| Request { start: start(i), targets }).collect();
+        gaits.iter().enumerate().map(|(i, motion)| Request { start: start(i), motion }).collect();
     let run = |(rollout, spent): (Rollout, Spent)| Run {
         end: arrival(&rollout, from),
         simulated: rollout.simulated_ms as f64 / 1000.0,

@@ -4,7 +4,7 @@ use crate::progress::Pieces;
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::evaluate;
 use sim_core::genotype::Genome;
-use sim_core::physics::Targets;
+use sim_core::physics::Motion;
 use sim_core::problem::Job;
 
 /// `n` gaits, uniform in the controller's bounds.
@@ -65,10 +65,10 @@ pub fn length(job: &Job) -> usize {
     job.bounds().0.len() / job.spec().gaits.count as usize
 }
 
-/// The joint targets of gaits over the job's duration.
-pub fn compiled(job: &Job, gaits: &[Genome]) -> Vec<Targets> {
-    let (hinges, duration) = (&job.robot().hinges, job.spec().gaits.duration);
-    gaits.iter().map(|gait| job.controller().compile(gait, hinges.len(), duration).within(hinges)).collect()
+/// The motions of gaits over the job's duration.
+pub fn compiled(job: &Job, gaits: &[Genome]) -> Vec<Motion> {
+    let duration = job.spec().gaits.duration;
+    gaits.iter().map(|gait| job.controller().compile(job.robot(), gait, duration)).collect()
 }
 
 #[cfg(test)]

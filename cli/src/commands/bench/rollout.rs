@@ -47,13 +47,13 @@ pub fn run(args: BenchRollout, quiet: bool) -> Result<(), Error> {
     subject::supported(&settings, &job)?;
     let physics: Vec<(&dyn Engine, Physics)> =
         settings.iter().map(|s| (engine(s.engine), s.apply(job.physics()))).collect();
-    let targets = gaits::compiled(&job, &gaits::random(&job, args.gaits, args.seed));
-    let progress = Pieces::new("gaits", targets.len() as u64, quiet);
+    let motions = gaits::compiled(&job, &gaits::random(&job, args.gaits, args.seed));
+    let progress = Pieces::new("gaits", motions.len() as u64, quiet);
     let mut spent: Vec<Vec<(f64, Spent)>> = vec![Vec::new(); settings.len()];
     let mut unstable = vec![0; settings.len()];
-    for turn in turns(targets.len(), physics.iter().any(|(engine, _)| engine.lanes() > 1)) {
+    for turn in turns(motions.len(), physics.iter().any(|(engine, _)| engine.lanes() > 1)) {
         let requests: Vec<Request<'_>> =
-            targets[turn.clone()].iter().map(|targets| Request { start: job.start(), targets }).collect();
+            motions[turn.clone()].iter().map(|motion| Request { start: job.start(), motion }).collect();
         for (i, (engine, physics)) in physics.iter().enumerate() {
             for (rollout, time) in rollouts(*engine, job.robot(), physics, &[], &requests) {
                 spent[i].push((rollout.simulated_ms as f64 / 1000.0, time));

@@ -6,8 +6,8 @@ use super::lanes::{Lanes, Mask, V3, all, fma};
 use super::model::Model;
 use super::step::Stepper;
 use crate::base::math::{Pose, Rotation, Vector};
-use crate::model::State;
-use crate::physics::{Bound, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
+use crate::model::{State, Twist, Velocities};
+use crate::physics::{Bound, Course, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
 use fearless_simd::prelude::*;
 
 /// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes. `stop` is
@@ -18,11 +18,11 @@ pub(super) fn run<S: Simd, G: Surface<S>>(
     model: &Model,
     physics: &Physics,
     ground: G,
-    batch: &[Request<'_>],
+    batch: &[(Request<'_>, Course)],
     stop: &dyn Fn() -> bool,
 ) -> Option<Vec<Rollout>> {
     let width = Lanes::<S>::LEN;
-    let steps = |i: usize| physics.steps(batch[i].targets.duration());
+    let steps = |i: usize| batch[i].1.steps;
     let mut order: Vec<usize> = (0..batch.len()).collect();
     order.sort_by_key(|&i| steps(i));
     let mut rollouts: Vec<Option<Rollout>> = batch.iter().map(|_| None).collect();
@@ -31,7 +31,7 @@ pub(super) fn run<S: Simd, G: Surface<S>>(
     while let Some(&first) = rest.first() {
         let alike = rest.iter().take(width).take_while(|&&i| steps(i) == steps(first)).count();
         let (group, later) = rest.split_at(alike);
-        let requests: Vec<Request<'_>> = group.iter().map(|&i| batch[i]).collect();
+        let requests: Vec<&(Request<'_>, Course)> = group.iter().map(|&i| &batch[i]).collect();
         for (&i, rollout) in group.iter().zip(roll(simd, model, physics, &mut stepper, &requests, stop)?) {
             rollouts[i] = Some(rollout);
         }
@@ -44,6 +44,8 @@ pub(super) fn run<S: Simd, G: Surface<S>>(
 struct Lane {
     trace: Trace,
     boxes: Vec<(Vector, Vector)>,
+    /// Velocities at the last sample of the trace.
+    velocities: Velocities,
     /// The first bound that it left, and the step at whose end it had.
     broken: Option<(u32, Bound)>,
 }
@@ -55,16 +57,18 @@ fn roll<S: Simd, G: Surface<S>>(
     model: &Model,
     physics: &Physics,
     stepper: &mut Stepper<'_, S, G>,
-    requests: &[Request<'_>],
+    requests: &[&(Request<'_>, Course)],
     stop: &dyn Fn() -> bool,
 ) -> Option<Vec<Rollout>> {
     let rate = physics.steps_per_second;
-    let steps = physics.steps(requests[0].targets.duration());
+    let steps = requests[0].1.steps;
     let every = sample_every(rate);
     let joints = model.hinges.len();
     let mut motion = start(simd, model, requests);
-    let mut lanes: Vec<Lane> =
-        requests.iter().map(|_| Lane { trace: Trace::new(joints), boxes: Vec::new(), broken: None }).collect();
+    let lane =
+        || Lane { trace: Trace::new(joints), boxes: Vec::new(), velocities: velocities(&motion, 0), broken: None };
+    let mut lanes: Vec<Lane> = requests.iter().map(|_| lane()).collect();
+    stepper.unlock();
     let mut targets = vec![all(simd, 0.0); joints];
     let mut rows = vec![vec![0.0; joints]; requests.len()];
     let mut speeds = all(simd, 0.0);
@@ -81,8 +85,9 @@ fn roll<S: Simd, G: Surface<S>>(
             stepper.measure(&motion);
         } else {
             let time = f64::from(done + 1) / f64::from(rate);
-            for (row, request) in rows.iter_mut().zip(requests) {
-                request.targets.at(time, row);
+            for (lane, (request, course)) in requests.iter().enumerate() {
+                request.motion.targets().at(time, &mut rows[lane]);
+                course.failing(done).for_each(|joint| stepper.lock(joint, lane));
             }
             for (joint, target) in targets.iter_mut().enumerate() {
                 *target = gather(simd, requests.len(), |lane| rows[lane][joint]);
@@ -100,16 +105,23 @@ fn roll<S: Simd, G: Surface<S>>(
         }
     }
     let ms = |step: u32| u64::from(step) * 1000 / u64::from(rate);
-    let outcome = |(lane, request): (Lane, &Request<'_>), i: usize| {
+    let outcome = |(lane, (request, course)): (Lane, &&(Request<'_>, Course)), i: usize| {
         let (outcome, done) = match lane.broken {
-            None => (Outcome::Completed, steps),
+            None => (course.outcome, steps),
             Some((step, bound)) => {
                 (Outcome::Unstable { time: (f64::from(step) / f64::from(rate)) as f32, bound }, step)
             }
         };
         // The last sound moment that was sampled.
         let sound = (0..lane.trace.len()).take_while(|&s| lane.trace.time(s) * rate as f32 <= done as f32).last();
-        let end = sound.map_or_else(|| request.start.clone(), |s| lane.trace.state(s));
+        let mut end = request.start.clone();
+        if let Some(s) = sound {
+            let state = lane.trace.state(s);
+            end = State { velocities: Some(lane.velocities), connections: end.connections, phase: end.phase, ..state };
+        }
+        if outcome == Outcome::Completed {
+            end.phase = request.motion.end_phase().clone();
+        }
         let kept = sound.map_or(1, |s| s + 1);
         Rollout {
             end,
@@ -134,8 +146,13 @@ fn gather<S: Simd>(simd: S, used: usize, value: impl Fn(usize) -> f32) -> Lanes<
 }
 
 #[inline(always)]
-fn start<S: Simd>(simd: S, model: &Model, requests: &[Request<'_>]) -> Motion<S> {
-    let pick = |f: &dyn Fn(&State) -> f32| gather(simd, requests.len(), |lane| f(requests[lane].start));
+fn start<S: Simd>(simd: S, model: &Model, requests: &[&(Request<'_>, Course)]) -> Motion<S> {
+    let pick = |f: &dyn Fn(&State) -> f32| gather(simd, requests.len(), |lane| f(requests[lane].0.start));
+    let speed = |f: &dyn Fn(&Velocities) -> f32| pick(&|s| s.velocities.as_ref().map_or(0.0, f));
+    let base = Spatial {
+        a: V3 { x: speed(&|v| v.pivot.angular.x), y: speed(&|v| v.pivot.angular.y), z: speed(&|v| v.pivot.angular.z) },
+        l: V3 { x: speed(&|v| v.pivot.linear.x), y: speed(&|v| v.pivot.linear.y), z: speed(&|v| v.pivot.linear.z) },
+    };
     Motion {
         position: V3 {
             x: pick(&|s| s.pivot.translation.x),
@@ -149,8 +166,16 @@ fn start<S: Simd>(simd: S, model: &Model, requests: &[Request<'_>]) -> Motion<S>
             pick(&|s| s.pivot.rotation.w),
         ],
         angles: (0..model.hinges.len()).map(|joint| pick(&|s| s.joints[joint])).collect(),
-        velocity: Velocity { base: Spatial::zero(simd), rates: vec![all(simd, 0.0); model.hinges.len()] },
+        velocity: Velocity { base, rates: (0..model.hinges.len()).map(|joint| speed(&|v| v.rates[joint])).collect() },
     }
+}
+
+/// Velocities of a lane.
+fn velocities<S: Simd>(motion: &Motion<S>, lane: usize) -> Velocities {
+    let at = |v: V3<S>| Vector::new(v.x[lane], v.y[lane], v.z[lane]);
+    let base = motion.velocity.base;
+    let pivot = Twist { angular: at(base.a), linear: at(base.l) };
+    Velocities { pivot, rates: motion.velocity.rates.iter().map(|rate| rate[lane]).collect() }
 }
 
 /// Writes the motion down, with the box around the robot.
@@ -169,7 +194,8 @@ fn sample<S: Simd, G: Surface<S>>(
         let at = |v: V3<S>| Vector::new(v.x[i], v.y[i], v.z[i]);
         let rotation = Rotation::from_xyzw(x[i], y[i], z[i], w[i]);
         let joints = motion.angles.iter().map(|angle| angle[i]).collect();
-        lane.trace.push(time, &State { pivot: Pose::from_parts(at(motion.position), rotation), joints });
+        lane.trace.push(time, &State::new(Pose::from_parts(at(motion.position), rotation), joints));
+        lane.velocities = velocities(motion, i);
         lane.boxes.push((at(low), at(high)));
     }
 }

@@ -334,7 +334,7 @@ fn beyond_the_cone<S: Simd>(simd: S, iterations: u32) -> f32 {
         let mut motion = at(simd, &robot.neutral());
         let mut row = vec![0.0; model.hinges.len()];
         for step in 1..=1000 {
-            table.at(f64::from(step) * f64::from(model.dt), &mut row);
+            table.targets().at(f64::from(step) * f64::from(model.dt), &mut row);
             let targets: Vec<_> = row.iter().map(|t| all(simd, *t)).collect();
             stepper.place(&motion);
             stepper.step(&mut motion, &targets);
@@ -383,7 +383,7 @@ fn a_body_lies_on_another_that_carries_it() {
     let mut world = world(&model, &start);
     seconds(&mut *world, 4.0);
     let energy = world.energy();
-    let poses = robot.body_poses(&State { pivot: start.pivot, joints: world.angles() });
+    let poses = robot.body_poses(&State::new(start.pivot, world.angles()));
     let load = poses[2] * Vector::new(1.3, 0.0, 0.3) - poses[0].translation;
     let top = 0.5 + 0.25;
     assert!(energy < 1e-3, "it has {energy} kg·mu²/s² left");

@@ -30,7 +30,7 @@ pub use crate::base::simd::Level;
 use crate::base::simd::at_level;
 use crate::model::Robot;
 use crate::model::environment::Block;
-use crate::physics::{Engine, Physics, Request, Rollout};
+use crate::physics::{Course, Engine, Motion, Physics, Request, Rollout, Unsupported};
 use fearless_simd::{Simd, SimdBase};
 
 /// Raised by hand when a change of this engine alters results. What was measured of its fidelity holds for one revision.
@@ -40,21 +40,10 @@ pub const REVISION: u32 = 1;
 /// motors are linearised anew within a step.
 pub struct LockstepEngine;
 
-/// Why the engine can't simulate something.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unsupported {
-    /// Of terrain it knows stairs only.
-    #[error(
-        "of terrain the lockstep engine knows stairs only: blocks on the ground, with sides along x and y, all between the \
-         same two lines, which are at least 10 mu apart"
-    )]
-    Terrain,
-    /// It knows boxes only.
-    #[error("the lockstep engine knows boxes only, and the robot has capsules")]
-    Capsules,
-}
-
-/// Whether the engine can simulate this robot on this terrain.
+/// Checks that the engine can simulate this robot on this terrain.
+///
+/// # Errors
+/// It does not know the terrain or a shape of the robot.
 pub fn supports(robot: &Robot, terrain: &[Block]) -> Result<(), Unsupported> {
     if !terrain::known(terrain) {
         return Err(Unsupported::Terrain);
@@ -66,19 +55,19 @@ pub fn supports(robot: &Robot, terrain: &[Block]) -> Result<(), Unsupported> {
 }
 
 impl Engine for LockstepEngine {
-    /// # Panics
-    /// If [`supports`] says no.
+    fn supports(&self, robot: &Robot, terrain: &[Block], motion: &Motion) -> Result<(), Unsupported> {
+        supports(robot, terrain)?;
+        motion.events().iter().try_for_each(|event| Unsupported::of_event(robot, &event.change))
+    }
+
     fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
-        if let Err(why) = supports(robot, terrain) {
-            panic!("{why}");
+        if let Err(reason) = supports(robot, terrain) {
+            return batch.iter().map(|request| Rollout::refused(robot, request.start, reason)).collect();
         }
         run_at(Level::new(), robot, physics, terrain, batch)
     }
 
     /// Asks `stop` before every step.
-    ///
-    /// # Panics
-    /// If [`supports`] says no.
     fn run_until(
         &self,
         robot: &Robot,
@@ -86,8 +75,8 @@ impl Engine for LockstepEngine {
         request: &Request<'_>,
         stop: &dyn Fn() -> bool,
     ) -> Option<Rollout> {
-        if let Err(why) = supports(robot, &[]) {
-            panic!("{why}");
+        if let Err(reason) = supports(robot, &[]) {
+            return Some(Rollout::refused(robot, request.start, reason));
         }
         run_until_at(Level::new(), robot, physics, &[], &[*request], stop)?.pop()
     }
@@ -117,11 +106,13 @@ fn run_until_at(
     stop: &dyn Fn() -> bool,
 ) -> Option<Vec<Rollout>> {
     let model = model::Model::new(robot, physics);
+    let course = |request: &Request<'_>| Course::new(robot, physics, request.start, request.motion);
+    let batch: Vec<(Request<'_>, Course)> = batch.iter().map(|request| (*request, course(request))).collect();
     let layers = terrain::layers(terrain);
     if layers.is_empty() {
-        at_level!(level, simd => batch::run(simd, &model, physics, contact::Corners::new(&model), batch, stop))
+        at_level!(level, simd => batch::run(simd, &model, physics, contact::Corners::new(&model), &batch, stop))
     } else {
-        at_level!(level, simd => batch::run(simd, &model, physics, uneven::Uneven::new(&layers), batch, stop))
+        at_level!(level, simd => batch::run(simd, &model, physics, uneven::Uneven::new(&layers), &batch, stop))
     }
 }
 

@@ -13,7 +13,7 @@ use crate::base::math::{Vector, about_z};
 use crate::base::simd::{at_level, levels};
 use crate::model::environment::{Block, Environment};
 use crate::model::{Robot, RobotSpec, State};
-use crate::physics::{Outcome, Request, Targets};
+use crate::physics::{Motion, Outcome, Request};
 use fearless_simd::prelude::*;
 
 fn stairs() -> Vec<Block> {
@@ -53,7 +53,7 @@ fn robots_move_as_on_flat_ground_where_no_block_is_near() {
     for name in ["quadropod", "lizard"] {
         let robot = robot(name);
         let (start, tables) = (robot.neutral(), gaits(&robot, 4, 2.0));
-        let requests: Vec<Request<'_>> = tables.iter().map(|targets| Request { start: &start, targets }).collect();
+        let requests: Vec<Request<'_>> = tables.iter().map(|motion| Request { start: &start, motion }).collect();
         let far = [Block { center: [100.0, 0.0], size: [1.0, 1.0], base: 0.0, top: 1.0, yaw: 0.0 }];
         let run = |terrain: &[Block]| run_at(Level::new(), &robot, &physics(), terrain, &requests);
         for (flat, blocks) in run(&[]).iter().zip(run(&far)) {
@@ -149,14 +149,14 @@ fn a_wall_stops_a_sliding_brick_straight_and_turned() {
 #[test]
 fn falling_bricks_come_to_rest_on_stairs_in_any_orientation() {
     let (robot, blocks) = (brick(), stairs());
-    let targets = [Targets::zero(1, 6.0)];
+    let motion = Motion::standing(1, 6.0);
     let mut stream = crate::base::random::Stream::new(7, crate::base::random::Purpose::Sample, 0, 0, 0);
     for i in 0..60 {
         let mut draw = |spread: f64| stream.uniform(-spread, spread) as f32;
         let mut start = placed(&robot, Vector::new(draw(8.0), draw(3.0), 4.5), 0.0);
         start.pivot.rotation =
             crate::base::math::Rotation::from_xyzw(draw(1.0), draw(1.0), draw(1.0), draw(1.0)).normalize();
-        let request = Request { start: &start, targets: &targets[0] };
+        let request = Request { start: &start, motion: &motion };
         let rollout = run_at(Level::new(), &robot, &physics(), &blocks, &[request]).remove(0);
         assert_eq!(rollout.outcome, Outcome::Completed, "{i}: {start:?}");
         assert!(rollout.end_speed < 0.02, "{i}: {} mu/s at {:?}", rollout.end_speed, rollout.end);
@@ -195,7 +195,7 @@ fn gaits_on_stairs_stay_out_of_them() {
         let mut start = robot.neutral();
         start.pivot.translation += Vector::new(-6.0, 0.0, 0.7);
         let tables = gaits(&robot, 16, 4.0);
-        let requests: Vec<Request<'_>> = tables.iter().map(|targets| Request { start: &start, targets }).collect();
+        let requests: Vec<Request<'_>> = tables.iter().map(|motion| Request { start: &start, motion }).collect();
         for rollout in run_at(Level::new(), &robot, &physics(), &blocks, &requests) {
             assert_eq!(rollout.outcome, Outcome::Completed);
             let depths: Vec<f32> =
@@ -212,7 +212,7 @@ fn neither_company_nor_instruction_set_changes_a_bit() {
     let mut start = robot.neutral();
     start.pivot.translation += Vector::new(-6.0, 0.0, 0.7);
     let tables = gaits(&robot, 18, 2.0);
-    let requests: Vec<Request<'_>> = tables.iter().map(|targets| Request { start: &start, targets }).collect();
+    let requests: Vec<Request<'_>> = tables.iter().map(|motion| Request { start: &start, motion }).collect();
     let together = run_at(Level::new(), &robot, &physics(), &blocks, &requests);
     for (i, request) in requests.iter().enumerate().take(5) {
         let alone = run_at(Level::new(), &robot, &physics(), &blocks, std::slice::from_ref(request));

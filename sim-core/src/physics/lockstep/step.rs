@@ -32,6 +32,10 @@ pub(super) struct Stepper<'a, S: Simd, G: Surface<S>> {
     carried: Vec<Spatial<S>>,
     impulses: Vec<Spatial<S>>,
     next: Velocity<S>,
+    /// 1 in the lanes where a hinge is locked, else 0.
+    locks: Vec<Lanes<S>>,
+    /// Some lane has a locked hinge.
+    locked: bool,
     /// What motors did in the last linearisation.
     motors: Vec<Drive<S>>,
     /// Kinetic energy at the step's start, kg·mu²/s².
@@ -62,11 +66,27 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
             carried: vec![zero; bodies],
             impulses: vec![zero; bodies],
             next: Velocity { base: zero, rates: vec![all(simd, 0.0); hinges] },
+            locks: vec![all(simd, 0.0); hinges],
+            locked: false,
             motors: vec![Drive { stiffening: all(simd, 0.0), impulse: all(simd, 0.0) }; hinges],
             energy: all(simd, 0.0),
             potential: all(simd, 0.0),
             work: all(simd, 0.0),
             extremes: (all(simd, 0.0), all(simd, 0.0)),
+        }
+    }
+
+    /// Locks a hinge of a lane at the angle that it has.
+    pub fn lock(&mut self, hinge: usize, lane: usize) {
+        self.locks[hinge][lane] = 1.0;
+        self.locked = true;
+    }
+
+    /// Unlocks all hinges of all lanes.
+    pub fn unlock(&mut self) {
+        if self.locked {
+            self.locks.fill(all(self.simd, 0.0));
+            self.locked = false;
         }
     }
 
@@ -169,8 +189,14 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                     self.impulses[parent] = self.impulses[parent].add(wrench);
                     let rate = self.next.rates[i];
                     let hinge = &model.hinges[i];
-                    let motor = self.motor(hinge, motion.angles[i], rate, targets[i]);
-                    let limit = self.limit(hinge, motion.angles[i], rate);
+                    let mut motor = self.motor(hinge, motion.angles[i], rate, targets[i]);
+                    let mut limit = self.limit(hinge, motion.angles[i], rate);
+                    if self.locked {
+                        let open: Mask<S> = self.locks[i].simd_lt(all(simd, 0.5));
+                        motor = motor.only(simd, open, 0.0);
+                        // What resists without bound keeps its rate at exactly 0, and so its angle.
+                        limit = limit.only(simd, open, f32::INFINITY);
+                    }
                     self.system.stiffen(i, motor.stiffening + limit.stiffening);
                     self.next.rates[i] = self.frames.hinges[i].dot(wrench) + (motor.impulse + limit.impulse);
                     self.motors[i] = motor;
@@ -272,4 +298,15 @@ struct Drive<S: Simd> {
     stiffening: Lanes<S>,
     /// Added to the right side.
     impulse: Lanes<S>,
+}
+
+impl<S: Simd> Drive<S> {
+    /// The drive in some lanes; in the others no impulse and a stiffening of its own.
+    #[inline(always)]
+    fn only(self, simd: S, lanes: Mask<S>, stiffening: f32) -> Self {
+        Self {
+            stiffening: lanes.select(self.stiffening, all(simd, stiffening)),
+            impulse: lanes.select(self.impulse, all(simd, 0.0)),
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Laws of the engine: bits, the mass matrix, contact among bodies.
 
 use super::inertia::Composite;
-use super::kinematics::{Frames, Motion, Spatial, Velocity};
+use super::kinematics::{self, Frames, Spatial, Velocity};
 use super::lanes::{Lanes, V3, all};
 use super::model::Model;
 use super::{Level, run_at};
@@ -9,7 +9,7 @@ use crate::base::random::{Purpose, Stream};
 use crate::base::simd::{at_level, levels};
 use crate::control::{Controller, Hopf};
 use crate::model::{Robot, State};
-use crate::physics::{Outcome, Physics, Request, Rollout, Scale, Targets};
+use crate::physics::{Motion, Outcome, Physics, Request, Rollout, Scale, Targets};
 use fearless_simd::prelude::*;
 
 pub(super) fn robot(name: &str) -> Robot {
@@ -21,20 +21,20 @@ pub(super) fn physics() -> Physics {
     Physics { steps_per_second: 200, substeps: 2, ..Physics::of_scale(Scale::Paper) }
 }
 
-pub(super) fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Targets> {
+pub(super) fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Motion> {
     let gait = |c: u32| {
         let mut stream = Stream::new(0, Purpose::Sample, 0, c, 0);
         let mut parameters = Vec::new();
         for _ in 0..robot.hinges.len() {
             parameters.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
         }
-        Hopf.compile(&parameters, robot.hinges.len(), duration).within(&robot.hinges)
+        Hopf.compile(robot, &parameters, duration)
     };
     (0..count).map(gait).collect()
 }
 
-fn run(robot: &Robot, physics: &Physics, start: &State, tables: &[Targets]) -> Vec<Rollout> {
-    let requests: Vec<Request<'_>> = tables.iter().map(|targets| Request { start, targets }).collect();
+fn run(robot: &Robot, physics: &Physics, start: &State, tables: &[Motion]) -> Vec<Rollout> {
+    let requests: Vec<Request<'_>> = tables.iter().map(|motion| Request { start, motion }).collect();
     run_at(Level::new(), robot, physics, &[], &requests)
 }
 
@@ -48,7 +48,7 @@ fn every_instruction_set_gives_the_same_bits() {
     for name in ["quadropod", "lizard"] {
         let robot = robot(name);
         let (start, tables) = (robot.neutral(), gaits(&robot, 3, 1.0));
-        let requests: Vec<Request<'_>> = tables.iter().map(|targets| Request { start: &start, targets }).collect();
+        let requests: Vec<Request<'_>> = tables.iter().map(|motion| Request { start: &start, motion }).collect();
         let runs: Vec<Vec<Rollout>> =
             levels().into_iter().map(|level| run_at(level, &robot, &physics(), &[], &requests)).collect();
         for other in &runs[1..] {
@@ -68,7 +68,7 @@ fn company_order_and_batch_size_change_no_bit() {
         let alone = run(&robot, &physics(), &start, std::slice::from_ref(table));
         assert_same_bits(&together[i..=i], &alone, "alone");
     }
-    let reversed: Vec<Targets> = tables.iter().rev().cloned().collect();
+    let reversed: Vec<Motion> = tables.iter().rev().cloned().collect();
     let mut back = run(&robot, &physics(), &start, &reversed);
     back.reverse();
     assert_same_bits(&together, &back, "in the other order");
@@ -84,7 +84,7 @@ fn a_lane_that_breaks_is_told_and_harms_no_other() {
     broken.joints[0] = f32::NAN;
     let starts = [&start, &broken, &start, &start];
     let requests: Vec<Request<'_>> =
-        starts.iter().zip(&tables).map(|(&start, targets)| Request { start, targets }).collect();
+        starts.iter().zip(&tables).map(|(&start, motion)| Request { start, motion }).collect();
     let mixed = run_at(Level::new(), &robot, &physics(), &[], &requests);
     assert!(matches!(mixed[1].outcome, Outcome::Unstable { .. }));
     for i in [0, 2, 3] {
@@ -122,7 +122,7 @@ fn a_robot_at_rest_stays_where_it_is() {
     for name in ["quadropod", "lizard", "l-shape", "h-shape", "t-shape"] {
         let robot = robot(name);
         let start = robot.neutral();
-        let rollout = run(&robot, &physics(), &start, &[Targets::zero(robot.hinges.len(), 5.0)]).remove(0);
+        let rollout = run(&robot, &physics(), &start, &[Motion::standing(robot.hinges.len(), 5.0)]).remove(0);
         let moved = rollout.end.pivot.translation - start.pivot.translation;
         assert!(moved.length() < 0.005, "{name} moved by {moved}");
         assert!(rollout.end_speed < 1e-3, "{name} at {} mu/s", rollout.end_speed);
@@ -198,7 +198,7 @@ fn legs_pressed_against_each_other_do_not_pass_through() {
     let start = robot.neutral();
     for side in [1.5, -1.5] {
         let signals = vec![vec![side; Targets::ticks(3.0)]; robot.hinges.len()];
-        let rollout = run(&robot, &physics(), &start, &[Targets::new(&signals, 3.0)]).remove(0);
+        let rollout = run(&robot, &physics(), &start, &[Targets::new(&signals, 3.0).into()]).remove(0);
         assert_eq!(rollout.outcome, Outcome::Completed);
         let poses = robot.body_poses(&rollout.end);
         let mut deepest = 0.0_f32;
@@ -224,9 +224,9 @@ fn legs_pressed_against_each_other_do_not_pass_through() {
 }
 
 /// A motion at rest, the same in all lanes.
-pub(super) fn at<S: Simd>(simd: S, state: &State) -> Motion<S> {
+pub(super) fn at<S: Simd>(simd: S, state: &State) -> kinematics::Motion<S> {
     let r = state.pivot.rotation;
-    Motion {
+    kinematics::Motion {
         position: V3::all(simd, state.pivot.translation),
         rotation: [all(simd, r.x), all(simd, r.y), all(simd, r.z), all(simd, r.w)],
         angles: state.joints.iter().map(|a| all(simd, *a)).collect(),

@@ -33,8 +33,8 @@ fn physics(joints: JointKind) -> Physics {
 }
 
 fn simulation<'a>(robot: &'a Robot, physics: &'a Physics, start: &State) -> Simulation<'a> {
-    let targets = Targets::zero(robot.hinges.len(), 1.0);
-    Simulation::new(robot, physics, &[], &Request { start, targets: &targets })
+    let motion = Motion::standing(robot.hinges.len(), 1.0);
+    Simulation::new(robot, physics, &[], &Request { start, motion: &motion })
 }
 
 impl Simulation<'_> {
@@ -230,10 +230,10 @@ fn both_kinds_of_joint_move_a_robot_alike() {
     // In the air: contacts multiply every difference.
     let start = lifted(&robot, 50.0);
     let ramp = |i: usize| (0..=100).map(move |t| (0.1 + 0.05 * i as f64) * (f64::from(t) / 50.0 - 1.0)).collect();
-    let targets = Targets::new(&(0..joints).map(ramp).collect::<Vec<_>>(), 0.5);
+    let motion = Motion::from(Targets::new(&(0..joints).map(ramp).collect::<Vec<_>>(), 0.5));
     let end = |joints: JointKind| {
         let physics = Physics { steps_per_second: 480, substeps: 16, joints, ..physics(joints) };
-        let request = Request { start: &start, targets: &targets };
+        let request = Request { start: &start, motion: &motion };
         RapierEngine.run(&robot, &physics, &[], &[request]).swap_remove(0).end
     };
     let (impulse, multibody) = (end(JointKind::Impulse), end(JointKind::Multibody));

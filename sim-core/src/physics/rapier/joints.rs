@@ -2,9 +2,12 @@
 //! whose angles the robot itself moves. Motors, gains, limits and contacts are the same.
 
 use super::{PhysicsWorld, RigidBodyHandle, Robot};
+use crate::base::math::{Vector, about};
 use crate::model::{Hinge, State};
 use crate::physics::{JointKind, Physics};
-use rapier3d::dynamics::{ImpulseJointHandle, JointAxis, MotorModel, MultibodyJointHandle, RevoluteJointBuilder};
+use rapier3d::dynamics::{
+    ImpulseJointHandle, JointAxesMask, JointAxis, MotorModel, MultibodyJointHandle, RevoluteJointBuilder,
+};
 
 /// Handles of the joints, in the order of the robot's hinges.
 pub(super) enum Joints {
@@ -37,6 +40,7 @@ impl Joints {
                 let handles: Vec<_> = joints.map(insert).collect();
                 if let Some(first) = handles.first() {
                     turn_to_start(world, *first, bodies, start);
+                    set_going(world, *first, bodies, start);
                 }
                 Self::Multibody(handles)
             }
@@ -65,6 +69,28 @@ impl Joints {
         }
     }
 
+    /// Locks a joint at an angle, rad.
+    pub fn lock(&self, world: &mut PhysicsWorld, joint: usize, angle: f32) {
+        match self {
+            Self::Impulse(handles) => {
+                if let Some(joint) = world.impulse_joints.get_mut(handles[joint], false) {
+                    // rapier locks an axis at 0, so the first frame turns along.
+                    let frame = &mut joint.data.local_frame1;
+                    frame.rotation = (frame.rotation * about(Vector::X, angle)).normalize();
+                    joint.data.lock_axes(JointAxesMask::ANG_X);
+                }
+            }
+            Self::Multibody(handles) => {
+                // Its coordinates stay as many as they are: limits hold the angle.
+                let found = world.multibody_joints.get_mut(handles[joint]);
+                if let Some(link) = found.and_then(|(multibody, id)| multibody.link_mut(id)) {
+                    let data = &mut link.joint.data;
+                    data.set_limits(JointAxis::AngX, [angle, angle]).set_motor_max_force(JointAxis::AngX, 0.0);
+                }
+            }
+        }
+    }
+
     /// Angle of a joint, rad, where rapier keeps it itself.
     pub fn angle(&self, world: &PhysicsWorld, joint: usize) -> Option<f32> {
         let Self::Multibody(handles) = self else { return None };
@@ -82,6 +108,22 @@ fn revolute(hinge: &Hinge, physics: &Physics, angle: f32) -> RevoluteJointBuilde
         .motor_model(MotorModel::ForceBased)
         .motor_max_force(hinge.torque_or(physics.max_torque))
         .motor_position(angle, physics.stiffness, physics.damping)
+}
+
+/// A multibody has velocities of its own: of its root's centre of mass, linear and angular, then of the joints.
+fn set_going(world: &mut PhysicsWorld, root: MultibodyJointHandle, bodies: &[RigidBodyHandle], start: &State) {
+    let Some(velocities) = &start.velocities else { return };
+    let pivot = &world.bodies[bodies[0]];
+    let (linear, angular) = (pivot.linvel(), pivot.angvel());
+    let Some((multibody, _)) = world.multibody_joints.get_mut(root) else { return };
+    let mut own = vec![0.0; multibody.ndofs()];
+    own[..3].copy_from_slice(&linear.to_array());
+    own[3..6].copy_from_slice(&angular.to_array());
+    for link in multibody.links().filter(|link| !link.is_root()) {
+        let body = bodies.iter().position(|b| *b == link.rigid_body_handle());
+        own[link.assembly_id()] = body.map_or(0.0, |b| velocities.rates[b - 1]);
+    }
+    multibody.generalized_velocity_mut().copy_from_slice(&own);
 }
 
 /// A multibody starts with all angles at 0, wherever its bodies stand, and with a damping that acts on the free pivot too.

@@ -5,10 +5,12 @@
 
 mod joints;
 
-use super::{Bound, Engine, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
+use super::{
+    Bound, Course, Engine, Motion, Outcome, Physics, Request, Rollout, Trace, Unsupported, sample_every, spans,
+};
 use crate::base::math::{Pose, Vector, about_z, angle_about};
 use crate::model::environment::Block;
-use crate::model::{Robot, State};
+use crate::model::{Hinge, Robot, State, Twist, Velocities};
 use joints::Joints;
 use rapier3d::dynamics::{FrictionModel, IntegrationParameters, MassProperties, RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, SharedShape};
@@ -19,6 +21,11 @@ use rapier3d::pipeline::PhysicsWorld;
 pub struct RapierEngine;
 
 impl Engine for RapierEngine {
+    /// All robots and terrain, and of events that a joint fails.
+    fn supports(&self, robot: &Robot, _: &[Block], motion: &Motion) -> Result<(), Unsupported> {
+        motion.events().iter().try_for_each(|event| Unsupported::of_event(robot, &event.change))
+    }
+
     fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout> {
         let never = || false;
         let rollout = |request| Simulation::new(robot, physics, terrain, request).run(request, &never);
@@ -80,13 +87,19 @@ impl<'a> Simulation<'a> {
 
     fn insert_robot(&mut self, start: &State) {
         let poses = self.robot.body_poses(start);
-        for (body, pose) in self.robot.bodies.iter().zip(poses) {
+        let twists = self.robot.body_twists(start, &poses);
+        for (i, (body, pose)) in self.robot.bodies.iter().zip(poses).enumerate() {
             let [x, y, z] = body.inertia.map(Vector::from_array);
             let inertia = Matrix::from_cols(x, y, z); // symmetric, so rows are columns
             let mass = MassProperties::with_inertia_matrix(body.center_of_mass, body.mass, inertia);
-            let handle = self
-                .world
-                .insert_body(RigidBodyBuilder::dynamic().pose(pose).can_sleep(false).additional_mass_properties(mass));
+            let mut dynamic = RigidBodyBuilder::dynamic().pose(pose).can_sleep(false).additional_mass_properties(mass);
+            if let Some(twists) = &twists {
+                let Twist { angular, linear } = twists[i];
+                // rapier's linear velocity is that of the centre of mass.
+                let center = linear + angular.cross(pose.rotation * body.center_of_mass);
+                dynamic = dynamic.linvel(center).angvel(angular);
+            }
+            let handle = self.world.insert_body(dynamic);
             for part in &body.boxes {
                 let shape = ColliderBuilder::cuboid(part.half.x, part.half.y, part.half.z)
                     .position(part.pose)
@@ -108,11 +121,12 @@ impl<'a> Simulation<'a> {
 
     fn run(mut self, request: &Request<'_>, stop: &dyn Fn() -> bool) -> Option<Rollout> {
         let rate = self.physics.steps_per_second;
-        let steps = self.physics.steps(request.targets.duration());
+        let course = Course::new(self.robot, self.physics, request.start, request.motion);
+        let steps = course.steps;
         let every = sample_every(rate);
         let mut trace = Trace::new(self.robot.hinges.len());
         let mut boxes = Vec::new();
-        let mut outcome = Outcome::Completed;
+        let mut outcome = course.outcome;
         let mut targets = vec![0.0; self.robot.hinges.len()];
         let mut state = request.start.clone();
         trace.push(0.0, &state);
@@ -123,7 +137,8 @@ impl<'a> Simulation<'a> {
                 return None;
             }
             let time = f64::from(done + 1) / f64::from(rate);
-            request.targets.at(time, &mut targets);
+            course.failing(done).for_each(|joint| self.lock(joint));
+            request.motion.targets().at(time, &mut targets);
             self.set_targets(&targets);
             self.world.step();
             done += 1;
@@ -137,6 +152,11 @@ impl<'a> Simulation<'a> {
                 boxes.push(self.robot.bounds(&state));
             }
         }
+        state.connections = request.start.connections.clone();
+        state.phase = match outcome {
+            Outcome::Completed => request.motion.end_phase().clone(),
+            _ => request.start.phase.clone(),
+        };
         Some(Rollout {
             end: state,
             end_speed: self.top_speed(),
@@ -151,13 +171,38 @@ impl<'a> Simulation<'a> {
         self.joints.set_targets(&mut self.world, self.physics, targets);
     }
 
+    /// Locks a joint at the angle that it has.
+    fn lock(&mut self, joint: usize) {
+        let angle = self.angle(joint);
+        self.joints.lock(&mut self.world, joint, angle);
+    }
+
+    fn pose(&self, body: usize) -> Pose {
+        *self.world.bodies[self.bodies[body]].position()
+    }
+
+    fn angle(&self, joint: usize) -> f32 {
+        let hinge = &self.robot.hinges[joint];
+        let turned =
+            || angle_about(self.pose(hinge.parent).rotation.inverse() * self.pose(joint + 1).rotation, hinge.axis);
+        self.joints.angle(&self.world, joint).unwrap_or_else(turned)
+    }
+
     fn state(&self) -> State {
-        let pose = |i: usize| *self.world.bodies[self.bodies[i]].position();
-        let angle = |(i, hinge): (usize, &crate::model::Hinge)| {
-            let turned = || angle_about(pose(hinge.parent).rotation.inverse() * pose(i + 1).rotation, hinge.axis);
-            self.joints.angle(&self.world, i).unwrap_or_else(turned)
+        let joints = (0..self.robot.hinges.len()).map(|joint| self.angle(joint)).collect();
+        State { velocities: Some(self.velocities()), ..State::new(self.pose(0), joints) }
+    }
+
+    fn velocities(&self) -> Velocities {
+        let angular = |body: usize| self.world.bodies[self.bodies[body]].angvel();
+        let rate = |(i, hinge): (usize, &Hinge)| {
+            let axis = self.pose(hinge.parent).rotation * hinge.axis;
+            (angular(i + 1) - angular(hinge.parent)).dot(axis)
         };
-        State { pivot: pose(0), joints: self.robot.hinges.iter().enumerate().map(angle).collect() }
+        let arm = self.pose(0).rotation * self.robot.bodies[0].center_of_mass;
+        let linear = self.world.bodies[self.bodies[0]].linvel() - angular(0).cross(arm);
+        let pivot = Twist { angular: angular(0), linear };
+        Velocities { pivot, rates: self.robot.hinges.iter().enumerate().map(rate).collect() }
     }
 
     fn top_speed(&self) -> f32 {

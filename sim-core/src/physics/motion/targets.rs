@@ -57,11 +57,11 @@ impl Targets {
     }
 
     /// Tables one after the other. Each but the last must last a whole number of ticks.
-    pub fn chain(tables: &[&Targets]) -> Self {
+    pub(super) fn chain(tables: &[&Targets]) -> Self {
         let joints = tables.first().map_or(0, |t| t.joints);
         let mut chained = Self { joints, duration: 0.0, rows: Vec::new() };
         for (i, table) in tables.iter().enumerate() {
-            let whole = libm::round(table.duration / TICK) as usize;
+            let whole = table.whole_ticks() as usize;
             let rows = if i + 1 == tables.len() { table.rows.len() / joints.max(1) } else { whole };
             chained.rows.extend(&table.rows[..rows * joints]);
             chained.duration += table.duration;
@@ -77,6 +77,11 @@ impl Targets {
     /// How long the gait lasts, s.
     pub fn duration(&self) -> f64 {
         self.duration
+    }
+
+    /// Ticks from its beginning to that of the table after it.
+    pub(super) fn whole_ticks(&self) -> u32 {
+        libm::round(self.duration / TICK) as u32
     }
 
     /// The targets at a time (s), held at the end; rad.
@@ -144,17 +149,5 @@ mod tests {
     fn hinge(limits: [f32; 2], speed: Option<f32>) -> Hinge {
         let (anchor, axis) = (Vector::ZERO, Vector::Z);
         Hinge { name: "joint".into(), parent: 0, anchor, axis, limits, speed, torque: None }
-    }
-
-    #[test]
-    fn chained_tables_follow_each_other() {
-        let flat = |v: f64| Targets::new(&[vec![v; 3]], 2.0 * TICK);
-        let chain = Targets::chain(&[&flat(0.25), &flat(0.5)]);
-        let mut out = [0.0];
-        chain.at(1.0 * TICK, &mut out);
-        assert_eq!(out[0], 0.25);
-        chain.at(2.0 * TICK, &mut out);
-        assert_eq!(out[0], 0.5);
-        assert_eq!(chain.duration(), 4.0 * TICK);
     }
 }

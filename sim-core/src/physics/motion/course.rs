@@ -1,0 +1,54 @@
+//! A motion on the step grid of a physics setting: how many steps, which joints fail when, and how it ends.
+
+use super::{Change, Motion, TICK};
+use crate::model::{Robot, State};
+use crate::physics::{Outcome, Physics, Unsupported};
+
+/// What an engine does of a motion, step by step.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Course {
+    /// Steps to simulate: those of the motion, or those before the first event that is refused.
+    pub steps: u32,
+    /// Joints that fail, with the step before which each is locked; in the order of steps.
+    pub failures: Vec<(u32, usize)>,
+    /// How the rollout ends if the simulation stays sound.
+    pub outcome: Outcome,
+}
+
+impl Course {
+    /// The course of a motion from a start on a setting.
+    pub fn new(robot: &Robot, physics: &Physics, start: &State, motion: &Motion) -> Self {
+        let rate = physics.steps_per_second;
+        let whole = physics.steps(motion.duration());
+        if !start.connections.is_empty() {
+            let reason = Unsupported::Connections;
+            return Self {
+                steps: 0,
+                failures: Vec::new(),
+                outcome: Outcome::Refused { time: 0.0, event: None, reason },
+            };
+        }
+        let mut failures = Vec::new();
+        for (event, happening) in motion.events().iter().enumerate() {
+            // The first step that begins at or after the tick; the slack is for ticks that fall on a step.
+            let step = libm::ceil(f64::from(happening.tick) * TICK * f64::from(rate) - 1e-6) as u32;
+            let step = step.min(whole);
+            match (Unsupported::of_event(robot, &happening.change), happening.change) {
+                (Err(reason), _) => {
+                    let time = (f64::from(step) / f64::from(rate)) as f32;
+                    let outcome = Outcome::Refused { time, event: Some(event), reason };
+                    failures.retain(|&(failure, _)| failure < step);
+                    return Self { steps: step, failures, outcome };
+                }
+                (Ok(()), Change::Fail { joint }) => failures.push((step, joint)),
+                (Ok(()), _) => {}
+            }
+        }
+        Self { steps: whole, failures, outcome: Outcome::Completed }
+    }
+
+    /// The joints that are locked before a step.
+    pub fn failing(&self, step: u32) -> impl Iterator<Item = usize> {
+        self.failures.iter().filter(move |(at, _)| *at == step).map(|(_, joint)| *joint)
+    }
+}

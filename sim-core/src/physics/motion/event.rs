@@ -1,0 +1,59 @@
+//! Changes of a robot on the way of a motion.
+
+use crate::base::math::Pose;
+use crate::model::Face;
+
+/// A change at a tick. It acts at the first physics step at or after its tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event {
+    /// Tick, [`TICK`](super::TICK) s each, from the start of the motion.
+    pub tick: u32,
+    /// The change.
+    pub change: Change,
+}
+
+/// A change of a robot. Modules and joints are numbered as in the initial topology.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    /// Two faces connect where they stand.
+    Connect {
+        /// The two faces.
+        faces: [Face; 2],
+    },
+    /// Two connected faces let go of each other.
+    Disconnect {
+        /// The two faces.
+        faces: [Face; 2],
+    },
+    /// A module is lifted and set down, with all that is connected to it.
+    Place {
+        /// The module.
+        module: usize,
+        /// Its pose in the world from then on, mu.
+        pose: Pose,
+    },
+    /// A joint is stuck: locked at the angle that it has, at once, as the joints of a robot's failed modules are. A rollout that
+    /// continues from the end does not know of it: its motion repeats the event at tick 0.
+    Fail {
+        /// The joint.
+        joint: usize,
+    },
+    /// A module gives way to a new one of its kind in the same place, whose joints work.
+    Replace {
+        /// The module.
+        module: usize,
+    },
+}
+
+impl Change {
+    /// Name of the kind of change, such as "connect".
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Connect { .. } => "connect",
+            Self::Disconnect { .. } => "disconnect",
+            Self::Place { .. } => "place",
+            Self::Fail { .. } => "fail",
+            Self::Replace { .. } => "replace",
+        }
+    }
+}
