@@ -3,6 +3,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use sim_core::base::random::{Purpose, Stream};
+use sim_core::control::Run;
 use sim_core::evaluate::{Trial, grow, search_streams};
 use sim_core::model::catalogue;
 use sim_core::physics::lockstep::{Level, run_at};
@@ -25,7 +26,7 @@ fn gait(job: &Job) -> Vec<f64> {
 
 fn rollout(c: &mut Criterion) {
     let job = job();
-    let motion = job.controller().compile(job.robot(), &gait(&job), 1.0);
+    let motion = job.controller().compile(&Run::new(job.robot(), 1.0), &gait(&job)).unwrap();
     let request = Request { start: job.start(), motion: &motion };
     for (name, joints) in [("impulse", JointKind::Impulse), ("multibody", JointKind::Multibody)] {
         let physics = Physics { joints, ..Physics::of(EngineKind::Rapier, Scale::Paper) };
@@ -53,7 +54,7 @@ fn targets(c: &mut Criterion) {
     let job = job();
     let gait = gait(&job);
     c.bench_function("target table of 10 s", |b| {
-        b.iter(|| job.controller().compile(job.robot(), black_box(&gait), 10.0))
+        b.iter(|| job.controller().compile(&Run::new(job.robot(), 10.0), black_box(&gait)))
     });
 }
 

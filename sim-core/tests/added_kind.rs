@@ -81,7 +81,7 @@ fn ends_stay_parallel(kind: EngineKind, robot: &Robot, angle: f32) {
     let mut start = robot.neutral();
     start.pivot.translation.z += 5.0;
     let signal = |angle: f32| vec![f64::from(angle); Targets::ticks(3.0)];
-    let targets = Targets::new(&[signal(angle), signal(-angle)], 3.0).within(&robot.hinges);
+    let targets = Targets::new(&[signal(angle), signal(-angle)], 3.0).within(&robot.hinges, None);
     let request = Request { start: &start, motion: &targets.into() };
     let rollout = engine(kind).run(robot, &physics, &[], &[request]).swap_remove(0);
     assert_eq!(rollout.outcome, Outcome::Completed, "{kind:?}");

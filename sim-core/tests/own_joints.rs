@@ -90,7 +90,7 @@ fn step_is_reached_after_its_angle_by_the_speed() {
     for (kind, physics) in engines() {
         for (duration, expected) in [(0.5, 0.4), (1.0, 0.8), (1.25, 1.0), (2.0, 1.0)] {
             let signal: Vec<f64> = (0..Targets::ticks(duration)).map(|t| f64::from(t > 0)).collect();
-            let targets = Targets::new(&[signal], duration).within(&robot.hinges);
+            let targets = Targets::new(&[signal], duration).within(&robot.hinges, None);
             let angle = reached(kind, &physics, &robot, 0.0, &targets);
             assert!((angle - expected).abs() < 0.06, "{kind:?} {:?} at {duration} s: {angle} rad", physics.joints);
         }
@@ -102,7 +102,7 @@ fn targets_within_limits_and_speed_are_left_to_the_bit() {
     let robot = swing(", limits = [-1.0, 1.0], speed = 10.0");
     let signal: Vec<f64> = (0..Targets::ticks(2.0)).map(|t| 0.9 * libm::sin(4.0 * TICK * t as f64)).collect();
     let free = Targets::new(&[signal], 2.0);
-    assert_eq!(free.clone().within(&robot.hinges), free);
-    assert_ne!(free.clone().within(&swing(", limits = [-1.0, 0.8]").hinges), free);
-    assert_ne!(free.clone().within(&swing(", speed = 3.0").hinges), free);
+    assert_eq!(free.clone().within(&robot.hinges, None), free);
+    assert_ne!(free.clone().within(&swing(", limits = [-1.0, 0.8]").hinges, None), free);
+    assert_ne!(free.clone().within(&swing(", speed = 3.0").hinges, None), free);
 }

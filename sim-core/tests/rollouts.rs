@@ -3,7 +3,7 @@
 use sim_core::base::digest::Digest;
 use sim_core::base::math::{Pose, Vector, about_z};
 use sim_core::base::random::{Purpose, Stream};
-use sim_core::control::{Controller, Hopf};
+use sim_core::control::{Controller, Hopf, Run};
 use sim_core::engines::engine;
 use sim_core::model::{Robot, State, catalogue};
 use sim_core::physics::{EngineKind, JointKind, Motion, Outcome, Physics, Request, Rollout, Scale, settle};
@@ -18,7 +18,7 @@ fn gait(robot: &Robot, seed: u64, duration: f64) -> Motion {
     let genome: Vec<f64> = (0..robot.hinges.len())
         .flat_map(|_| Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
         .collect();
-    Hopf.compile(robot, &genome, duration)
+    Hopf.compile(&Run::new(robot, duration), &genome).unwrap()
 }
 
 fn run(robot: &Robot, start: &State, motion: &Motion) -> Rollout {

@@ -10,7 +10,7 @@ use rapier3d::parry::shape::Cuboid;
 use serde::Serialize;
 use sim_core::base::math::{Pose, Rotation, Vector};
 use sim_core::base::random::{Purpose, Stream};
-use sim_core::control::{Controller, Hopf};
+use sim_core::control::{Controller, Hopf, Run};
 use sim_core::exchange;
 use sim_core::model::{Robot, RobotSpec, State};
 use sim_core::physics::{Bound, Motion, Outcome, Physics, Rollout};
@@ -89,7 +89,7 @@ pub fn random_gait(robot: &Robot, duration: f64, stream: &mut Stream) -> Motion 
         .flat_map(|_| Hopf.parameters())
         .map(|parameter| stream.uniform(parameter.bounds.0, parameter.bounds.1))
         .collect();
-    Hopf.compile(robot, &gait, duration)
+    Hopf.compile(&Run::new(robot, duration), &gait).expect("oscillators have signals at all parameters")
 }
 
 /// A random start: any orientation, joints anywhere within ± 1 rad as long as no two bodies overlap, up to 1 mu above the

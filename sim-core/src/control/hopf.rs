@@ -1,6 +1,6 @@
 //! A Hopf oscillator a joint: Eq. 2 of Vonásek and Faigl (2016), after Righetti and Ijspeert (2008).
 
-use super::{Controller, Parameter};
+use super::{Controller, Infeasible, Parameter, Signals, phase};
 use crate::base::registry::Component;
 use crate::base::simd::{Level, at_level};
 use crate::physics::TICK;
@@ -35,26 +35,51 @@ impl Controller for Hopf {
         ]
     }
 
-    fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
-        at_level!(Level::new(), simd => integrate(simd, gait, ticks))
+    /// The state is x and y of every oscillator, eight bytes each.
+    fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
+        let mut states = match from {
+            None => vec![START; gait.len() / EACH],
+            Some(bytes) => read(bytes).filter(|s| s.len() == gait.len() / EACH).ok_or(phase::unfit())?,
+        };
+        let joints = at_level!(Level::new(), simd => integrate(simd, gait, &mut states, ticks));
+        Ok(Signals {
+            joints,
+            end: states.iter().flat_map(|(x, y)| [x.to_le_bytes(), y.to_le_bytes()]).flatten().collect(),
+        })
     }
 }
 
-/// All oscillators of a gait, as many side by side as there are lanes. Only sums, products and quotients, each rounded as
+/// The states of oscillators.
+fn read(bytes: &[u8]) -> Option<Vec<(f64, f64)>> {
+    let (numbers, rest) = bytes.as_chunks();
+    let (states, alone) = numbers.as_chunks();
+    let state = |&[x, y]: &[[u8; 8]; 2]| (f64::from_le_bytes(x), f64::from_le_bytes(y));
+    (rest.is_empty() && alone.is_empty()).then(|| states.iter().map(state).collect())
+}
+
+/// All oscillators of a gait from these states to those of the last tick, as many side by side as there are lanes. Only sums, products and quotients, each rounded as
 /// IEEE 754 says: the bits are the same at every width.
 #[inline(always)]
-fn integrate<S: Simd>(simd: S, gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
+fn integrate<S: Simd>(simd: S, gait: &[f64], states: &mut [(f64, f64)], ticks: usize) -> Vec<Vec<f64>> {
     let mut signals = Vec::with_capacity(gait.len() / EACH);
     for some in gait.chunks(EACH * S::f64s::LEN) {
         let oscillators = Oscillators::new(simd, some);
         let first = signals.len();
         signals.resize_with(first + some.len() / EACH, || Vec::with_capacity(ticks));
-        let mut at = (number(simd, START.0), number(simd, START.1));
-        for _ in 0..ticks {
+        let mut at = (number(simd, 0.0), number(simd, 0.0));
+        for (lane, state) in states[first..].iter().take(S::f64s::LEN).enumerate() {
+            (at.0[lane], at.1[lane]) = *state;
+        }
+        for tick in 0..ticks {
+            if tick > 0 {
+                at = oscillators.step(simd, at);
+            }
             for (lane, signal) in signals[first..].iter_mut().enumerate() {
                 signal.push(at.0[lane]);
             }
-            at = oscillators.step(simd, at);
+        }
+        for (lane, state) in states[first..].iter_mut().take(S::f64s::LEN).enumerate() {
+            *state = (at.0[lane], at.1[lane]);
         }
     }
     signals
@@ -135,6 +160,11 @@ fn sigmoid<S: Simd>(simd: S, z: S::f64s) -> S::f64s {
 mod tests {
     use super::*;
 
+    /// The signals from the start.
+    fn signals(gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
+        Hopf.signals(gait, None, ticks).unwrap().joints
+    }
+
     /// ω of Eq. 2 as printed, rad/s.
     fn frequency(y: f64, omega1: f64, omega2: f64, b: f64) -> f64 {
         omega1 / (libm::exp(-b * y) + 1.0) + omega2 / (libm::exp(b * y) + 1.0)
@@ -147,7 +177,7 @@ mod tests {
     #[test]
     fn limit_cycle_has_radius_root_mu() {
         for (mu, alpha, beta) in [(0.3, 5.0, 5.0), (1.0, 50.0, 10.0), (1.3, 20.0, 50.0)] {
-            let signal = &Hopf.signals(&[mu, alpha, beta, 2.0, 3.0, 0.4], 6001)[0];
+            let signal = &signals(&[mu, alpha, beta, 2.0, 3.0, 0.4], 6001)[0];
             let peak = signal[3000..].iter().cloned().fold(f64::MIN, f64::max);
             assert!((peak - mu.sqrt()).abs() < 2e-4, "mu {mu}: peak {peak}");
         }
@@ -168,7 +198,7 @@ mod tests {
                 })
                 .sum();
             // α = β keeps the pull radial, so it does not turn the phase on the cycle.
-            let signal = &Hopf.signals(&[mu, 20.0, 20.0, omega1, omega2, b], 20_001)[0];
+            let signal = &signals(&[mu, 20.0, 20.0, omega1, omega2, b], 20_001)[0];
             let peaks = maxima(&signal[4000..]);
             let turns = peaks.len() - 1;
             let measured = (peaks[turns] - peaks[0]) as f64 * TICK / turns as f64;
@@ -210,10 +240,10 @@ mod tests {
     fn every_oscillator_is_the_printed_equation_whatever_runs_beside_it() {
         for joints in [1, 3, 8, 17] {
             let gait = drawn(joints);
-            let signals = Hopf.signals(&gait, 2001);
-            assert_eq!(signals.len(), joints as usize);
-            for (own, signal) in gait.chunks(6).zip(&signals) {
-                assert_eq!(signal, &Hopf.signals(own, 2001)[0], "alone");
+            let told = signals(&gait, 2001);
+            assert_eq!(told.len(), joints as usize);
+            for (own, signal) in gait.chunks(6).zip(&told) {
+                assert_eq!(signal, &signals(own, 2001)[0], "alone");
                 for (a, b) in signal.iter().zip(printed(own, 2001)) {
                     assert!((a - b).abs() < 1e-8, "{a} against {b}");
                 }
@@ -226,7 +256,7 @@ mod tests {
         for b in [0.5, 5.0, 50.0, 1000.0] {
             let p = [1.0, 10.0, 10.0, 3.0, 1.0, b];
             let worst =
-                Hopf.signals(&p, 1001)[0].iter().zip(printed(&p, 1001)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                signals(&p, 1001)[0].iter().zip(printed(&p, 1001)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(worst < 1e-7, "b = {b}: off by {worst}");
         }
     }
@@ -234,9 +264,10 @@ mod tests {
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let gait = drawn(13);
-        let signals = Hopf.signals(&gait, 2001);
+        let told = signals(&gait, 2001);
         for level in crate::base::simd::levels() {
-            assert_eq!(signals, at_level!(level, simd => integrate(simd, &gait, 2001)));
+            let mut states = [START; 13];
+            assert_eq!(told, at_level!(level, simd => integrate(simd, &gait, &mut states, 2001)));
         }
     }
 
@@ -249,7 +280,7 @@ mod tests {
                 .enumerate()
                 .map(|(i, q)| if corner >> i & 1 == 0 { q.bounds.0 } else { q.bounds.1 })
                 .collect();
-            assert!(Hopf.signals(&p, 6001)[0].iter().all(|x| x.abs() < 1.3), "{p:?}");
+            assert!(signals(&p, 6001)[0].iter().all(|x| x.abs() < 1.3), "{p:?}");
         }
     }
 }

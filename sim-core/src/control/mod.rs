@@ -5,6 +5,7 @@
 
 mod gaits;
 mod hopf;
+mod phase;
 mod sine;
 
 pub use gaits::GaitsSpec;
@@ -13,8 +14,8 @@ pub use hopf::Hopf;
 pub use sine::Sine;
 
 use crate::base::registry::{Component, Registered, Registry};
-use crate::model::Robot;
-use crate::physics::{Motion, Targets};
+use crate::model::{Phase, Robot};
+use crate::physics::{Event, Motion, Targets};
 
 /// The controllers there are; the first is that of a job that names none.
 static CONTROLLERS: Registry<dyn Controller> = Registry::new(&[&Hopf, &Sine]);
@@ -30,24 +31,69 @@ pub struct Parameter {
     pub bounds: (f64, f64),
 }
 
+/// What a controller knows of the run that it makes a motion for.
+#[derive(Clone, Copy, Debug)]
+pub struct Run<'a> {
+    /// The compiled robot: its joints in order, with limits and speeds.
+    pub robot: &'a Robot,
+    /// How long the motion lasts, s.
+    pub duration: f64,
+    /// Where an earlier motion of the same gait left the controller ([`Motion::end_phase`]); its own start if there is none.
+    pub from: Option<&'a Phase>,
+    /// What happens from outside, such as a joint that fails.
+    pub events: &'a [Event],
+}
+
+impl<'a> Run<'a> {
+    /// A run from the controller's own start, to which nothing happens from outside.
+    pub fn new(robot: &'a Robot, duration: f64) -> Self {
+        Self { robot, duration, from: None, events: &[] }
+    }
+}
+
+/// A gait that its controller can't make a motion of. Its evaluation has failed; not retryable.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the gait can't be carried out: {0}")]
+pub struct Infeasible(pub String);
+
+/// Signals of all joints, and how a controller goes on after them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signals {
+    /// A signal a joint, rad, one value a tick.
+    pub joints: Vec<Vec<f64>>,
+    /// The controller's state at the last tick.
+    pub end: Vec<u8>,
+}
+
 /// A controller drives every joint by a signal of its own. A gait's parameters are laid out joint after joint, each with
 /// the parameters in the order of [`Controller::parameters`]. Chosen by `controller` in the `[gaits]` table.
 pub trait Controller: Component {
     /// The parameters of one joint.
     fn parameters(&self) -> &'static [Parameter];
 
-    /// The signal of every joint of a gait, rad, at `ticks` instants [`TICK`](crate::physics::TICK) apart, the first at time 0. No joint's signal
-    /// depends on another's parameters.
-    fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>>;
+    /// The signal of every joint of a gait at `ticks` instants [`TICK`](crate::physics::TICK) apart, at least one. `from`: the
+    /// state that earlier signals ended in, which the first instant then has; the controller's own start if there is none.
+    /// No joint's signal depends on another's parameters.
+    ///
+    /// # Errors
+    /// If the state is not one of this gait, or no signals follow from the parameters.
+    fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible>;
 
-    /// The motion of a gait over `duration` s.
+    /// The motion of a gait: what its signals ask of joints that have limits and a greatest speed.
+    ///
+    /// # Errors
+    /// As [`Controller::signals`].
     ///
     /// # Panics
     /// If the number of parameters is not that of the robot's joints.
-    fn compile(&self, robot: &Robot, gait: &[f64], duration: f64) -> Motion {
-        let (joints, each) = (robot.hinges.len(), self.parameters().len());
+    fn compile(&self, run: &Run<'_>, gait: &[f64]) -> Result<Motion, Infeasible> {
+        let (joints, each) = (run.robot.hinges.len(), self.parameters().len());
         assert_eq!(gait.len(), joints * each, "a gait of {joints} joints has {} parameters", joints * each);
-        Targets::new(&self.signals(gait, Targets::ticks(duration)), duration).within(&robot.hinges).into()
+        let (from, at) = run.from.map(|phase| phase::read(phase, joints)).transpose()?.unzip();
+        let signals = self.signals(gait, from, Targets::ticks(run.duration))?;
+        let targets = Targets::new(&signals.joints, run.duration).within(&run.robot.hinges, at.as_deref());
+        let end = phase::write(&signals.end, targets.rows().next_back().unwrap_or(&[]));
+        Ok(Motion::from(targets).with_events(run.events.to_vec()).with_end_phase(end))
     }
 }
 

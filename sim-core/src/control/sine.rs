@@ -1,6 +1,6 @@
 //! A sine a joint: section III of Vonásek and Faigl (2016).
 
-use super::{Controller, Parameter};
+use super::{Controller, Infeasible, Parameter, Signals, phase};
 use crate::base::registry::Component;
 use crate::physics::TICK;
 use std::f64::consts::PI;
@@ -25,12 +25,16 @@ impl Controller for Sine {
         ]
     }
 
-    fn signals(&self, gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
+    /// The state is the number of ticks since the start, eight bytes.
+    fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
+        let number = |bytes: &[u8]| bytes.try_into().map(u64::from_le_bytes).map_err(|_| phase::unfit());
+        let first = from.map(number).transpose()?.unwrap_or(0);
         let signal = |parameters: &[f64]| {
             let &[amplitude, offset, omega, phase] = parameters else { unreachable!("a sine has four parameters") };
-            (0..ticks).map(|t| amplitude * libm::sin(omega * (t as f64 * TICK) + phase) + offset).collect()
+            (first..).take(ticks).map(|t| amplitude * libm::sin(omega * (t as f64 * TICK) + phase) + offset).collect()
         };
-        gait.chunks(4).map(signal).collect()
+        let end = (first + ticks as u64 - 1).to_le_bytes().to_vec();
+        Ok(Signals { joints: gait.chunks(4).map(signal).collect(), end })
     }
 }
 
@@ -40,7 +44,7 @@ mod tests {
 
     #[test]
     fn signal_is_the_formula() {
-        let signal = &Sine.signals(&[0.7, -0.2, 3.0, 0.4], 401)[0];
+        let signal = &Sine.signals(&[0.7, -0.2, 3.0, 0.4], None, 401).unwrap().joints[0];
         for (tick, value) in [(0, 0.4), (200, 3.4), (400, 6.4)] {
             assert_eq!(signal[tick], 0.7 * libm::sin(value) - 0.2, "at tick {tick}");
         }

@@ -38,7 +38,7 @@ fn recorded() -> (Robot, Motion) {
         }
     }
     let duration = TICK * (signals[0].len() - 1) as f64;
-    let targets = Targets::new(&signals, duration).within(&robot.hinges);
+    let targets = Targets::new(&signals, duration).within(&robot.hinges, None);
     (robot, targets.into())
 }
 

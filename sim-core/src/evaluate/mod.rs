@@ -6,7 +6,7 @@
 
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Counts;
-use crate::control::{Controller, GaitsSpec};
+use crate::control::{Controller, GaitsSpec, Infeasible, Run};
 use crate::genotype::Genome;
 use crate::model::environment::{Block, Environment};
 use crate::model::{Place, Robot, State};
@@ -75,7 +75,7 @@ pub struct Stopped;
 pub struct Evaluation {
     /// Index in its generation.
     pub candidate: u32,
-    /// The score; `None` where the evaluation failed (it exceeded its budget), which counts as worst.
+    /// The score; `None` where the evaluation failed ([`Failure`]), which counts as worst.
     pub score: Option<f64>,
     /// What it took.
     pub counts: Counts,
@@ -84,7 +84,7 @@ pub struct Evaluation {
 /// One candidate being evaluated: its gaits, its table of transitions and its trees.
 #[derive(Debug)]
 pub struct Trial {
-    /// The motion of each gait.
+    /// The motion of each gait; none if one of them is infeasible.
     pub motions: Vec<Motion>,
     /// Local states and transitions, shared by the trees.
     pub table: Transitions,
@@ -94,8 +94,19 @@ pub struct Trial {
     pub counts: Counts,
     /// Rollouts it may simulate.
     pub budget: u64,
-    /// It needed more: its trees are not grown.
-    pub exhausted: bool,
+    /// Why its trees are not grown, if they can't be.
+    pub failure: Option<Failure>,
+}
+
+/// Why an evaluation failed. It counts as worst.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Failure {
+    /// It needed more rollouts than it may simulate.
+    #[error("it needs more than the {0} rollouts of its budget")]
+    Budget(u64),
+    /// One of its gaits has no motion.
+    #[error(transparent)]
+    Infeasible(#[from] Infeasible),
 }
 
 impl Trial {
@@ -123,14 +134,20 @@ impl Trial {
     ) -> Self {
         let gaits = scene.gaits().count as usize;
         assert_eq!(genome.len(), scene.genome_length(), "the genome does not fit the job");
-        let compile = |gait: &[f64]| scene.controller().compile(scene.robot(), gait, scene.gaits().duration);
+        let of_gait = Run::new(scene.robot(), scene.gaits().duration);
+        let compile = |gait: &[f64]| scene.controller().compile(&of_gait, gait);
+        let compiled: Result<Vec<Motion>, Infeasible> = genome.chunks(genome.len() / gaits).map(compile).collect();
+        let (motions, failure) = match compiled {
+            Ok(motions) => (motions, None),
+            Err(infeasible) => (Vec::new(), Some(infeasible.into())),
+        };
         Self {
-            motions: genome.chunks(genome.len() / gaits).map(compile).collect(),
+            motions,
             table: Transitions::new(gaits, reuse, scene.start()),
             growths: streams.into_iter().map(|s| Growth::new(scene.planner(), scene.root(), s)).collect(),
             counts: Counts::default(),
             budget: u64::MAX,
-            exhausted: false,
+            failure,
         }
     }
 
@@ -158,7 +175,7 @@ impl Trial {
     }
 
     fn wishes(&mut self, scene: &dyn Scene) -> Vec<TransitionKey> {
-        if self.exhausted {
+        if self.failure.is_some() {
             return Vec::new();
         }
         let (mut wishes, mut wished) = (Vec::new(), BTreeSet::new());
@@ -168,7 +185,7 @@ impl Trial {
         }
         // What is wished for follows from this trial alone, and so does where it ends.
         if self.counts.rollouts + wishes.len() as u64 > self.budget {
-            self.exhausted = true;
+            self.failure = Some(Failure::Budget(self.budget));
             wishes.clear();
         }
         wishes
@@ -264,7 +281,7 @@ pub fn evaluate(
         grow(scene, &mut trials, stop)?;
         evaluations.extend(trials.iter().zip(some).map(|(trial, (index, _))| Evaluation {
             candidate: *index,
-            score: (!trial.exhausted).then(|| trial.score(scene)),
+            score: trial.failure.is_none().then(|| trial.score(scene)),
             counts: trial.counts(),
         }));
     }

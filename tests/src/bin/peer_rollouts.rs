@@ -7,7 +7,7 @@ use clap::Parser;
 use serde::Serialize;
 use sim_core::base::math::heading;
 use sim_core::base::random::{Purpose, Stream};
-use sim_core::control::{Controller, Hopf};
+use sim_core::control::{self, Controller, Hopf};
 use sim_core::engines::engine;
 use sim_core::exchange::Format;
 use sim_core::model::{Robot, RobotSpec, State, catalogue};
@@ -220,16 +220,11 @@ fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Motion {
     for _ in 0..robot.hinges.len() {
         genome.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
     }
-    Hopf.compile(robot, &genome, duration)
+    Hopf.compile(&control::Run::new(robot, duration), &genome).expect("oscillators have signals at all parameters")
 }
 
 fn rows(targets: &Targets) -> Vec<Vec<f32>> {
-    let row = |tick: usize| {
-        let mut row = vec![0.0; targets.joints()];
-        targets.at(tick as f64 * TICK, &mut row);
-        row
-    };
-    (0..Targets::ticks(targets.duration())).map(row).collect()
+    targets.rows().map(<[f32]>::to_vec).collect()
 }
 
 fn facts(body: &sim_core::model::Body) -> BodyFacts {

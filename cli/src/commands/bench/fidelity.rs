@@ -91,7 +91,7 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     let mut sets = Vec::new();
     for (name, gaits) in [("random", drawn), ("evolved", evolved)] {
         if !gaits.is_empty() {
-            let runs = simulate(&job, &variants, &gaits::compiled(&job, &gaits), args.threads, &progress);
+            let runs = simulate(&job, &variants, &gaits::compiled(&job, &gaits)?, args.threads, &progress);
             sets.push(set(name, &settings, &halved, &runs));
         }
     }

@@ -1,7 +1,9 @@
 //! Gaits to measure with.
 
+use crate::error::Error;
 use crate::progress::Pieces;
 use sim_core::base::random::{Purpose, Stream};
+use sim_core::control::{Infeasible, Run};
 use sim_core::evaluate::evaluate;
 use sim_core::genotype::Genome;
 use sim_core::physics::Motion;
@@ -66,9 +68,12 @@ pub fn length(job: &Job) -> usize {
 }
 
 /// The motions of gaits over the job's duration.
-pub fn compiled(job: &Job, gaits: &[Genome]) -> Vec<Motion> {
-    let duration = job.spec().gaits.duration;
-    gaits.iter().map(|gait| job.controller().compile(job.robot(), gait, duration)).collect()
+pub fn compiled(job: &Job, gaits: &[Genome]) -> Result<Vec<Motion>, Error> {
+    let run = Run::new(job.robot(), job.spec().gaits.duration);
+    let compile = |gait: &Genome| job.controller().compile(&run, gait);
+    let refused =
+        |e: Infeasible| Error::Usage { message: format!("not every gait of this controller can be measured: {e}") };
+    gaits.iter().map(compile).collect::<Result<_, _>>().map_err(refused)
 }
 
 #[cfg(test)]

@@ -47,7 +47,7 @@ pub fn run(args: BenchRollout, quiet: bool) -> Result<(), Error> {
     subject::supported(&settings, &job)?;
     let physics: Vec<(&dyn Engine, Physics)> =
         settings.iter().map(|s| (engine(s.engine), s.apply(job.physics()))).collect();
-    let motions = gaits::compiled(&job, &gaits::random(&job, args.gaits, args.seed));
+    let motions = gaits::compiled(&job, &gaits::random(&job, args.gaits, args.seed))?;
     let progress = Pieces::new("gaits", motions.len() as u64, quiet);
     let mut spent: Vec<Vec<(f64, Spent)>> = vec![Vec::new(); settings.len()];
     let mut unstable = vec![0; settings.len()];

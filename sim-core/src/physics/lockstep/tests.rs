@@ -7,7 +7,7 @@ use super::model::Model;
 use super::{Level, run_at};
 use crate::base::random::{Purpose, Stream};
 use crate::base::simd::{at_level, levels};
-use crate::control::{Controller, Hopf};
+use crate::control::{Controller, Hopf, Run};
 use crate::model::{Robot, State};
 use crate::physics::{Motion, Outcome, Physics, Request, Rollout, Scale, Targets};
 use fearless_simd::prelude::*;
@@ -28,7 +28,7 @@ pub(super) fn gaits(robot: &Robot, count: u32, duration: f64) -> Vec<Motion> {
         for _ in 0..robot.hinges.len() {
             parameters.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
         }
-        Hopf.compile(robot, &parameters, duration)
+        Hopf.compile(&Run::new(robot, duration), &parameters).unwrap()
     };
     (0..count).map(gait).collect()
 }

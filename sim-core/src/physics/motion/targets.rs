@@ -30,15 +30,19 @@ impl Targets {
     }
 
     /// The table that the joints of a robot can follow: targets are kept within each joint's limits, and from one tick to
-    /// the next they change by no more than its speed allows. The first row is the signal's own start within the limits.
+    /// the next they change by no more than its speed allows. `from`: the targets, rad, that an earlier table ended in, at which
+    /// joints with a greatest speed go on; without, the first row is the signal's own start within the limits.
     ///
     /// # Panics
-    /// If the table is of fewer joints.
-    pub fn within(mut self, hinges: &[Hinge]) -> Self {
+    /// If the table or `from` is of fewer joints.
+    pub fn within(mut self, hinges: &[Hinge], from: Option<&[f32]>) -> Self {
         for (joint, hinge) in hinges.iter().enumerate() {
             let [low, high] = hinge.limits;
             let most = hinge.speed.map(|speed| speed * TICK as f32);
             let mut before = None;
+            if let (Some(from), Some(_)) = (from, most) {
+                self.rows[joint] = from[joint];
+            }
             for row in self.rows.chunks_exact_mut(self.joints) {
                 let mut target = row[joint].clamp(low, high);
                 if let (Some(before), Some(most)) = (before, most) {
@@ -67,6 +71,11 @@ impl Targets {
             chained.duration += table.duration;
         }
         chained
+    }
+
+    /// The targets of every tick, rad, the first at time 0.
+    pub fn rows(&self) -> impl DoubleEndedIterator<Item = &[f32]> {
+        self.rows.chunks_exact(self.joints.max(1))
     }
 
     /// Number of joints.
@@ -120,7 +129,7 @@ mod tests {
 
     #[test]
     fn targets_stay_within_the_joint_limits() {
-        let table = Targets::new(&[vec![9.0, -9.0]], TICK).within(&[hinge([-0.3, 0.5], None)]);
+        let table = Targets::new(&[vec![9.0, -9.0]], TICK).within(&[hinge([-0.3, 0.5], None)], None);
         let mut out = [0.0];
         table.at(0.0, &mut out);
         assert_eq!(out[0], 0.5);
@@ -136,7 +145,7 @@ mod tests {
         let slow: Vec<f64> = (0..ticks).map(|t| 1.9 * TICK * t as f64).map(|angle| angle.min(0.4)).collect();
         let signals = [step, slow];
         let free = Targets::new(&signals, 1.0);
-        let table = free.clone().within(&[hinge(QUARTER_TURNS, Some(2.0)), hinge(QUARTER_TURNS, Some(2.0))]);
+        let table = free.clone().within(&[hinge(QUARTER_TURNS, Some(2.0)), hinge(QUARTER_TURNS, Some(2.0))], None);
         let (mut out, mut own) = ([0.0; 2], [0.0; 2]);
         for time in [0.0, 0.05, 0.1, 0.2, 0.25, 0.3, 1.0] {
             table.at(time, &mut out);

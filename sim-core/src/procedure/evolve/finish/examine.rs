@@ -147,6 +147,6 @@ fn trees(
     let mut trials = [Trial::new(job, &candidate.genome, tolerance, streams)];
     grow(job, &mut trials, stop)?;
     let [trial] = trials;
-    let told = |score| (!trial.exhausted).then_some(score);
+    let told = |score| trial.failure.is_none().then_some(score);
     Ok(Answer { scores: trial.scores(job).into_iter().map(told).collect(), counts: trial.counts(), traces: None })
 }

@@ -1,0 +1,63 @@
+//! Controllers that go on from where an earlier motion left them.
+
+use sim_core::base::random::{Purpose, Stream};
+use sim_core::base::registry::Registered;
+use sim_core::control::{Controller, Run};
+use sim_core::model::{Phase, Robot, RobotSpec, catalogue};
+use sim_core::physics::Motion;
+
+fn quadropod() -> RobotSpec {
+    toml::from_str(catalogue::find(catalogue::robots(), "quadropod").unwrap().toml).unwrap()
+}
+
+/// The quadropod, with joints that may turn no faster than so many rad/s.
+fn robot(speed: Option<f32>) -> Robot {
+    let mut robot = Robot::compile(&quadropod()).unwrap();
+    robot.hinges.iter_mut().for_each(|hinge| hinge.speed = speed);
+    robot
+}
+
+fn gait(controller: &dyn Controller, joints: usize) -> Vec<f64> {
+    let mut stream = Stream::new(3, Purpose::Sample, 0, 0, 0);
+    let each = controller.parameters();
+    (0..joints).flat_map(|_| each).map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect()
+}
+
+/// The targets of a motion at every tick from `first` on.
+fn rows(motion: &Motion, first: usize) -> Vec<Vec<u32>> {
+    motion.targets().rows().skip(first).map(|row| row.iter().map(|target| target.to_bits()).collect()).collect()
+}
+
+#[test]
+fn a_motion_that_goes_on_from_a_phase_has_the_bits_of_the_unbroken_one() {
+    for controller in <dyn Controller>::registry().all() {
+        for speed in [None, Some(1.5)] {
+            let robot = robot(speed);
+            let gait = gait(controller, robot.hinges.len());
+            let run = |duration, from| {
+                controller.compile(&Run { from, ..Run::new(&robot, duration) }, &gait).expect("it has a motion")
+            };
+            let whole = run(3.0, None);
+            let first = run(1.2, None);
+            let second = run(1.8, Some(first.end_phase()));
+            assert_eq!(rows(&second, 0), rows(&whole, 240), "{} at speed {speed:?}", controller.name());
+            assert_eq!(second.end_phase(), whole.end_phase(), "{}", controller.name());
+        }
+    }
+}
+
+#[test]
+fn a_phase_of_another_gait_is_refused_and_nothing_panics() {
+    let robot = robot(None);
+    for controller in <dyn Controller>::registry().all() {
+        let gait = gait(controller, robot.hinges.len());
+        let right = controller.compile(&Run::new(&robot, 0.5), &gait).unwrap().end_phase().clone();
+        for length in (0..right.0.len()).chain([right.0.len() + 1]) {
+            let mut bytes = right.0.clone();
+            bytes.resize(length, 0);
+            let phase = Phase(bytes);
+            let refused = controller.compile(&Run { from: Some(&phase), ..Run::new(&robot, 0.5) }, &gait).unwrap_err();
+            assert!(refused.to_string().contains("phase of another gait"), "{}: {refused}", controller.name());
+        }
+    }
+}
