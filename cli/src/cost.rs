@@ -3,7 +3,7 @@
 use crate::clock::{Spent, timed};
 use sim_core::base::score::Counts;
 use sim_core::evaluate::{Stopped, Trial, grow_on, search_streams};
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::model::Robot;
 use sim_core::model::environment::Block;
 use sim_core::physics::{Engine, Motion, Physics, Request, Rollout, Unsupported};
@@ -68,8 +68,8 @@ pub fn at_once(job: &Job) -> u32 {
 pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
     let started = Instant::now();
     let mut cost = Cost::default();
-    let genomes = job.optimiser().ask().genotypes;
-    let candidates: Vec<(u32, &Genome)> = (0..).zip(&genomes).collect();
+    let genotypes = job.optimiser().ask().genotypes;
+    let candidates: Vec<(u32, &Genotype)> = (0..).zip(&genotypes).collect();
     let ranges = (0..).flat_map(|generation| {
         candidates.chunks(at_once(job) as usize).map(move |candidates| (generation, candidates))
     });
@@ -100,14 +100,14 @@ pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
 fn evaluations(
     job: &Job,
     generation: u32,
-    candidates: &[(u32, &Genome)],
+    candidates: &[(u32, &Genotype)],
     stop: &dyn Fn() -> bool,
 ) -> Result<Cost, Stopped> {
     let engine = Watched { engine: job.engine(), seen: Mutex::default() };
     let (done, total) = timed(|| {
         let tolerance = job.spec().planner.reuse_tolerance;
-        let trial = |&(index, genome): &(u32, &Genome)| {
-            Trial::new(job, genome, tolerance, search_streams(job, generation, index))
+        let trial = |&(index, genotype): &(u32, &Genotype)| {
+            Trial::new(job, genotype, tolerance, search_streams(job, generation, index))
         };
         let (mut trials, tables) = timed(|| candidates.iter().map(trial).collect::<Vec<_>>());
         let (grown, growth) = timed(|| grow_on(&engine, job, &mut trials, stop));
@@ -189,7 +189,7 @@ mod tests {
 
     fn is_what_a_worker_does(job: &Job) {
         let cost = measure(job, Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
-        let candidates: Vec<(u32, Genome)> = (0..).zip(job.optimiser().ask().genotypes).collect();
+        let candidates: Vec<(u32, Genotype)> = (0..).zip(job.optimiser().ask().genotypes).collect();
         let scored = evaluate(job, 0, &candidates, &|| false).unwrap();
         assert_eq!(cost.scores, scored.iter().map(|e| e.score.unwrap()).collect::<Vec<_>>());
         let mut counts = Counts::default();

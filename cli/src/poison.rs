@@ -19,16 +19,16 @@ impl Subject {
     /// That of a task; `None` for a preparation, and for tasks that this build can't read.
     pub fn of(poisoned: &Poisoned) -> Option<Self> {
         match Task::decode(&poisoned.task).ok().filter(|_| poisoned.round > 0)? {
-            Task::Evaluate { generation, candidate, genome } => {
-                Some(Self { candidate: Scored { generation, candidate, score: 0.0, genome }, question: None })
+            Task::Evaluate { generation, candidate, genotype } => {
+                Some(Self { candidate: Scored { generation, candidate, score: 0.0, genotype }, question: None })
             }
             Task::Examine(asked) => Some(Self { candidate: asked.candidate, question: Some(asked.question) }),
         }
     }
 
-    /// Numbers as `--genome` takes them, each with all its bits.
-    pub fn genome(&self) -> String {
-        self.candidate.genome.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+    /// Numbers as `--genotype` takes them, each with all its bits.
+    pub fn genotype(&self) -> String {
+        self.candidate.genotype.numbers().iter().map(f64::to_string).collect::<Vec<_>>().join(",")
     }
 }
 
@@ -61,7 +61,7 @@ pub fn command_here(file: &Path, poisoned: &Poisoned) -> String {
     let Scored { generation, candidate, .. } = subject.candidate;
     format!(
         "evogait evaluate {file} --generation {generation} --candidate {candidate}{asked} --genome={}",
-        subject.genome()
+        subject.genotype()
     )
 }
 
@@ -76,13 +76,13 @@ mod tests {
 
     #[test]
     fn command_of_a_task_names_its_candidate_and_question() {
-        let candidate = Scored { generation: 3, candidate: 4, score: 1.0, genome: vec![0.1, -2.0] };
-        let evaluate = Task::Evaluate { generation: 3, candidate: 4, genome: vec![0.1, -2.0] };
+        let candidate = Scored { generation: 3, candidate: 4, score: 1.0, genotype: vec![0.1, -2.0].into() };
+        let evaluate = Task::Evaluate { generation: 3, candidate: 4, genotype: vec![0.1, -2.0].into() };
         let examine = Task::Examine(Examination::new(Question::WithoutReuse, &candidate));
         let here = |task| command_here(Path::new("job.toml"), &poisoned(4, task));
-        let (start, genome) = ("evogait evaluate job.toml --generation 3 --candidate 4", "--genome=0.1,-2");
-        assert_eq!(here(&evaluate), format!("{start} {genome}"));
-        assert_eq!(here(&examine), format!("{start} --question without-reuse {genome}"));
+        let (start, genotype) = ("evogait evaluate job.toml --generation 3 --candidate 4", "--genome=0.1,-2");
+        assert_eq!(here(&evaluate), format!("{start} {genotype}"));
+        assert_eq!(here(&examine), format!("{start} --question without-reuse {genotype}"));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::values::{self, count, number};
 use crate::watch::{has_ended, word};
 use proto::v1;
 use serde::Serialize;
+use sim_core::genotype::Genotype;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A job.
@@ -138,7 +139,8 @@ struct PoisonedView {
     candidate: Option<u32>,
     /// `null` for an evaluation of the search.
     question: Option<&'static str>,
-    genome: Option<Vec<f64>>,
+    #[serde(rename = "genome")]
+    genotype: Option<Genotype>,
 }
 
 impl PoisonedView {
@@ -153,7 +155,7 @@ impl PoisonedView {
             generation: candidate.map(|c| c.generation),
             candidate: candidate.map(|c| c.candidate),
             question: subject.as_ref().and_then(|subject| subject.question.map(question)),
-            genome: candidate.map(|c| c.genome.clone()),
+            genotype: candidate.map(|c| c.genotype.clone()),
         }
     }
 }

@@ -20,8 +20,7 @@ fn job() -> Job {
 /// A gait, uniform in the controller's bounds.
 fn gait(job: &Job) -> Vec<f64> {
     let mut stream = Stream::new(1, Purpose::Sample, 0, 0, 0);
-    let length = job.bounds().0.len() / job.spec().gaits.count as usize;
-    job.bounds().0[..length].iter().map(|&(low, high)| stream.uniform(low, high)).collect()
+    job.controller().space(job.robot()).bounds().map(|(low, high)| stream.uniform(low, high)).collect()
 }
 
 fn rollout(c: &mut Criterion) {
@@ -68,9 +67,9 @@ fn kinematics(c: &mut Criterion) {
 /// The main job's tree of 150 iterations, all of its transitions known.
 fn tree(c: &mut Criterion) {
     let job = job();
-    let genome = &job.optimiser().ask().genotypes[0];
+    let genotype = &job.optimiser().ask().genotypes[0];
     let stream = search_streams(&job, 0, 0).next().expect("a candidate has a tree");
-    let mut trials = [Trial::new(&job, genome, job.spec().planner.reuse_tolerance, [stream.clone()])];
+    let mut trials = [Trial::new(&job, genotype, job.spec().planner.reuse_tolerance, [stream.clone()])];
     grow(&job, &mut trials, &|| false).expect("nobody stops it");
     let [Trial { mut table, .. }] = trials;
     c.bench_function("tree of known transitions", |b| {

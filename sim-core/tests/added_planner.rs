@@ -76,8 +76,8 @@ fn added_planner_is_used_by_a_job_file() {
     assert_ne!(Checked::from_toml(&job("flood-fill")).unwrap().digest(), checked.digest());
 
     let job = Job::from_toml(&job("breadth-first")).unwrap();
-    let genome = &job.optimiser().ask().genotypes[0];
-    let mut trials = [Trial::new(&job, genome, job.reuse().tolerance, search_streams(&job, 0, 0))];
+    let genotype = &job.optimiser().ask().genotypes[0];
+    let mut trials = [Trial::new(&job, genotype, job.reuse().tolerance, search_streams(&job, 0, 0))];
     grow(&job, &mut trials, &|| false).unwrap();
     // Without obstacles no arrival is rejected: three expansions of two gaits.
     let edges: Vec<_> = trials[0].tree().nodes.iter().map(|node| node.edge).collect();

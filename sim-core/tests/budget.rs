@@ -2,7 +2,7 @@
 
 use sim_core::base::limits::MAX_EVALUATION_STEPS;
 use sim_core::evaluate::evaluate;
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::problem::Job;
 
 fn text(planner: &str, more: &str) -> String {
@@ -21,7 +21,7 @@ fn refusal(planner: &str) -> String {
     Job::from_toml(&text(planner, "")).unwrap_err().to_string()
 }
 
-fn candidates(job: &Job) -> Vec<(u32, Genome)> {
+fn candidates(job: &Job) -> Vec<(u32, Genotype)> {
     (0..).zip(job.optimiser().ask().genotypes).collect()
 }
 

@@ -26,9 +26,9 @@ const PLANNER: &str = "planner = { iterations = 12, repeats = 2 }";
 
 /// A candidate of the first generation, scored as the search does.
 fn candidate(job: &Job, index: u32) -> Scored {
-    let genome = job.optimiser().ask().genotypes[index as usize].clone();
-    let score = evaluate(job, 0, &[(index, genome.clone())], &|| false).unwrap()[0].score.unwrap();
-    Scored { generation: 0, candidate: index, score, genome }
+    let genotype = job.optimiser().ask().genotypes[index as usize].clone();
+    let score = evaluate(job, 0, &[(index, genotype.clone())], &|| false).unwrap()[0].score.unwrap();
+    Scored { generation: 0, candidate: index, score, genotype }
 }
 
 fn ask(job: &Job, question: Question, candidate: &Scored) -> Answer {
@@ -114,8 +114,8 @@ fn traces_hold_the_tree_that_the_search_scored() {
 #[test]
 fn an_examination_can_be_stopped() {
     let job = job(PLANNER);
-    let genome = job.optimiser().ask().genotypes.remove(0);
-    let scored = Scored { generation: 0, candidate: 0, score: 0.0, genome };
+    let genotype = job.optimiser().ask().genotypes.remove(0);
+    let scored = Scored { generation: 0, candidate: 0, score: 0.0, genotype };
     for question in [Question::Fresh, Question::Reference, Question::WithoutReuse, Question::Traces] {
         assert!(examine(&job, &Examination::new(question, &scored), &|| true).is_err());
     }

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use sim_core::base::digest::Digest;
 use sim_core::base::error::Invalid;
 use sim_core::base::score::Direction;
-use sim_core::genotype::{Bounds, Genome};
+use sim_core::genotype::{Genotype, Space};
 use sim_core::search::{OptimiserSpec, Search, build};
 use std::f64::consts::PI;
 
@@ -31,16 +31,16 @@ fn spec(kind: &str, size: u32) -> OptimiserSpec {
 
 const KINDS: [&str; 3] = ["pso", "pso-constriction", "ga"];
 
-fn cube(half: f64, dimensions: usize) -> Bounds {
-    Bounds(vec![(-half, half); dimensions])
+fn cube(half: f64, dimensions: usize) -> Space {
+    Space::of_reals(vec![(-half, half); dimensions])
 }
 
 /// All candidates of all generations, as they were asked for.
-fn path(optimiser: &mut dyn Search, generations: u32, f: impl Fn(&[f64]) -> Option<f64>) -> Vec<Vec<Genome>> {
+fn path(optimiser: &mut dyn Search, generations: u32, f: impl Fn(&[f64]) -> Option<f64>) -> Vec<Vec<Genotype>> {
     (0..generations)
         .map(|_| {
             let batch = optimiser.ask();
-            let scores: Vec<_> = batch.genotypes.iter().map(|x| f(x)).collect();
+            let scores: Vec<_> = batch.genotypes.iter().map(|x| f(x.numbers())).collect();
             optimiser.tell(&batch.clone().scored(&scores));
             batch.genotypes
         })
@@ -48,15 +48,15 @@ fn path(optimiser: &mut dyn Search, generations: u32, f: impl Fn(&[f64]) -> Opti
 }
 
 /// The least value that a search found.
-fn least(spec: &OptimiserSpec, bounds: Bounds, generations: u32, seed: u64, f: impl Fn(&[f64]) -> f64) -> f64 {
-    let mut optimiser = build(spec, bounds, Direction::Minimise, seed);
+fn least(spec: &OptimiserSpec, space: Space, generations: u32, seed: u64, f: impl Fn(&[f64]) -> f64) -> f64 {
+    let mut optimiser = build(spec, space, Direction::Minimise, seed);
     let candidates = path(&mut *optimiser, generations, |x| Some(f(x)));
-    candidates.iter().flatten().map(|x| f(x)).fold(f64::INFINITY, f64::min)
+    candidates.iter().flatten().map(|x| f(x.numbers())).fold(f64::INFINITY, f64::min)
 }
 
 /// Median over nine seeds, so that no single lucky or unlucky run decides.
-fn median_least(spec: &OptimiserSpec, bounds: Bounds, generations: u32, f: impl Fn(&[f64]) -> f64) -> f64 {
-    let mut found: Vec<f64> = (1..=9).map(|seed| least(spec, bounds.clone(), generations, seed, &f)).collect();
+fn median_least(spec: &OptimiserSpec, space: Space, generations: u32, f: impl Fn(&[f64]) -> f64) -> f64 {
+    let mut found: Vec<f64> = (1..=9).map(|seed| least(spec, space.clone(), generations, seed, &f)).collect();
     found.sort_by(f64::total_cmp);
     found[4]
 }
@@ -95,12 +95,11 @@ fn optima_at_the_bounds_are_found() {
 
 #[test]
 fn all_candidates_stay_within_the_bounds() {
-    let bounds = Bounds(vec![(-1.0, 1.0), (3.0, 3.5), (-1e-9, 1e9), (2.0, 2.0)]);
+    let space = Space::of_reals([(-1.0, 1.0), (3.0, 3.5), (-1e-9, 1e9), (2.0, 2.0)]);
     for kind in KINDS {
-        let mut optimiser = build(&spec(kind, 15), bounds.clone(), Direction::Maximise, 11);
+        let mut optimiser = build(&spec(kind, 15), space.clone(), Direction::Maximise, 11);
         for candidate in path(&mut *optimiser, 60, |x| Some(sphere(x))).into_iter().flatten() {
-            let inside = candidate.iter().zip(&bounds.0).all(|(x, (low, high))| low <= x && x <= high);
-            assert!(inside && candidate.len() == 4, "{kind}: {candidate:?}");
+            assert_eq!(space.check(&candidate), Ok(()), "{kind}");
         }
     }
 }
@@ -181,10 +180,10 @@ fn a_failed_evaluation_never_becomes_best() {
             let score = |x: &[f64]| if x[0] > 0.5 { failed } else { Some(x[0]) };
             let mut optimiser = build(&spec(kind, 30), cube(1.0, 2), Direction::Maximise, 2);
             let candidates = path(&mut *optimiser, 60, score);
-            let best = candidates.iter().flatten().filter_map(|x| score(x)).fold(f64::NEG_INFINITY, f64::max);
+            let best = candidates.iter().flatten().filter_map(|x| score(x.numbers())).fold(f64::NEG_INFINITY, f64::max);
             assert!(best > 0.49, "{kind}: {best}");
             let last = &candidates[59];
-            let failing = last.iter().filter(|x| x[0] > 0.5).count();
+            let failing = last.iter().filter(|x| x.numbers()[0] > 0.5).count();
             assert!(failing < 25, "{kind}: {failing} of the last 30 candidates fail");
         }
         let mut optimiser = build(&spec(kind, 4), cube(1.0, 2), Direction::Maximise, 2);

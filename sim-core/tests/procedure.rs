@@ -132,8 +132,8 @@ fn assert_recorded(name: &str) {
     assert_eq!(report["winner_scores"]["fresh"], winner["fresh"], "{name}");
     let reference = sim_core::base::score::mean(&ran.report.winner_scores.reference);
     assert_eq!(reference, winner["reference"].as_f64(), "{name}");
-    let genome: Vec<&serde_json::Value> = winner["genome"].as_array().unwrap().iter().map(|p| &p["value"]).collect();
-    assert_eq!(report["winner"]["genome"].as_array().unwrap().iter().collect::<Vec<_>>(), genome, "{name}");
+    let genotype: Vec<&serde_json::Value> = winner["genome"].as_array().unwrap().iter().map(|p| &p["value"]).collect();
+    assert_eq!(report["winner"]["genome"].as_array().unwrap().iter().collect::<Vec<_>>(), genotype, "{name}");
 
     let finishing = usize::from(job.finish().is_some());
     let phases: Vec<&str> = ["preparing"]
@@ -487,14 +487,14 @@ fn tasks_of_another_job_are_not_run() {
     let job = small();
     let bench = Bench::open(&job.to_toml()).unwrap();
     let shared = job.prepare(&|| false).unwrap().encode();
-    let evaluate = |genome| Task::Evaluate { generation: 0, candidate: 0, genome }.encode();
-    let length = job.bounds().0.len();
+    let evaluate = |genotype| Task::Evaluate { generation: 0, candidate: 0, genotype }.encode();
+    let length = job.space().longest();
     for (round, shared, task) in [
         (0, &[][..], vec![1]),
         (1, &shared[..], vec![]),
-        (1, &shared[..], evaluate(vec![0.5; length + 1])),
-        (1, &shared[..], evaluate(vec![f64::NAN; length])),
-        (1, &[][..], evaluate(vec![0.5; length])),
+        (1, &shared[..], evaluate(vec![0.5; length + 1].into())),
+        (1, &shared[..], evaluate(vec![f64::NAN; length].into())),
+        (1, &[][..], evaluate(vec![0.5; length].into())),
     ] {
         let ran = bench.run(round, shared, &[(0, task)], &never());
         assert!(matches!(ran, Err(NotRun::Task(_))), "{ran:?}");

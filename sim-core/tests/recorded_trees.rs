@@ -2,6 +2,7 @@
 
 use sim_core::base::digest::Digest;
 use sim_core::evaluate::{Trial, grow, search_streams};
+use sim_core::genotype::Genotype;
 use sim_core::problem::Job;
 
 /// Digest of the trees and counts of two candidates.
@@ -21,7 +22,8 @@ fn recorded(robot: &str, environment: &str, planner: &str, duration: f64) -> Str
     ))
     .unwrap();
     let tolerance = job.spec().planner.reuse_tolerance;
-    let of = |(index, genome): (u32, Vec<f64>)| Trial::new(&job, &genome, tolerance, search_streams(&job, 0, index));
+    let of =
+        |(index, genotype): (u32, Genotype)| Trial::new(&job, &genotype, tolerance, search_streams(&job, 0, index));
     let mut trials: Vec<Trial> = (0..2).zip(job.optimiser().ask().genotypes).map(of).collect();
     grow(&job, &mut trials, &|| false).unwrap();
     let bits = |trial: &Trial| {

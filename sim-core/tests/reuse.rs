@@ -26,9 +26,9 @@ fn job(planner: &str) -> Job {
 }
 
 fn trial(job: &Job, candidate: u32, tolerance: f64, variants: u32) -> Trial {
-    let genome = &job.optimiser().ask().genotypes[candidate as usize];
+    let genotype = &job.optimiser().ask().genotypes[candidate as usize];
     let reuse = Reuse { tolerance, variants };
-    let mut trials = [Trial::with_reuse(job, genome, reuse, search_streams(job, 0, candidate))];
+    let mut trials = [Trial::with_reuse(job, genotype, reuse, search_streams(job, 0, candidate))];
     grow(job, &mut trials, &|| false).unwrap();
     let [trial] = trials;
     trial

@@ -15,10 +15,10 @@ fn robots() -> Vec<Robot> {
 
 fn gait(robot: &Robot, seed: u64, duration: f64) -> Motion {
     let mut stream = Stream::new(seed, Purpose::Sample, 0, 0, 0);
-    let genome: Vec<f64> = (0..robot.hinges.len())
+    let genotype: Vec<f64> = (0..robot.hinges.len())
         .flat_map(|_| Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect::<Vec<_>>())
         .collect();
-    Hopf.compile(&Run::new(robot, duration), &genome).unwrap()
+    Hopf.compile(&Run::new(robot, duration), &genotype).unwrap()
 }
 
 fn run(robot: &Robot, start: &State, motion: &Motion) -> Rollout {

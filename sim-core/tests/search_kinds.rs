@@ -3,7 +3,7 @@
 use sim_core::base::registry::{Component, Registered};
 use sim_core::base::score::Direction;
 use sim_core::base::settings::{Configurable, Setting, Settings};
-use sim_core::genotype::Bounds;
+use sim_core::genotype::Space;
 use sim_core::problem::Checked;
 use sim_core::search::{Ask, GENERATIONS, OptimiserSpec, Pso, Search, SearchKind};
 
@@ -33,8 +33,8 @@ impl SearchKind for Repertoire {
         settings.whole(&CELLS)
     }
 
-    fn build(&self, _: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
-        Pso.build(&Settings::defaults(Pso.settings()), bounds, direction, seed)
+    fn build(&self, _: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+        Pso.build(&Settings::defaults(Pso.settings()), space, direction, seed)
     }
 }
 

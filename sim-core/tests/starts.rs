@@ -2,6 +2,7 @@
 
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::evaluate;
+use sim_core::genotype::Genotype;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::model::catalogue;
 use sim_core::model::environment::Environment;
@@ -61,9 +62,9 @@ fn robot_with_still_gaits_stays_on_its_plateau() {
         let more = format!("physics = {{ engine = \"{engine}\" }}");
         let fitness = "{ kind = \"coverage\", dimensions = 3, cell = 1.0 }";
         let job = job("quadropod", map, fitness, &more).unwrap();
-        let genome = vec![0.0; job.bounds().0.len()];
+        let genotype = Genotype::from(vec![0.0; job.space().longest()]);
         let mut trials =
-            [sim_core::evaluate::Trial::new(&job, &genome, 0.05, sim_core::evaluate::search_streams(&job, 0, 0))];
+            [sim_core::evaluate::Trial::new(&job, &genotype, 0.05, sim_core::evaluate::search_streams(&job, 0, 0))];
         sim_core::evaluate::grow(&job, &mut trials, &|| false).unwrap();
         let tree = trials[0].tree();
         assert!(tree.nodes.len() > 1);
@@ -71,7 +72,7 @@ fn robot_with_still_gaits_stays_on_its_plateau() {
             assert!(tree.root().planar_distance(&node.place) < 0.3, "{engine}: {:?}", node.place);
             assert!((node.place.z - height(&job)).abs() < 0.05, "{engine}: {:?} of {}", node.place, height(&job));
         }
-        let scored = evaluate(&job, 0, &[(0, genome)], &|| false).unwrap();
+        let scored = evaluate(&job, 0, &[(0, genotype)], &|| false).unwrap();
         assert!(scored[0].score.is_some());
     }
 }

@@ -26,9 +26,9 @@ fn job(environment: &str, planner: &str) -> Job {
 }
 
 fn trial(job: &Job, candidate: u32) -> Trial {
-    let genome = &job.optimiser().ask().genotypes[candidate as usize];
+    let genotype = &job.optimiser().ask().genotypes[candidate as usize];
     let tolerance = job.spec().planner.reuse_tolerance;
-    let mut trials = [Trial::new(job, genome, tolerance, search_streams(job, 0, candidate))];
+    let mut trials = [Trial::new(job, genotype, tolerance, search_streams(job, 0, candidate))];
     grow(job, &mut trials, &|| false).unwrap();
     let [trial] = trials;
     trial
@@ -205,8 +205,8 @@ fn same_seed_same_tree_and_another_seed_another_tree() {
     let job = job("empty", "iterations = 30");
     assert_eq!(trial(&job, 2).tree(), trial(&job, 2).tree());
     let other = Job::from_toml(&job.to_toml().replace("seed = 5", "seed = 6")).unwrap();
-    let genome = &job.optimiser().ask().genotypes[2];
-    let mut trials = [Trial::new(&other, genome, 0.05, search_streams(&other, 0, 2))];
+    let genotype = &job.optimiser().ask().genotypes[2];
+    let mut trials = [Trial::new(&other, genotype, 0.05, search_streams(&other, 0, 2))];
     grow(&other, &mut trials, &|| false).unwrap();
     assert_ne!(trials[0].tree(), trial(&job, 2).tree());
 }

@@ -1,4 +1,5 @@
-//! Whether two engine settings agree on what a genome is worth: the same genomes, on the same random trees, scored with each.
+//! Whether two engine settings agree on what a genotype is worth: the same genotypes, on the same random trees, scored with
+//! each.
 
 use crate::fidelity::disturbed;
 use crate::statistics::{Estimate, bootstrap, spearman};
@@ -6,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::base::statistics::{median, quantile};
 use sim_core::evaluate::{Stopped, Trial, grow};
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::plan::Transitions;
 use sim_core::problem::Job;
 
-/// What scoring a genome on many trees gave.
+/// What scoring a genotype on many trees gave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// The score of each tree.
@@ -31,7 +32,8 @@ impl Measured {
 /// How the scores that a setting gives compare with those of a reference. Differences in the score's unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Agreement {
-    /// Spearman's rank correlation, with a 95 % bootstrap interval over the genomes. `null` if all scores of a side are equal.
+    /// Spearman's rank correlation, with a 95 % bootstrap interval over the genotypes. `null` if all scores of a side are
+    /// equal.
     pub spearman: Option<Estimate>,
     /// Mean of the setting's scores over mean of the reference's: what is kept. `null` where that is 0.
     pub ratio: Option<Estimate>,
@@ -41,31 +43,31 @@ pub struct Agreement {
     pub p95_difference: f64,
 }
 
-/// Scores genomes on the job's setting, the first being the `first`-th of a study, each on so many trees. Random streams
-/// follow from the job's seed, the index and the tree alone, so the same genome's trees grow towards the same random
+/// Scores genotypes on the job's setting, the first being the `first`-th of a study, each on so many trees. Random
+/// streams follow from the job's seed, the index and the tree alone, so the same genotype's trees grow towards the same random
 /// places with every setting. `off`: from starts whose joint angles are off by a millionth rad, which shows what a
 /// setting's scores are worth by themselves.
 ///
 /// # Panics
-/// If a genome's length does not fit the job.
+/// If a genotype's length does not fit the job.
 pub fn measure(
     job: &Job,
     first: u32,
-    genomes: &[&Genome],
+    genotypes: &[&Genotype],
     trees: u32,
     off: bool,
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Measured>, Stopped> {
     let gaits = job.spec().gaits.count as usize;
-    let trial = |(index, genome): (u32, &&Genome)| {
+    let trial = |(index, genotype): (u32, &&Genotype)| {
         let streams = (0..trees).map(|tree| Stream::new(job.spec().seed, Purpose::Rescore, 0, index, tree));
-        let mut trial = Trial::with_reuse(job, genome, job.reuse(), streams);
+        let mut trial = Trial::with_reuse(job, genotype, job.reuse(), streams);
         if off {
             trial.table = Transitions::new(gaits, job.reuse(), &disturbed(job.start(), index));
         }
         trial
     };
-    let mut trials: Vec<Trial> = (first..).zip(genomes).map(trial).collect();
+    let mut trials: Vec<Trial> = (first..).zip(genotypes).map(trial).collect();
     grow(job, &mut trials, stop)?;
     let measured = |t: &Trial| {
         let counts = t.counts();
@@ -74,12 +76,12 @@ pub fn measure(
     Ok(trials.iter().map(measured).collect())
 }
 
-/// Compares a setting's scores with the reference's, genome by genome.
+/// Compares a setting's scores with the reference's, genotype by genotype.
 ///
 /// # Panics
 /// If the two are not of the same length.
 pub fn compare(reference: &[f64], setting: &[f64]) -> Agreement {
-    assert_eq!(reference.len(), setting.len(), "the same genomes are compared");
+    assert_eq!(reference.len(), setting.len(), "the same genotypes are compared");
     let apart: Vec<f64> = reference.iter().zip(setting).map(|(r, s)| (r - s).abs()).collect();
     let estimate = |statistic: fn(&[f64], &[f64]) -> Option<f64>| {
         // Every estimate is made from the same resamples: differences between settings are not those of luck.
@@ -121,27 +123,27 @@ mod tests {
     }
 
     #[test]
-    fn what_a_genome_scores_depends_on_its_index_alone_not_on_whom_it_is_measured_with() {
+    fn what_a_genotype_scores_depends_on_its_index_alone_not_on_whom_it_is_measured_with() {
         for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
             let job = job(engine);
-            let genomes = job.optimiser().ask().genotypes;
-            let genomes: Vec<&Genome> = genomes.iter().collect();
-            let together = measure(&job, 0, &genomes[..3], 4, false, &|| false).unwrap();
-            let alone = measure(&job, 2, &genomes[2..3], 4, false, &|| false).unwrap();
+            let genotypes = job.optimiser().ask().genotypes;
+            let genotypes: Vec<&Genotype> = genotypes.iter().collect();
+            let together = measure(&job, 0, &genotypes[..3], 4, false, &|| false).unwrap();
+            let alone = measure(&job, 2, &genotypes[2..3], 4, false, &|| false).unwrap();
             assert_eq!(alone, together[2..]);
             assert_eq!(alone[0].scores.len(), 4);
-            let fewer = measure(&job, 2, &genomes[2..3], 2, false, &|| false).unwrap();
+            let fewer = measure(&job, 2, &genotypes[2..3], 2, false, &|| false).unwrap();
             assert_eq!(fewer[0].scores, alone[0].scores[..2], "more trees begin alike");
-            assert!(measure(&job, 0, &genomes[..1], 4, false, &|| true).is_err());
+            assert!(measure(&job, 0, &genotypes[..1], 4, false, &|| true).is_err());
         }
     }
 
     #[test]
     fn a_disturbed_start_is_another_start() {
         let job = job(EngineKind::Rapier);
-        let genomes = job.optimiser().ask().genotypes;
-        let genomes: Vec<&Genome> = genomes.iter().collect();
-        let trial = |off| measure(&job, 0, &genomes, 3, off, &|| false).unwrap();
+        let genotypes = job.optimiser().ask().genotypes;
+        let genotypes: Vec<&Genotype> = genotypes.iter().collect();
+        let trial = |off| measure(&job, 0, &genotypes, 3, off, &|| false).unwrap();
         let (settled, off) = (trial(false), trial(true));
         let scores = |m: &[Measured]| m.iter().map(Measured::mean).collect::<Vec<f64>>();
         assert_ne!(settled, off, "a millionth rad leads elsewhere on some tree");

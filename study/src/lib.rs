@@ -2,7 +2,7 @@
 
 pub mod fidelity;
 pub mod fitness;
-pub mod genomes;
+pub mod genotypes;
 pub mod reuse;
 pub mod soundness;
 pub mod statistics;

@@ -1,4 +1,4 @@
-//! What transition reuse changes: the same genomes scored with and without it, on the same random trees.
+//! What transition reuse changes: the same genotypes scored with and without it, on the same random trees.
 //!
 //! A *column* is one way to score: a [`Reuse`], a number of trees that share one table, and a draw of random streams.
 //! Column 0 is the plain method: tolerance 0, one tree, draw 0. A *row* is what is told of one way: how the scores of its
@@ -10,6 +10,7 @@ use sim_core::base::limits::MAX_REPEATS;
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::base::statistics::{median, quantile};
 use sim_core::evaluate::{Stopped, Trial, grow};
+use sim_core::genotype::Genotype;
 use sim_core::plan::Reuse;
 use sim_core::problem::Job;
 
@@ -26,7 +27,7 @@ pub struct Study {
     pub repeats: Vec<u32>,
 }
 
-/// One way to score a genome.
+/// One way to score a genotype.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Column {
     /// How transitions are reused.
@@ -37,7 +38,7 @@ pub struct Column {
     pub draw: u32,
 }
 
-/// What scoring a genome in one way gave.
+/// What scoring a genotype in one way gave.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// The score.
@@ -96,23 +97,23 @@ impl Study {
     }
 }
 
-/// Scores a genome, the `index`-th of a study, in every way. Random streams follow from the job's seed, the index, the
-/// draw and the tree alone: columns of the same draw grow their trees towards the same random places.
+/// Scores a genotype, the `index`-th of a study, in every way. Random streams follow from the job's seed, the index,
+/// the draw and the tree alone: columns of the same draw grow their trees towards the same random places.
 ///
 /// # Panics
-/// If the genome's length does not fit the job.
+/// If the genotype's length does not fit the job.
 pub fn measure(
     job: &Job,
     columns: &[Column],
     index: u32,
-    genome: &[f64],
+    genotype: &Genotype,
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Measured>, Stopped> {
     let seed = job.spec().seed;
     let trial = |column: &Column| {
         let first = column.draw * MAX_REPEATS;
         let streams = (first..first + column.repeats).map(|r| Stream::new(seed, Purpose::Rescore, 0, index, r));
-        Trial::with_reuse(job, genome, column.reuse, streams)
+        Trial::with_reuse(job, genotype, column.reuse, streams)
     };
     let mut trials: Vec<Trial> = columns.iter().map(trial).collect();
     grow(job, &mut trials, stop)?;
@@ -120,12 +121,12 @@ pub fn measure(
     Ok(trials.iter().map(measured).collect())
 }
 
-/// Makes rows of what was measured, given by genome, then by column.
+/// Makes rows of what was measured, given by genotype, then by column.
 ///
 /// # Panics
-/// If there is no genome, or one was not measured in every column.
+/// If there is no genotype, or one was not measured in every column.
 pub fn rows(job: &Job, columns: &[Column], measured: &[Vec<Measured>]) -> Vec<Row> {
-    assert!(!measured.is_empty(), "a study needs genomes");
+    assert!(!measured.is_empty(), "a study needs genotypes");
     let scores = |column: usize| measured.iter().map(|m| m[column].score).collect::<Vec<f64>>();
     let rollouts =
         |column: usize| measured.iter().map(|m| m[column].rollouts as f64).sum::<f64>() / measured.len() as f64;
@@ -160,7 +161,7 @@ fn differences(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).collect()
 }
 
-/// Rank correlation of the plain scores with others, mean over these, with a bootstrap interval over the genomes. All
+/// Rank correlation of the plain scores with others, mean over these, with a bootstrap interval over the genotypes. All
 /// rows use the same resamples: differences between them are not those of luck.
 fn correlation(plain: &[f64], others: &[Vec<f64>]) -> Option<Estimate> {
     if others.is_empty() {
@@ -214,12 +215,12 @@ mod tests {
     fn a_column_does_not_depend_on_which_others_are_measured() {
         let job = job();
         let columns = study().columns(&job);
-        let genome = &job.optimiser().ask().genotypes[1];
-        let all = measure(&job, &columns, 1, genome, &|| false).unwrap();
+        let genotype = &job.optimiser().ask().genotypes[1];
+        let all = measure(&job, &columns, 1, genotype, &|| false).unwrap();
         for (column, expected) in columns.iter().zip(&all) {
-            assert_eq!(&measure(&job, &[*column], 1, genome, &|| false).unwrap()[0], expected);
+            assert_eq!(&measure(&job, &[*column], 1, genotype, &|| false).unwrap()[0], expected);
         }
-        assert!(measure(&job, &columns, 1, genome, &|| true).is_err());
+        assert!(measure(&job, &columns, 1, genotype, &|| true).is_err());
         let [plain, own] = [all[0], all[1]];
         assert!(own.rollouts <= plain.rollouts && plain.rollouts <= 12 * 2);
     }

@@ -1,6 +1,6 @@
 //! A span around every call that a gRPC server answers: method, peer, status and duration, at level debug.
 //!
-//! Neither headers nor messages are looked at, so no token and no genome gets into a log.
+//! Neither headers nor messages are looked at, so no token and no genotype gets into a log.
 
 use std::time::Duration;
 use tonic::Code;

@@ -209,17 +209,17 @@ async fn poisoned_task_fails_job_and_evaluates_locally() {
     assert!(failed.reason.contains("candidate 0 of generation 0 failed 3 times"), "{}", failed.reason);
 
     let assign = poisoned.expect("it was given");
-    let Task::Evaluate { genome, .. } = task(&assign) else { panic!("an evaluation") };
-    let genome = genome.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let Task::Evaluate { genotype, .. } = task(&assign) else { panic!("an evaluation") };
+    let genotype = genotype.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let shown = sandbox.told(&["show", &job.id]);
-    assert!(shown.contains(&format!("genome         {genome}")), "{shown}");
+    assert!(shown.contains(&format!("genome         {genotype}")), "{shown}");
     assert!(shown.contains(&format!("evogait evaluate {} does it again here", job.id)), "{shown}");
 
     let Outcome::Results(Results { results }) = fails.honest(&assign) else { panic!("results") };
     let Ok(TaskResult::Evaluated { score, .. }) = TaskResult::decode(&results[0]) else { panic!("an evaluation") };
     let bits = score.map_or("failed".to_owned(), |s| format!("{:016x}", s.to_bits()));
     std::fs::write(sandbox.file("job.toml"), &text).expect("a file");
-    let named = format!("--genome={genome}");
+    let named = format!("--genome={genotype}");
     for arguments in [vec!["evaluate", &job.id, "--json"], vec!["evaluate", "job.toml", &named, "--json"]] {
         let told: serde_json::Value = serde_json::from_str(&sandbox.told(&arguments)).expect("JSON");
         assert_eq!(told["bits"][0], *bits, "{arguments:?}");

@@ -17,6 +17,7 @@ pub use robot::{PictureFormat, Robot, RobotOutput};
 use crate::certs::Host;
 use crate::client::Url;
 pub use crate::load::JobFile;
+use sim_core::genotype::Genotype;
 use sim_core::procedure::evolve::finish::Question;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -123,7 +124,7 @@ pub struct Evaluate {
     pub candidate: u32,
     pub question: Option<Question>,
     /// The one that ended the job if it is not given.
-    pub genome: Option<Vec<f64>>,
+    pub genotype: Option<Genotype>,
     pub json: bool,
 }
 

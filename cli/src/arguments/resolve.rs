@@ -9,7 +9,8 @@ use crate::error::Error;
 use crate::inputs;
 use clap::Parser as _;
 use proto::credentials::{self as shown, Credentials, Sources};
-use sim_core::base::limits::MAX_GENOME;
+use sim_core::base::limits::MAX_GENOTYPE;
+use sim_core::genotype::Genotype;
 use sim_core::procedure::evolve::finish::Question;
 use std::path::{Path, PathBuf};
 
@@ -120,12 +121,12 @@ fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {
 }
 
 fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
-    let genome = match (raw.genome, raw.genome_file) {
-        (Some(text), _) => Some(genome(&text, "--genome")?),
+    let genotype = match (raw.genome, raw.genome_file) {
+        (Some(text), _) => Some(genotype(&text, "--genome")?),
         (None, Some(path)) => {
             let text = std::fs::read_to_string(&path).map_err(|e| Error::read(&path, e))?;
             inputs::record(&path);
-            Some(genome(&text, &path.display().to_string())?)
+            Some(genotype(&text, &path.display().to_string())?)
         }
         (None, None) => None,
     };
@@ -133,7 +134,7 @@ fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
         generation: raw.generation.unwrap_or(0),
         candidate: raw.candidate.unwrap_or(0),
         question: raw.question.map(Question::from),
-        genome,
+        genotype,
         json: raw.on.json,
         what: if is_job_id(&raw.job) {
             EvaluateWhat::Stored { id: raw.job, on: coordinator(raw.on)? }
@@ -155,20 +156,20 @@ fn is_job_id(text: &str) -> bool {
 }
 
 /// Numbers between commas, blanks or line ends, in brackets or not.
-fn genome(text: &str, from: &str) -> Result<Vec<f64>, Error> {
+fn genotype(text: &str, from: &str) -> Result<Genotype, Error> {
     let separator = |c: char| c == ',' || c == '[' || c == ']' || c.is_whitespace();
     let number = |word: &str| {
         let wrong =
             format!("{from} holds \"{word}\", which is no number: a genome is numbers with commas between them");
         word.parse().map_err(|_| Error::Usage { message: wrong })
     };
-    let genome: Vec<f64> = text.split(separator).filter(|w| !w.is_empty()).map(number).collect::<Result<_, _>>()?;
-    match genome.len() {
+    let numbers: Vec<f64> = text.split(separator).filter(|w| !w.is_empty()).map(number).collect::<Result<_, _>>()?;
+    match numbers.len() {
         0 => Err(Error::Usage { message: format!("{from} holds no number") }),
-        n if n > MAX_GENOME => {
-            Err(Error::Usage { message: format!("{from} holds {n} numbers: at most {MAX_GENOME} are allowed") })
+        n if n > MAX_GENOTYPE => {
+            Err(Error::Usage { message: format!("{from} holds {n} numbers: at most {MAX_GENOTYPE} are allowed") })
         }
-        _ => Ok(genome),
+        _ => Ok(numbers.into()),
     }
 }
 
@@ -238,15 +239,15 @@ mod tests {
     }
 
     #[test]
-    fn genomes_are_read_with_all_their_bits() {
+    fn genotypes_are_read_with_all_their_bits() {
         let odd = [-0.0, 1.0 / 3.0, f64::MIN_POSITIVE / 4.0, -1e300, f64::INFINITY];
         let text = odd.map(|v| v.to_string()).join(",");
         for text in [text.clone(), format!("[{}]\n", text.replace(',', ", ")), text.replace(',', "\n")] {
-            let read = genome(&text, "x").unwrap();
-            assert_eq!(read.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits), "{text}");
+            let read = genotype(&text, "x").unwrap();
+            assert_eq!(read.numbers().iter().map(|v| v.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits), "{text}");
         }
-        assert!(genome("1.0,two", "--genome").unwrap_err().to_string().contains("--genome holds \"two\""));
-        assert!(genome(" ", "--genome").is_err());
+        assert!(genotype("1.0,two", "--genome").unwrap_err().to_string().contains("--genome holds \"two\""));
+        assert!(genotype(" ", "--genome").is_err());
     }
 
     #[test]

@@ -13,6 +13,7 @@ use proto::v1;
 use serde::Serialize;
 use sim_core::base::score::Counts;
 use sim_core::evaluate::evaluate;
+use sim_core::genotype::{Genotype, Misfit, NamedGene};
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::finish::{Examination, examine};
 use sim_core::search::Scored;
@@ -51,19 +52,8 @@ pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
         })?,
     };
     let subject = subject(&args, poisoned)?;
-    let parameters = job.bounds().0.len();
-    let Scored { generation, candidate, ref genome, .. } = subject.candidate;
-    if genome.len() != parameters {
-        return Err(Error::Usage {
-            message: format!(
-                "the genome has {} numbers, and a candidate of this job has {parameters} parameters",
-                genome.len()
-            ),
-        });
-    }
-    if args.genome.is_some() {
-        check_numbers(&job, genome)?;
-    }
+    let Scored { generation, candidate, ref genotype, .. } = subject.candidate;
+    check(&job, genotype)?;
     let start = Instant::now();
     let (scores, counts) = carry_out(&job, &subject)?;
     let view = View {
@@ -84,9 +74,9 @@ pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
 
 fn subject(args: &Evaluate, poisoned: Option<v1::Poisoned>) -> Result<Subject, Error> {
     let usage = |message: &str| Err(Error::Usage { message: message.to_owned() });
-    if let Some(genome) = args.genome.clone() {
+    if let Some(genotype) = args.genotype.clone() {
         let (generation, candidate) = (args.generation, args.candidate);
-        let candidate = Scored { generation, candidate, score: 0.0, genome };
+        let candidate = Scored { generation, candidate, score: 0.0, genotype };
         return Ok(Subject { candidate, question: args.question });
     }
     match (poisoned.map(|poisoned| Subject::of(&poisoned)), &args.what) {
@@ -99,15 +89,24 @@ fn subject(args: &Evaluate, poisoned: Option<v1::Poisoned>) -> Result<Subject, E
     }
 }
 
-/// Refuses numbers that no search of the job asks about.
-fn check_numbers(job: &Job, genome: &[f64]) -> Result<(), Error> {
-    let outside = genome.iter().zip(&job.bounds().0).position(|(value, (low, high))| !(low..=high).contains(&value));
-    let Some(i) = outside else { return Ok(()) };
-    let (value, (low, high)) = (genome[i], job.bounds().0[i]);
-    let name = job.parameter_names().swap_remove(i);
-    let what = if value.is_finite() { "is out of range" } else { "is not a finite number" };
+/// Refuses a genotype that no search of the job asks about.
+fn check(job: &Job, genotype: &Genotype) -> Result<(), Error> {
+    let Err(misfit) = job.space().check(genotype) else { return Ok(()) };
+    let (index, what) = match misfit {
+        Misfit::Length { found, wanted } => {
+            let message =
+                format!("the genome has {found} numbers, and a candidate of this job has {wanted} parameters");
+            return Err(Error::Usage { message });
+        }
+        Misfit::NotFinite { index, .. } => (index, "is not a finite number"),
+        Misfit::OutOfBounds { index, .. } => (index, "is out of range"),
+        Misfit::NotWhole { index, .. } => (index, "is not a whole number"),
+    };
+    let (genes, value) = (&job.space().genes, genotype.numbers()[index]);
+    let NamedGene { name, gene, .. } = &genes[index % genes.len()];
+    let (low, high) = gene.bounds();
     Err(Error::Usage {
-        message: format!("number {} of the genome, {name} = {value}, {what}: allowed is {low} to {high}", i + 1),
+        message: format!("number {} of the genome, {name} = {value}, {what}: allowed is {low} to {high}", index + 1),
     })
 }
 
@@ -117,7 +116,7 @@ fn carry_out(job: &Job, Subject { candidate, question }: &Subject) -> Result<(Ve
     let stopped = |_| Error::Interrupted { hint: String::new() };
     match question {
         None => {
-            let one = (candidate.candidate, candidate.genome.clone());
+            let one = (candidate.candidate, candidate.genotype.clone());
             let done = evaluate(job, candidate.generation, &[one], &never).map_err(stopped)?;
             Ok((done.iter().map(|e| e.score).collect(), done.first().map(|e| e.counts).unwrap_or_default()))
         }

@@ -20,7 +20,7 @@ struct View {
     modules: usize,
     failed_modules: Vec<String>,
     bodies: usize,
-    /// Moving joints, in the order of genomes.
+    /// Moving joints, in the order of genotypes.
     joints: Vec<String>,
     /// kg.
     mass: f64,

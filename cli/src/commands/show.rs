@@ -85,7 +85,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
     lines.extend(job.disputes.iter().map(dispute));
     if let Some(poisoned) = &job.poisoned {
         lines.push(format!("  failed         {}, {} times", poisoned.what, poisoned.attempts));
-        lines.extend(Subject::of(poisoned).map(|subject| format!("  genome         {}", subject.genome())));
+        lines.extend(Subject::of(poisoned).map(|subject| format!("  genome         {}", subject.genotype())));
         lines.push(format!("  next           {} does it again here", poison::command_there(&job.id, poisoned)));
     }
     match job.state() {

@@ -35,7 +35,8 @@ struct View<'a> {
     engine_digest: Digest,
     seed: u64,
     gaits: u32,
-    genome_length: usize,
+    #[serde(rename = "genome_length")]
+    genotype_length: usize,
     population: u32,
     generations: u32,
     evaluations: u64,
@@ -87,7 +88,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
         gaits: job.spec().gaits.count,
-        genome_length: job.bounds().0.len(),
+        genotype_length: job.space().longest(),
         population: optimiser.population(),
         generations: optimiser.generations(),
         evaluations,
@@ -125,7 +126,7 @@ fn text(view: &View) -> String {
         format!("{} is valid", view.name),
         format!("  robot          {}", view.robot),
         format!("  environment    {}", view.environment),
-        format!("  candidate      {} gaits, {} parameters", view.gaits, view.genome_length),
+        format!("  candidate      {} gaits, {} parameters", view.gaits, view.genotype_length),
         format!(
             "  search         {} generations of {} candidates: {} evaluations, seed {}",
             count(view.generations.into()),

@@ -69,7 +69,7 @@ fn checks(stored: &Stored, full: bool) -> Result<Vec<Check>, Error> {
     if result.engine_digest == stored.job.engine_digest() {
         checks.push(compare("job digest", &result.job_digest, &stored.job.digest()));
     }
-    let again = evaluate(&stored.job, winner.generation, &[(winner.candidate, winner.genome.clone())], &|| false)
+    let again = evaluate(&stored.job, winner.generation, &[(winner.candidate, winner.genotype.clone())], &|| false)
         .map_err(|_| Error::Interrupted { hint: String::new() })?;
     let score = again.first().and_then(|evaluation| evaluation.score);
     checks.push(compare_score("the winner's score", Some(winner.score), score));

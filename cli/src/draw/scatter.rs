@@ -12,7 +12,7 @@ const HEIGHT: f64 = 680.0;
 /// Pairs of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScatterSet {
-    /// Such as "random genomes".
+    /// Such as "random genotypes".
     pub name: String,
     /// (x, y), in the same unit.
     pub points: Vec<[f64; 2]>,

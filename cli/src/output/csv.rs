@@ -17,7 +17,8 @@ pub fn history(history: &[Generation]) -> String {
     out
 }
 
-/// archive.csv: a row a genome, best on the reference setting first. `reference` is empty where it could not be scored.
+/// archive.csv: a row a genotype, best on the reference setting first. `reference` is empty where it could not be
+/// scored.
 pub fn archive(rows: &[ArchiveRow]) -> String {
     let mut out = "rank,generation,candidate,search,reference\n".to_owned();
     for ArchiveRow { rank, generation, candidate, search, reference } in rows {

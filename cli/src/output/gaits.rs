@@ -51,7 +51,7 @@ pub fn trajectory_name(gait: usize) -> String {
 
 /// Takes the gaits out of a report.
 pub fn file(job: &Checked, report: &Report) -> GaitFile {
-    let names = job.parameter_names();
+    let names = job.space().names();
     let mut names = names.iter();
     let gaits = report.gaits.iter().enumerate().map(|(i, trace)| {
         let own = names.by_ref().take(trace.parameters.len());

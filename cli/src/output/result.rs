@@ -105,10 +105,11 @@ pub struct Candidate {
     /// As on the reference setting, with friction × 1.1; of the winner only.
     pub more_friction: Option<f64>,
     /// Its parameters.
-    pub genome: Vec<Parameter>,
+    #[serde(rename = "genome")]
+    pub genotype: Vec<Parameter>,
 }
 
-/// A genome of the archive; `report.json` has its parameters.
+/// A genotype of the archive; `report.json` has its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArchiveRow {
     /// From 1, by `reference`.
@@ -158,7 +159,7 @@ pub struct FinishCounts {
     pub simulated_seconds: f64,
 }
 
-/// A number of a genome.
+/// A number of a genotype.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
     /// Such as `gait1.hip-front.omega1`.
@@ -215,7 +216,7 @@ impl ResultFile {
         Digests { job: job_digest, result: result_digest, engine: engine_digest }: Digests,
         report: Option<&Report>,
     ) -> Self {
-        let names = job.parameter_names();
+        let names = job.space().names();
         let candidate = |scored: &Scored, scores: &Rescored| Candidate {
             generation: scored.generation,
             candidate: scored.candidate,
@@ -228,7 +229,11 @@ impl ResultFile {
             without_reuse: mean(&scores.without_reuse),
             less_friction: mean(&scores.less_friction),
             more_friction: mean(&scores.more_friction),
-            genome: names.iter().zip(&scored.genome).map(|(n, &value)| Parameter { name: n.clone(), value }).collect(),
+            genotype: names
+                .iter()
+                .zip(scored.genotype.numbers())
+                .map(|(n, &value)| Parameter { name: n.clone(), value })
+                .collect(),
         };
         let winner = report.map(|r| candidate(&r.winner, &r.winner_scores));
         let first = report.map(|r| candidate(&r.first, &r.first_scores));
@@ -286,7 +291,7 @@ impl Candidate {
             generation: self.generation,
             candidate: self.candidate,
             score: self.fitness,
-            genome: self.genome.iter().map(|p| p.value).collect(),
+            genotype: self.genotype.iter().map(|p| p.value).collect(),
         }
     }
 }

@@ -4,6 +4,7 @@ use super::{JOB, REPORT, RESULT, ResultFile};
 use crate::error::Error;
 use crate::{inputs, load};
 use serde::de::DeserializeOwned;
+use sim_core::genotype::Misfit;
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::report::Report;
 use std::fs;
@@ -30,8 +31,8 @@ impl Stored {
         let job_path = folder.join(JOB);
         let (job, _) = load::resolved(&job_path, Job::from_toml)?;
         inputs::record(&job_path);
-        let lengths = [&result.winner, &result.first].map(|c| c.as_ref().map(|c| c.genome.len()));
-        if let Some(reason) = wrong_genome(&job, lengths.into_iter().flatten()) {
+        let lengths = [&result.winner, &result.first].map(|c| c.as_ref().map(|c| c.genotype.len()));
+        if let Some(reason) = wrong_genotype(&job, lengths.into_iter().flatten()) {
             return Err(Error::Damaged { path: result_path, reason });
         }
         Ok(Self { folder: folder.to_owned(), job, result })
@@ -47,18 +48,20 @@ impl Stored {
         let candidates = [&report.winner, &report.first, &report.best].into_iter();
         let candidates = candidates.chain(report.archive.iter().map(|a| &a.candidate));
         let candidates = candidates.chain(report.audits.iter().map(|a| &a.candidate));
-        match wrong_genome(&self.job, candidates.map(|c| c.genome.len())) {
+        match wrong_genotype(&self.job, candidates.map(|c| c.genotype.numbers().len())) {
             None => Ok(report),
             Some(reason) => Err(Error::Damaged { path, reason }),
         }
     }
 }
 
-/// What is wrong with genomes of these lengths, if one can't be of the job.
-fn wrong_genome(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option<String> {
-    let expected = job.bounds().0.len();
-    let found = lengths.into_iter().find(|found| *found != expected)?;
-    Some(format!("a genome has {found} parameters, those of {JOB} have {expected}"))
+/// What is wrong with genotypes of these lengths, if one can't be of the job.
+fn wrong_genotype(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option<String> {
+    let misfit = lengths.into_iter().find_map(|found| job.space().check_length(found).err())?;
+    Some(match misfit {
+        Misfit::Length { found, wanted } => format!("a genome has {found} parameters, those of {JOB} have {wanted}"),
+        other => other.to_string(),
+    })
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {

@@ -45,7 +45,7 @@ pub const MAX_EVALUATION_STEPS: u64 = 10_000_000_000;
 pub const MAX_PREPARATION: u64 = 100_000_000;
 /// Most substeps in a second of simulated time.
 pub const MAX_SUBSTEPS_PER_SECOND: u32 = 100_000;
-/// Most genomes in a search's archive.
+/// Most genotypes in a search's archive.
 pub const MAX_ARCHIVE: u32 = 1_000;
 /// Most fresh seeds a candidate of the finish is scored on.
 pub const MAX_FINISH_SEEDS: u32 = 1_000;
@@ -55,12 +55,12 @@ pub const MAX_VARIANTS: u32 = 16;
 pub const MAX_MAP_SIZE: f64 = 10_000.0;
 /// Most cells of a coverage grid.
 pub const MAX_CELLS: usize = 4_000_000;
-/// Longest genome.
-pub const MAX_GENOME: usize = 16_384;
-/// Most parameters in all genomes of a generation together: the state of a search, which is stored after each of them, has
+/// Longest genotype.
+pub const MAX_GENOTYPE: usize = 16_384;
+/// Most parameters in all genotypes of a generation together: the state of a search, which is stored after each of them, has
 /// some 40 bytes for each.
 pub const MAX_GENERATION_PARAMETERS: usize = 8_000_000;
-/// Bytes of genomes in the tasks of one assignment: it stays far below the largest message.
-pub const MAX_ASSIGNMENT_GENOMES: usize = 8 * 1024 * 1024;
+/// Bytes of genotypes in the tasks of one assignment: it stays far below the largest message.
+pub const MAX_ASSIGNMENT_GENOTYPES: usize = 8 * 1024 * 1024;
 /// Longest text that says why a robot can't be prepared, in bytes.
 pub const MAX_REFUSAL: usize = 4096;

@@ -4,7 +4,8 @@ use super::Controller;
 use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
 use crate::base::limits;
 use crate::base::registry::Chosen;
-use crate::genotype::Bounds;
+use crate::genotype::{Gene, Length, NamedGene, Space};
+use crate::model::Robot;
 use crate::physics::TICK;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -53,13 +54,47 @@ pub(crate) fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32)
     Ok(())
 }
 
-/// The box of genomes: the bounds of every parameter of every joint and gait.
-pub(crate) fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Invalid> {
-    let parameters = gaits.controller.0.parameters();
-    for (parameter, &(low, high)) in &gaits.bounds {
+/// The space of gait sets: that of one gait, once a gait, with the job's bounds.
+pub(crate) fn space_of(gaits: &GaitsSpec, robot: &Robot) -> Result<Space, Invalid> {
+    let controller = gaits.controller.0;
+    let Space { mut genes, length } = controller.space(robot);
+    if !genes.is_empty() {
+        set_bounds(&mut genes, &gaits.bounds)?;
+        if genes.iter().all(|named| is_fixed(named.gene)) {
+            let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: give one \
+                          of them two different bounds";
+            return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
+        }
+    }
+    if length != Length::Fixed && gaits.count > 1 {
+        let reason =
+            format!("a gait of controller \"{}\" is a sequence, of which a candidate has one", controller.name());
+        return Err(Invalid::Conflict { field: "gaits.count".into(), reason });
+    }
+    let gait = Space { genes, length };
+    let longest = gait.longest().saturating_mul(gaits.count as usize);
+    whole_in_range("length of the genome", longest as u64, (1, limits::MAX_GENOTYPE as u64), "")?;
+    let named = |i: u32, named: &NamedGene| NamedGene { name: format!("gait{i}.{}", named.name), ..named.clone() };
+    let genes = (1..=gaits.count).flat_map(|i| gait.genes.iter().map(move |gene| named(i, gene))).collect();
+    Ok(Space { genes, length })
+}
+
+fn is_fixed(gene: Gene) -> bool {
+    let (low, high) = gene.bounds();
+    low == high
+}
+
+/// Gives the genes of a gait the bounds of their parameters.
+fn set_bounds(genes: &mut [NamedGene], bounds: &BTreeMap<String, (f64, f64)>) -> Result<(), Invalid> {
+    for (parameter, &(low, high)) in bounds {
         let field = format!("gaits.bounds.{parameter}");
-        if !parameters.iter().any(|p| p.name == parameter) {
-            let known = parameters.iter().map(|p| p.name.to_owned()).collect();
+        let mut known: Vec<String> = Vec::new();
+        for named in genes.iter().filter(|named| matches!(named.gene, Gene::Real { .. })) {
+            if !known.iter().any(|name| name == named.parameter()) {
+                known.push(named.parameter().to_owned());
+            }
+        }
+        if !known.contains(parameter) {
             return Err(Invalid::Unknown { field: "gaits.bounds".into(), value: parameter.clone(), known });
         }
         in_range(format!("{field}[0]"), low, (-1000.0, 1000.0), "")?;
@@ -70,15 +105,11 @@ pub(crate) fn bounds_of(gaits: &GaitsSpec, joints: usize) -> Result<Bounds, Inva
             );
             return Err(Invalid::Conflict { field, reason });
         }
+        for named in genes.iter_mut().filter(|named| named.parameter() == parameter) {
+            if let Gene::Real { low: least, high: most } = &mut named.gene {
+                (*least, *most) = (low, high);
+            }
+        }
     }
-    let joint: Vec<(f64, f64)> =
-        parameters.iter().map(|p| gaits.bounds.get(p.name).copied().unwrap_or(p.bounds)).collect();
-    if joint.iter().all(|(low, high)| low == high) {
-        let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: give one of \
-                      them two different bounds";
-        return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
-    }
-    let length = joint.len() * joints * gaits.count as usize;
-    whole_in_range("length of the genome", length as u64, (1, limits::MAX_GENOME as u64), "")?;
-    Ok(Bounds(joint.iter().copied().cycle().take(length).collect()))
+    Ok(())
 }

@@ -9,11 +9,12 @@ mod phase;
 mod sine;
 
 pub use gaits::GaitsSpec;
-pub(crate) use gaits::{bounds_of, validate_gaits, whole_steps};
+pub(crate) use gaits::{space_of, validate_gaits, whole_steps};
 pub use hopf::Hopf;
 pub use sine::Sine;
 
 use crate::base::registry::{Component, Registered, Registry};
+use crate::genotype::{Gene, Length, NamedGene, Space};
 use crate::model::{Phase, Robot};
 use crate::physics::{Event, Motion, Targets};
 
@@ -70,6 +71,17 @@ pub struct Signals {
 pub trait Controller: Component {
     /// The parameters of one joint.
     fn parameters(&self) -> &'static [Parameter];
+
+    /// The space of one gait on a robot. Its genes are named `joint.parameter`.
+    fn space(&self, robot: &Robot) -> Space {
+        let gene = |joint: &str, &Parameter { name, unit, bounds: (low, high) }: &Parameter| NamedGene {
+            name: format!("{joint}.{name}"),
+            unit,
+            gene: Gene::Real { low, high },
+        };
+        let of_joint = |hinge| self.parameters().iter().map(move |parameter| gene(hinge, parameter));
+        Space { genes: robot.hinges.iter().flat_map(|hinge| of_joint(&hinge.name)).collect(), length: Length::Fixed }
+    }
 
     /// The signal of every joint of a gait at `ticks` instants [`TICK`](crate::physics::TICK) apart, at least one. `from`: the
     /// state that earlier signals ended in, which the first instant then has; the controller's own start if there is none.

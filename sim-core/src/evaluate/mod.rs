@@ -7,7 +7,7 @@
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Counts;
 use crate::control::{Controller, GaitsSpec, Infeasible, Run};
-use crate::genotype::Genome;
+use crate::genotype::{Genotype, Space};
 use crate::model::environment::{Block, Environment};
 use crate::model::{Place, Robot, State};
 use crate::objective::Objective;
@@ -41,8 +41,8 @@ pub trait Scene {
     fn gaits(&self) -> &GaitsSpec;
     /// The controller of a gait.
     fn controller(&self) -> &'static dyn Controller;
-    /// Numbers of a genome.
-    fn genome_length(&self) -> usize;
+    /// The space of its candidates.
+    fn space(&self) -> &Space;
     /// How trees are grown.
     fn planner(&self) -> PlannerSettings;
     /// Trees of a candidate.
@@ -114,10 +114,15 @@ impl Trial {
     /// budget.
     ///
     /// # Panics
-    /// If the genome's length does not fit the scene.
-    pub fn new(scene: &dyn Scene, genome: &[f64], tolerance: f64, streams: impl IntoIterator<Item = Stream>) -> Self {
+    /// If the genotype's length does not fit the scene.
+    pub fn new(
+        scene: &dyn Scene,
+        genotype: &Genotype,
+        tolerance: f64,
+        streams: impl IntoIterator<Item = Stream>,
+    ) -> Self {
         let reuse = Reuse { tolerance, ..scene.reuse() };
-        let trial = Self::with_reuse(scene, genome, reuse, streams);
+        let trial = Self::with_reuse(scene, genotype, reuse, streams);
         let budget = scene.rollout_budget(trial.growths.len() as u32, reuse == scene.reuse());
         Self { budget, ..trial }
     }
@@ -125,18 +130,19 @@ impl Trial {
     /// A trial with one tree a stream, whose transitions are reused otherwise than the job says. It may cost what it likes.
     ///
     /// # Panics
-    /// If the genome's length does not fit the scene.
+    /// If the genotype's length does not fit the scene.
     pub fn with_reuse(
         scene: &dyn Scene,
-        genome: &[f64],
+        genotype: &Genotype,
         reuse: Reuse,
         streams: impl IntoIterator<Item = Stream>,
     ) -> Self {
         let gaits = scene.gaits().count as usize;
-        assert_eq!(genome.len(), scene.genome_length(), "the genome does not fit the job");
+        let fits = scene.space().check_length(genotype.numbers().len());
+        assert_eq!(fits, Ok(()), "the genotype does not fit the job");
         let of_gait = Run::new(scene.robot(), scene.gaits().duration);
         let compile = |gait: &[f64]| scene.controller().compile(&of_gait, gait);
-        let compiled: Result<Vec<Motion>, Infeasible> = genome.chunks(genome.len() / gaits).map(compile).collect();
+        let compiled: Result<Vec<Motion>, Infeasible> = genotype.gaits(gaits).map(compile).collect();
         let (motions, failure) = match compiled {
             Ok(motions) => (motions, None),
             Err(infeasible) => (Vec::new(), Some(infeasible.into())),
@@ -259,16 +265,16 @@ pub fn search_streams(scene: &dyn Scene, generation: u32, candidate: u32) -> imp
     (0..repeats).map(move |r| Stream::new(seed, Purpose::Planner, generation, candidate, r))
 }
 
-/// Scores candidates of one generation, given as (index in the generation, genome). What a candidate scores does not
+/// Scores candidates of one generation, given as (index in the generation, genotype). What a candidate scores does not
 /// depend on which others are in the batch. One that exceeds the job's budget has failed. `stop` is asked before every
 /// batch of rollouts; once true, the work is given up.
 ///
 /// # Panics
-/// If a genome's length does not fit the scene.
+/// If a genotype's length does not fit the scene.
 pub fn evaluate(
     scene: &dyn Scene,
     generation: u32,
-    candidates: &[(u32, Genome)],
+    candidates: &[(u32, Genotype)],
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Evaluation>, Stopped> {
     let tolerance = scene.reuse().tolerance;
@@ -276,7 +282,7 @@ pub fn evaluate(
     for some in candidates.chunks(TOGETHER) {
         let mut trials: Vec<Trial> = some
             .iter()
-            .map(|(index, genome)| Trial::new(scene, genome, tolerance, search_streams(scene, generation, *index)))
+            .map(|(index, genotype)| Trial::new(scene, genotype, tolerance, search_streams(scene, generation, *index)))
             .collect();
         grow(scene, &mut trials, stop)?;
         evaluations.extend(trials.iter().zip(some).map(|(trial, (index, _))| Evaluation {

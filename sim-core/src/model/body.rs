@@ -26,7 +26,7 @@ pub struct Robot {
     pub name: String,
     /// Rigid bodies; body 0 holds the pivot, a carried body comes after the one that carries it.
     pub bodies: Vec<Body>,
-    /// Hinge i carries body i + 1. Their order is the order of joints in genomes and states.
+    /// Hinge i carries body i + 1. Their order is the order of joints in genotypes and states.
     pub hinges: Vec<Hinge>,
     /// All parts as boxes in the neutral configuration, for pictures.
     pub parts: Vec<PartBox>,
@@ -185,7 +185,7 @@ impl Robot {
         self.bodies.iter().map(|b| f64::from(b.mass)).sum()
     }
 
-    /// Names of the joints, in their order in genomes and states.
+    /// Names of the joints, in their order in genotypes and states.
     pub fn joint_names(&self) -> Vec<String> {
         self.hinges.iter().map(|h| h.name.clone()).collect()
     }

@@ -58,7 +58,7 @@ pub struct BodySpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HingeSpec {
-    /// Name, unique among the hinges: its joint's in genomes and tables.
+    /// Name, unique among the hinges: its joint's in genotypes and tables.
     pub name: String,
     /// Name of the body that carries.
     pub parent: String,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Fresh seeds unless a job asks for another number.
 const SEEDS: u32 = 20;
-/// Genomes in the archive unless a job asks for another number.
+/// Genotypes in the archive unless a job asks for another number.
 const ARCHIVE: u32 = 20;
 
 /// The `[finish]` table. What is not given gets its default; all but `kind` belongs to `kind = "reference"`.
@@ -16,7 +16,7 @@ const ARCHIVE: u32 = 20;
 pub struct FinishSpec {
     /// How the published winner is chosen.
     pub kind: FinishKind,
-    /// How many of the best distinct genomes of the search are scored again.
+    /// How many of the best distinct genotypes of the search are scored again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub archive: Option<u32>,
     /// On how many fresh RRT seeds each.
@@ -47,7 +47,7 @@ pub enum FinishKind {
 /// A resolved `[finish]` table of kind `reference`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Finish {
-    /// Genomes in the archive.
+    /// Genotypes in the archive.
     pub archive: u32,
     /// Fresh RRT seeds.
     pub seeds: u32,

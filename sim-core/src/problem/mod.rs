@@ -15,11 +15,11 @@ use crate::base::digest::Digest;
 use crate::base::error::{Faults, Invalid, name, whole_in_range};
 use crate::base::score::Direction;
 use crate::base::{limits, toml_file};
-use crate::control::{Controller, bounds_of, validate_gaits, whole_steps};
+use crate::control::{Controller, space_of, validate_gaits, whole_steps};
 use crate::engines::known::Known;
 use crate::engines::{Chosen, Why, auto};
 use crate::engines::{Quiet, engine, engine_digest, engines_digest};
-use crate::genotype::Bounds;
+use crate::genotype::Space;
 use crate::model::environment::Environment;
 use crate::model::{Robot, RobotSpec, catalogue};
 use crate::physics::{Engine, Physics};
@@ -42,7 +42,7 @@ struct Resolved {
     robot: Robot,
     engine: Chosen,
     physics: Physics,
-    bounds: Bounds,
+    space: Space,
     finish: Option<Finish>,
     /// The same job on the reference setting, without a finish of its own.
     reference: Option<Checked>,
@@ -95,15 +95,18 @@ impl Checked {
         if let Some(finish) = &finish {
             faults.take(whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second));
         }
-        let bounds = faults.take(bounds_of(&spec.gaits, robot.hinges.len()));
-        let length = bounds.as_ref().map_or(1, |bounds| bounds.0.len() as u64);
+        let space = faults.take(space_of(&spec.gaits, &robot));
+        let length = space.as_ref().map_or(1, |space| space.longest() as u64);
         let parameters = length * u64::from(spec.optimiser.population());
         let most = limits::MAX_GENERATION_PARAMETERS as u64;
         let field = "parameters of a generation (candidates × length of the genome)";
         faults.take(whole_in_range(field, parameters, (1, most), ""));
         faults.take(budget::validate(&spec, &environment, &physics));
+        if let Some(space) = &space {
+            faults.take(spec.optimiser.takes(space));
+        }
         faults.end()?;
-        let Some(bounds) = bounds else { unreachable!("bounds that are not there left a fault") };
+        let Some(space) = space else { unreachable!("a space that is not there left a fault") };
         spec.fitness.validate(&environment)?;
 
         spec.variant = None;
@@ -119,7 +122,7 @@ impl Checked {
             robot,
             engine: chosen,
             physics,
-            bounds,
+            space,
             finish,
             reference,
         }));
@@ -203,9 +206,9 @@ impl Checked {
         Finish::seeds_of(self.finish())
     }
 
-    /// The box of genomes.
-    pub fn bounds(&self) -> &Bounds {
-        &self.0.bounds
+    /// The space of candidates: gait sets.
+    pub fn space(&self) -> &Space {
+        &self.0.space
     }
 
     /// The engine.
@@ -237,19 +240,6 @@ impl Checked {
         Reuse { tolerance: spec.reuse_tolerance, variants: spec.variants }
     }
 
-    /// Names of the genome's parameters, such as `gait1.hip-front.omega1`, in order.
-    pub fn parameter_names(&self) -> Vec<String> {
-        let mut names = Vec::new();
-        for gait in 1..=self.0.spec.gaits.count {
-            for hinge in &self.0.robot.hinges {
-                for parameter in self.controller().parameters() {
-                    names.push(format!("gait{gait}.{}.{}", hinge.name, parameter.name));
-                }
-            }
-        }
-        names
-    }
-
     /// Whether larger or smaller scores are better.
     pub fn direction(&self) -> Direction {
         self.0.spec.fitness.kind.0.direction()
@@ -267,7 +257,7 @@ impl Checked {
 
     /// A fresh search at generation 0.
     pub fn optimiser(&self) -> Box<dyn Search> {
-        search::build(&self.0.spec.optimiser, self.0.bounds.clone(), self.direction(), self.0.spec.seed)
+        search::build(&self.0.spec.optimiser, self.0.space.clone(), self.direction(), self.0.spec.seed)
     }
 }
 

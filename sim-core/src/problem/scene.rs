@@ -3,6 +3,7 @@
 use super::Job;
 use crate::control::{Controller, GaitsSpec};
 use crate::evaluate::Scene;
+use crate::genotype::Space;
 use crate::model::environment::Environment;
 use crate::model::{Place, Robot, State};
 use crate::objective::Objective;
@@ -46,8 +47,8 @@ impl Scene for Job {
         self.checked().controller()
     }
 
-    fn genome_length(&self) -> usize {
-        self.bounds().0.len()
+    fn space(&self) -> &Space {
+        self.checked().space()
     }
 
     fn planner(&self) -> PlannerSettings {

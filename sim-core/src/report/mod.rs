@@ -22,7 +22,7 @@ pub struct Traces {
 /// One gait from the settled start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GaitTrace {
-    /// The gait's parameters, in the order of the genome.
+    /// The gait's parameters, in the order of the genotype.
     pub parameters: Vec<f64>,
     /// Names of the moved joints, the columns of `targets` and `angles`.
     pub joints: Vec<String>,
@@ -104,7 +104,7 @@ pub enum PathMode {
 /// A candidate's gaits, its tree and the tree's best path, with what that took. `stop` is asked now and then.
 ///
 /// # Panics
-/// If the genome's length does not fit the job.
+/// If the genotype's length does not fit the job.
 pub fn traces(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(Traces, Counts), Stopped> {
     let trial = grown(job, candidate, stop)?;
     let mut counts = trial.counts();
@@ -117,9 +117,9 @@ pub fn traces(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<
 /// Each gait of a candidate, applied at the start: what [`Traces::gaits`] holds.
 ///
 /// # Panics
-/// If the genome's length does not fit the job.
+/// If the genotype's length does not fit the job.
 pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
-    let trial = Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, []);
+    let trial = Trial::new(job, &candidate.genotype, job.spec().planner.reuse_tolerance, []);
     record::gaits(job, candidate, &trial.motions, &mut Counts::default())
 }
 
@@ -127,7 +127,7 @@ pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
 /// [`Traces::paths`] hold.
 ///
 /// # Panics
-/// If the genome's length does not fit the job.
+/// If the genotype's length does not fit the job.
 pub fn plan(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(TreeRecord, Vec<PathTrace>), Stopped> {
     let trial = grown(job, candidate, stop)?;
     let tree = record::tree(job, &trial);
@@ -138,7 +138,7 @@ pub fn plan(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(T
 /// A candidate's trees as the search scored them.
 fn grown(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<Trial, Stopped> {
     let streams = search_streams(job, candidate.generation, candidate.candidate);
-    let mut trials = [Trial::new(job, &candidate.genome, job.spec().planner.reuse_tolerance, streams)];
+    let mut trials = [Trial::new(job, &candidate.genotype, job.spec().planner.reuse_tolerance, streams)];
     grow(job, &mut trials, stop)?;
     let [trial] = trials;
     Ok(trial)

@@ -56,7 +56,6 @@ pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
 
 /// Each gait from the start, in the map.
 pub(super) fn gaits(job: &Job, winner: &Scored, motions: &[Motion], counts: &mut Counts) -> Vec<GaitTrace> {
-    let each = winner.genome.len() / motions.len();
     let root = job.root();
     let (start, terrain, frame) = from_place(job, job.start(), &root);
     let rollouts: Vec<Rollout> = motions.iter().map(|m| simulate(job, &start, m, terrain, counts)).collect();
@@ -84,7 +83,7 @@ pub(super) fn gaits(job: &Job, winner: &Scored, motions: &[Motion], counts: &mut
             unstable: (rollout.outcome != Outcome::Completed).then(|| rollout.outcome.to_string()),
         }
     };
-    winner.genome.chunks(each).zip(motions).zip(&rollouts).map(trace).collect()
+    winner.genotype.gaits(motions.len()).zip(motions).zip(&rollouts).map(trace).collect()
 }
 
 /// The path run three ways.

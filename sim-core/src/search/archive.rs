@@ -6,9 +6,9 @@ use crate::search::Scored;
 /// Most global bests that are kept; from then on a new one replaces the newest.
 pub const MAX_BESTS: usize = 1000;
 
-/// The best distinct genomes of a search, best first, and every global best it ever had.
+/// The best distinct genotypes of a search, best first, and every global best it ever had.
 ///
-/// Genomes are told apart by their bits. One that was scored several times (an elite of a genetic algorithm) counts with
+/// Genotypes are told apart by their bits. One that was scored several times (an elite of a genetic algorithm) counts with
 /// its best score, the earliest of them if there are several. Equal scores stand in the order of generation and
 /// candidate. What is kept does not depend on the order of the offers of one generation.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Archive {
 }
 
 impl Archive {
-    /// An empty one that keeps up to `capacity` genomes.
+    /// An empty one that keeps up to `capacity` genotypes.
     pub fn new(direction: Direction, capacity: u32) -> Self {
         Self { direction, capacity: capacity as usize, entries: Vec::new(), bests: Vec::new() }
     }
@@ -49,7 +49,7 @@ impl Archive {
         }
     }
 
-    /// The best genomes, best first.
+    /// The best genotypes, best first.
     pub fn entries(&self) -> &[Scored] {
         &self.entries
     }
@@ -60,7 +60,7 @@ impl Archive {
     }
 
     fn keep(&mut self, scored: Scored) {
-        if let Some(at) = self.entries.iter().position(|e| same_genome(e, &scored)) {
+        if let Some(at) = self.entries.iter().position(|e| same_genotype(e, &scored)) {
             if !self.before(&scored, &self.entries[at]) {
                 return;
             }
@@ -81,8 +81,8 @@ impl Archive {
     }
 }
 
-fn same_genome(a: &Scored, b: &Scored) -> bool {
-    a.genome.len() == b.genome.len() && a.genome.iter().zip(&b.genome).all(|(a, b)| a.to_bits() == b.to_bits())
+fn same_genotype(a: &Scored, b: &Scored) -> bool {
+    a.genotype.same_bits(&b.genotype)
 }
 
 #[cfg(test)]
@@ -90,15 +90,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Few scores and few genomes, so that ties and repeats are common.
+    /// Few scores and few genotypes, so that ties and repeats are common.
     fn search() -> impl Strategy<Value = Vec<Vec<Scored>>> {
-        let candidate = (0u8..6, 0u8..9).prop_map(|(score, genome)| (f64::from(score) - 3.0, f64::from(genome) - 1.0));
+        let candidate =
+            (0u8..6, 0u8..9).prop_map(|(score, genotype)| (f64::from(score) - 3.0, f64::from(genotype) - 1.0));
         prop::collection::vec(prop::collection::vec(candidate, 1..6), 0..8).prop_map(|generations| {
             let scored = |(g, c, &(score, gene)): (usize, usize, &(f64, f64))| Scored {
                 generation: g as u32,
                 candidate: c as u32,
                 score,
-                genome: vec![gene * 0.0, gene],
+                genotype: vec![gene * 0.0, gene].into(),
             };
             let generation = |(g, candidates): (usize, &Vec<_>)| {
                 candidates.iter().enumerate().map(|(c, it)| scored((g, c, it))).collect()
@@ -107,7 +108,7 @@ mod tests {
         })
     }
 
-    /// Everything that was scored, best first, each genome once; then cut.
+    /// Everything that was scored, best first, each genotype once; then cut.
     fn oracle(direction: Direction, capacity: usize, search: &[Vec<Scored>]) -> Vec<Scored> {
         let mut all: Vec<Scored> = search.iter().flatten().cloned().collect();
         // Stable: earlier stays before later.
@@ -117,7 +118,7 @@ mod tests {
         });
         let mut distinct: Vec<Scored> = Vec::new();
         for scored in all {
-            if !distinct.iter().any(|d| same_genome(d, &scored)) {
+            if !distinct.iter().any(|d| same_genotype(d, &scored)) {
                 distinct.push(scored);
             }
         }
@@ -127,7 +128,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_holds_the_best_distinct_genomes_of_all_that_was_scored(
+        fn it_holds_the_best_distinct_genotypes_of_all_that_was_scored(
             search in search(), capacity in 1u32..8, maximise in any::<bool>(), crash in 0usize..8, backwards in any::<bool>(),
         ) {
             let direction = if maximise { Direction::Maximise } else { Direction::Minimise };
@@ -159,8 +160,8 @@ mod tests {
     }
 
     #[test]
-    fn minus_zero_is_another_genome_and_nan_no_score() {
-        let scored = |candidate, score, gene| Scored { generation: 0, candidate, score, genome: vec![gene] };
+    fn minus_zero_is_another_genotype_and_nan_no_score() {
+        let scored = |candidate, score, gene| Scored { generation: 0, candidate, score, genotype: vec![gene].into() };
         let mut archive = Archive::new(Direction::Maximise, 9);
         archive.generation([scored(0, 1.0, 0.0), scored(1, 1.0, -0.0), scored(2, f64::NAN, 5.0)]);
         assert_eq!(archive.entries().iter().map(|e| e.candidate).collect::<Vec<_>>(), [0, 1]);
@@ -172,7 +173,7 @@ mod tests {
         let mut archive = Archive::new(Direction::Minimise, 1);
         for generation in 0..2000 {
             let score = -f64::from(generation);
-            archive.generation([Scored { generation, candidate: 0, score, genome: vec![score] }]);
+            archive.generation([Scored { generation, candidate: 0, score, genotype: vec![score].into() }]);
         }
         assert_eq!(archive.bests().len(), MAX_BESTS);
         assert_eq!((archive.bests()[0].generation, archive.bests()[MAX_BESTS - 1].generation), (0, 1999));

@@ -7,7 +7,7 @@ use crate::base::limits::MAX_GENERATIONS;
 use crate::base::registry::{Registered, Registry};
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings, Table};
-use crate::genotype::Bounds;
+use crate::genotype::{Gene, Length, NamedGene, Space};
 
 /// The searches there are.
 static SEARCHES: Registry<dyn SearchKind> = Registry::new(&[&Pso, &Constriction, &Ga]);
@@ -30,8 +30,23 @@ pub trait SearchKind: Configurable {
         Ok(())
     }
 
-    /// A search at generation 0, with settings that were accepted. All its randomness follows from `seed`.
-    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search>;
+    /// Refuses a space that it can't search in: unless it says otherwise, every space but that of real vectors.
+    fn takes(&self, space: &Space) -> Result<(), Invalid> {
+        let choice = |named: &&NamedGene| matches!(named.gene, Gene::Choice { .. });
+        let found = match (space.length, space.genes.iter().find(choice)) {
+            (Length::Sequence { .. }, _) => "the genotypes of this job are sequences of segments".to_owned(),
+            (Length::Fixed, Some(choice)) => format!("{} is a choice", choice.name),
+            (Length::Fixed, None) => return Ok(()),
+        };
+        let reason = format!(
+            "\"{}\" searches vectors of real numbers, and {found}: choose another kind, or another controller",
+            self.name()
+        );
+        Err(Invalid::Conflict { field: "optimiser.kind".into(), reason })
+    }
+
+    /// A search at generation 0, with settings that were accepted, in a space that it takes. All its randomness follows from `seed`.
+    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search>;
 }
 
 impl Registered for dyn SearchKind {
@@ -52,6 +67,11 @@ impl OptimiserSpec {
     /// Candidates of a generation.
     pub fn population(&self) -> u32 {
         self.kind.0.population(&self.settings)
+    }
+
+    /// Refuses a space that the search can't search in.
+    pub fn takes(&self, space: &Space) -> Result<(), Invalid> {
+        self.kind.0.takes(space)
     }
 
     /// Generations that are scored.

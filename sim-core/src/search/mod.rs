@@ -13,7 +13,7 @@ pub use real::{Constriction, Ga, Pso};
 
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Direction;
-use crate::genotype::{Bounds, Genome};
+use crate::genotype::{Genotype, Space};
 use serde::{Deserialize, Serialize};
 
 /// A candidate with where it came from and what it scored.
@@ -26,7 +26,8 @@ pub struct Scored {
     /// Its score in the search.
     pub score: f64,
     /// Its parameters.
-    pub genome: Genome,
+    #[serde(rename = "genome")]
+    pub genotype: Genotype,
 }
 
 /// A stored state that does not fit the search it is given to.
@@ -50,7 +51,7 @@ pub struct Batch {
     /// Kind of evaluation.
     pub ask: Ask,
     /// The candidates, by index.
-    pub genotypes: Vec<Genome>,
+    pub genotypes: Vec<Genotype>,
 }
 
 impl Batch {
@@ -68,8 +69,8 @@ impl Batch {
 /// Evaluation of a candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// The genotype that was evaluated. It may be another than the one sent, but lies in the same bounds.
-    pub genotype: Genome,
+    /// The genotype that was evaluated. It may be another than the one sent, but lies in the same space.
+    pub genotype: Genotype,
     /// The score; `None` if the evaluation failed, which counts as worst.
     pub score: Option<f64>,
     /// What the candidate does beside its score, for searches that keep candidates apart by it.
@@ -107,16 +108,15 @@ pub trait Search: Send {
 /// Makes the search that a validated spec describes, at generation 0. All its randomness follows from `seed`.
 ///
 /// # Panics
-/// If a bound is not finite, or its low end lies above its high end.
-pub fn build(spec: &OptimiserSpec, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
-    let usable = |&(low, high): &(f64, f64)| low <= high && (high - low).is_finite();
-    assert!(bounds.0.iter().all(usable), "bounds must be finite, low end first");
-    spec.kind.0.build(&spec.settings, bounds, direction, seed)
+/// If the space is not one that the search takes, a bound is not finite, or its low end lies above its high end.
+pub fn build(spec: &OptimiserSpec, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+    let usable = |(low, high): (f64, f64)| low <= high && (high - low).is_finite();
+    assert!(space.bounds().all(usable), "bounds must be finite, low end first");
+    assert_eq!(spec.takes(&space), Ok(()), "the search must take the space");
+    spec.kind.0.build(&spec.settings, space, direction, seed)
 }
 
-/// Candidate `i` of generation 0: uniform in the bounds.
-fn random_genome(bounds: &Bounds, seed: u64, i: u32) -> Genome {
-    let mut random = Stream::new(seed, Purpose::InitialPosition, 0, i, 0);
-    // Rounding may lead out of very uneven bounds by a bit.
-    bounds.0.iter().map(|&(low, high)| random.uniform(low, high).clamp(low, high)).collect()
+/// Candidate `i` of generation 0: uniform in the space.
+fn random_genotype(space: &Space, seed: u64, i: u32) -> Genotype {
+    space.draw(&mut Stream::new(seed, Purpose::InitialPosition, 0, i, 0))
 }

@@ -1,14 +1,14 @@
 //! How an optimiser's state is written: a tag, then numbers of eight bytes each, floating-point ones by their bits.
 //!
-//! The layout of a kind has a fixed length for a given population and genome, so a state of another job is refused
+//! The layout of a kind has a fixed length for a given population and genotype, so a state of another job is refused
 //! before anything is read from it.
 
 use super::BadState;
-use crate::genotype::{Bounds, Genome};
+use crate::genotype::{Genotype, Misfit, Space};
 
 /// First bytes of every state; the digit is the layout's version.
 const MAGIC: &[u8; 7] = b"evgopt1";
-/// Magic, kind, then seed, generation, population and genome length.
+/// Magic, kind, then seed, generation, population and genotype length.
 const HEADER: usize = MAGIC.len() + 1 + 4 * 8;
 
 /// What a state belongs to; it fits only an optimiser with the same answers.
@@ -18,7 +18,7 @@ pub(super) struct Owner {
     pub kind: u8,
     pub seed: u64,
     pub population: usize,
-    pub genome: usize,
+    pub genotype: usize,
 }
 
 pub(super) struct Writer(Vec<u8>);
@@ -29,7 +29,7 @@ impl Writer {
         let mut bytes = Vec::with_capacity(HEADER + 8 * numbers);
         bytes.extend_from_slice(MAGIC);
         bytes.push(owner.kind);
-        for word in [owner.seed, u64::from(generation), owner.population as u64, owner.genome as u64] {
+        for word in [owner.seed, u64::from(generation), owner.population as u64, owner.genotype as u64] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
         Self(bytes)
@@ -50,7 +50,7 @@ impl Writer {
 
 pub(super) struct Reader<'a> {
     rest: &'a [u8],
-    genome: usize,
+    genotype: usize,
 }
 
 impl<'a> Reader<'a> {
@@ -61,7 +61,7 @@ impl<'a> Reader<'a> {
             return refuse("it does not begin like one of this version".into());
         };
         let mut words = after_magic.get(1..).unwrap_or(&[]).chunks_exact(8).map(word);
-        let (Some(seed), Some(generation), Some(population), Some(genome)) =
+        let (Some(seed), Some(generation), Some(population), Some(genotype)) =
             (words.next(), words.next(), words.next(), words.next())
         else {
             return refuse(format!("it is cut off after {} bytes", bytes.len()));
@@ -72,10 +72,10 @@ impl<'a> Reader<'a> {
         if seed != owner.seed {
             return refuse(format!("its seed is {seed}, this job's is {}", owner.seed));
         }
-        if (population, genome) != (owner.population as u64, owner.genome as u64) {
+        if (population, genotype) != (owner.population as u64, owner.genotype as u64) {
             return refuse(format!(
-                "it holds {population} candidates of {genome} parameters, this job has {} of {}",
-                owner.population, owner.genome
+                "it holds {population} candidates of {genotype} parameters, this job has {} of {}",
+                owner.population, owner.genotype
             ));
         }
         let Ok(generation) = u32::try_from(generation) else {
@@ -84,7 +84,7 @@ impl<'a> Reader<'a> {
         if bytes.len() != HEADER + 8 * numbers {
             return refuse(format!("it has {} bytes instead of {}", bytes.len(), HEADER + 8 * numbers));
         }
-        Ok((Self { rest: &bytes[HEADER..], genome: owner.genome }, generation))
+        Ok((Self { rest: &bytes[HEADER..], genotype: owner.genotype }, generation))
     }
 
     /// The next number, which must not be NaN.
@@ -97,18 +97,21 @@ impl<'a> Reader<'a> {
         if value.is_nan() { Err(BadState("it holds a NaN".into())) } else { Ok(value) }
     }
 
-    /// A vector as long as a genome, of finite numbers.
+    /// A vector as long as a genotype, of finite numbers.
     pub fn vector(&mut self) -> Result<Vec<f64>, BadState> {
-        let values = (0..self.genome).map(|_| self.number()).collect::<Result<Vec<_>, _>>()?;
+        let values = (0..self.genotype).map(|_| self.number()).collect::<Result<Vec<_>, _>>()?;
         if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err(BadState("it holds an infinity".into())) }
     }
 
-    /// A genome within the bounds.
-    pub fn genome(&mut self, bounds: &Bounds) -> Result<Genome, BadState> {
-        let genome = self.vector()?;
-        match genome.iter().zip(&bounds.0).position(|(v, (low, high))| v < low || v > high) {
-            None => Ok(genome),
-            Some(i) => Err(BadState(format!("parameter {i} = {} of a candidate is out of its bounds", genome[i]))),
+    /// A genotype of the space.
+    pub fn genotype(&mut self, space: &Space) -> Result<Genotype, BadState> {
+        let genotype = Genotype::from(self.vector()?);
+        match space.check(&genotype) {
+            Ok(()) => Ok(genotype),
+            Err(Misfit::OutOfBounds { index, value, .. }) => {
+                Err(BadState(format!("parameter {index} = {value} of a candidate is out of its bounds")))
+            }
+            Err(misfit) => Err(BadState(format!("a candidate is not in the job's space: {misfit}"))),
         }
     }
 }

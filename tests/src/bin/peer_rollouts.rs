@@ -216,11 +216,11 @@ fn compiled(name: &str) -> Result<Robot, Box<dyn std::error::Error>> {
 
 fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Motion {
     let mut stream = Stream::new(seed, Purpose::Sample, 0, index as u32, 0);
-    let mut genome = Vec::new();
+    let mut genotype = Vec::new();
     for _ in 0..robot.hinges.len() {
-        genome.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
+        genotype.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
     }
-    Hopf.compile(&control::Run::new(robot, duration), &genome).expect("oscillators have signals at all parameters")
+    Hopf.compile(&control::Run::new(robot, duration), &genotype).expect("oscillators have signals at all parameters")
 }
 
 fn rows(targets: &Targets) -> Vec<Vec<f32>> {

@@ -17,7 +17,7 @@ use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use crate::setting::Setting;
 use sim_core::engines::engine;
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::model::environment::Environment;
 use sim_core::model::{Place, State};
 use sim_core::physics::{Engine, EngineKind, Motion, Physics, Request, Rollout, Scale};
@@ -129,7 +129,7 @@ fn engine_meant(args: &BenchFidelity) -> EngineKind {
 
 /// The job that says robot, physics (the reference's) and gaits; the setting that it would have by itself; and the stored
 /// winner's gaits if a folder was given.
-fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genome>>), Error> {
+fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype>>), Error> {
     let meant = engine_meant(args);
     let Some(folder) = &args.gaits else {
         let reference = args.reference.unwrap_or_else(|| finest(meant, args.subject.scale.into()));
@@ -145,8 +145,7 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genome>>
     subject::check(&[reference], spec.gaits.duration)?;
     reference.write(&mut spec.physics);
     let job = Job::new(spec).map_err(|source| Error::Invalid { file: folder.display().to_string(), source })?;
-    let genome: Vec<f64> = winner.genome.iter().map(|p| p.value).collect();
-    let gaits = genome.chunks(gaits::length(&job)).map(<[f64]>::to_vec).collect();
+    let gaits = gaits::of_set(&job, &winner.scored().genotype).collect();
     Ok((job, Setting::of(&stored.job), Some(gaits)))
 }
 
@@ -182,9 +181,9 @@ fn halves(reference: Setting) -> Result<[Setting; 2], Error> {
 fn evolved(
     args: &BenchFidelity,
     job: &Job,
-    stored: Option<Vec<Genome>>,
+    stored: Option<Vec<Genotype>>,
     quiet: bool,
-) -> Result<(Vec<Genome>, String), Error> {
+) -> Result<(Vec<Genotype>, String), Error> {
     if let Some(mut gaits) = stored {
         gaits.truncate(args.evolved as usize);
         return Ok((gaits, "the winner of a stored run".to_owned()));
@@ -193,7 +192,7 @@ fn evolved(
     let own = subject::own(&args.subject, job.chosen().engine);
     let ground = ground(args)?;
     let first = subject::job(&args.subject, ground.clone(), own, EVOLVED_DURATION, args.seed)?;
-    debug_assert_eq!(gaits::length(&first), gaits::length(job));
+    debug_assert_eq!(first.controller().space(first.robot()), job.controller().space(job.robot()));
     // The first was checked; other seeds change nothing that could be refused.
     let again = |run: u64| {
         let seed = (args.seed + run) & i64::MAX as u64;

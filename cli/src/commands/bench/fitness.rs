@@ -1,10 +1,10 @@
-//! `evogait bench fitness`: whether engine settings agree on what genomes are worth.
+//! `evogait bench fitness`: whether engine settings agree on what genotypes are worth.
 
 mod report;
 mod view;
 
 use super::fidelity::finest;
-use super::{genomes, in_order, subject};
+use super::{genotypes, in_order, subject};
 use crate::arguments::{BenchFitness, JobFile, cores};
 use crate::clock::{Spent, timed};
 use crate::console;
@@ -15,7 +15,7 @@ use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use crate::setting::Setting;
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::physics::EngineKind;
 use sim_core::problem::Job;
@@ -23,26 +23,26 @@ use std::fs;
 use std::ops::Range;
 use std::path::Path;
 use study::fitness::{Measured, compare, measure};
-use study::genomes::of_all_ages;
+use study::genotypes::of_all_ages;
 use view::{Entry, Finalist, Row, View};
 
 /// Files of the output folder.
 const FILES: [&str; 4] = ["fitness.md", "scatter.svg", "scatter.png", "fitness.json"];
-/// Candidates of a generation where genomes are evolved on the spot.
+/// Candidates of a generation where genotypes are evolved on the spot.
 const POPULATION: u32 = 20;
-/// Genomes that an engine with lanes gets at once, as a slot does in a search.
+/// Genotypes that an engine with lanes gets at once, as a slot does in a search.
 const TOGETHER: usize = 20;
 
-/// One way to score every genome. The first is the reference, the second its disturbed start, then come the settings.
+/// One way to score every genotype. The first is the reference, the second its disturbed start, then come the settings.
 struct Column {
     setting: Setting,
     job: Job,
     disturbed: bool,
 }
 
-/// A genome to score.
+/// A genotype to score.
 struct Subject {
-    genome: Genome,
+    genotype: Genotype,
     generation: u32,
     /// Which of the runs it is from.
     run: Option<usize>,
@@ -50,7 +50,7 @@ struct Subject {
     role: Option<(&'static str, f64)>,
 }
 
-/// What scoring a genome in one way gave, and what it took.
+/// What scoring a genotype in one way gave, and what it took.
 type Found = (Measured, Spent);
 
 /// Measures and tells.
@@ -81,7 +81,7 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
     if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
 }
 
-/// The job whose genomes are scored, on its own setting.
+/// The job whose genotypes are scored, on its own setting.
 fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
     let job = match runs {
         [] => load::job(&JobFile { job: args.job.clone(), seed: args.seed })?,
@@ -138,26 +138,26 @@ fn columns(base: &Job, reference: Setting, settings: &[Setting]) -> Result<Vec<C
     [(reference, false), (reference, true)].into_iter().chain(settings).map(column).collect()
 }
 
-/// Genomes of all ages of an evolution on the spot.
+/// Genotypes of all ages of an evolution on the spot.
 fn evolved(args: &BenchFitness, base: &Job, threads: usize, quiet: bool) -> Result<Vec<Subject>, Error> {
     if args.genomes == 0 {
         return Ok(Vec::new());
     }
-    let generations = genomes::evolved(base, POPULATION, args.generations, threads, quiet)?;
+    let generations = genotypes::evolved(base, POPULATION, args.generations, threads, quiet)?;
     let samples = of_all_ages(&generations, args.genomes as usize).into_iter();
-    Ok(samples.map(|s| Subject { genome: s.genome, generation: s.generation, run: None, role: None }).collect())
+    Ok(samples.map(|s| Subject { genotype: s.genotype, generation: s.generation, run: None, role: None }).collect())
 }
 
-/// Genomes of all ages of stored runs, then what each run found.
+/// Genotypes of all ages of stored runs, then what each run found.
 fn stored(runs: &[Stored], count: usize) -> Result<Vec<Subject>, Error> {
     let mut subjects = Vec::new();
     for (i, run) in runs.iter().enumerate() {
         // As many of each run as there are, a remainder from the first.
         let of_this = count / runs.len() + usize::from(i < count % runs.len());
         if of_this > 0 {
-            let samples = of_all_ages(&genomes::stored(&run.folder)?, of_this).into_iter();
-            let subject = |s: study::genomes::Sample| Subject {
-                genome: s.genome,
+            let samples = of_all_ages(&genotypes::stored(&run.folder)?, of_this).into_iter();
+            let subject = |s: study::genotypes::Sample| Subject {
+                genotype: s.genotype,
                 generation: s.generation,
                 run: Some(i),
                 role: None,
@@ -169,16 +169,16 @@ fn stored(runs: &[Stored], count: usize) -> Result<Vec<Subject>, Error> {
         let report = run.report()?;
         for (role, found) in [("winner", report.winner), ("search's best", report.best)] {
             let role = Some((role, found.score));
-            subjects.push(Subject { genome: found.genome, generation: found.generation, run: Some(i), role });
+            subjects.push(Subject { genotype: found.genotype, generation: found.generation, run: Some(i), role });
         }
     }
     Ok(subjects)
 }
 
-/// Scores every genome in every way; by column, then by genome.
+/// Scores every genotype in every way; by column, then by genotype.
 fn score(columns: &[Column], subjects: &[Subject], trees: u32, threads: usize, quiet: bool) -> Vec<Vec<Found>> {
     let together = |column: &Column| if column.job.engine().lanes() > 1 { TOGETHER } else { 1 };
-    // All ways of some genomes before the next genomes: what remains can be told early.
+    // All ways of some genotypes before the next genotypes: what remains can be told early.
     let mut work: Vec<(usize, Range<usize>)> = Vec::new();
     for from in (0..subjects.len()).step_by(TOGETHER) {
         let to = (from + TOGETHER).min(subjects.len());
@@ -190,9 +190,9 @@ fn score(columns: &[Column], subjects: &[Subject], trees: u32, threads: usize, q
     let progress = Pieces::new("scored genomes", (columns.len() * subjects.len()) as u64, quiet);
     let done = in_order(work.len(), threads, |i| {
         let (column, range) = (&columns[work[i].0], work[i].1.clone());
-        let genomes: Vec<&Genome> = subjects[range.clone()].iter().map(|s| &s.genome).collect();
+        let genotypes: Vec<&Genotype> = subjects[range.clone()].iter().map(|s| &s.genotype).collect();
         let (measured, spent) =
-            timed(|| measure(&column.job, range.start as u32, &genomes, trees, column.disturbed, &|| false));
+            timed(|| measure(&column.job, range.start as u32, &genotypes, trees, column.disturbed, &|| false));
         let n = range.len() as f64;
         range.for_each(|_| progress.one_done());
         let measured = measured.unwrap_or_else(|_| unreachable!("nobody asks it to stop"));
@@ -200,7 +200,7 @@ fn score(columns: &[Column], subjects: &[Subject], trees: u32, threads: usize, q
         measured.into_iter().map(|m| (m, each)).collect::<Vec<Found>>()
     });
     let mut found: Vec<Vec<Found>> = columns.iter().map(|_| Vec::new()).collect();
-    // Pieces of a column come in the order of its genomes.
+    // Pieces of a column come in the order of its genotypes.
     work.into_iter().zip(done).for_each(|((c, _), some)| found[c].extend(some));
     found
 }
@@ -248,7 +248,7 @@ fn view(args: &BenchFitness, base: &Job, columns: &[Column], subjects: &[Subject
         ceiling: row(1),
         pairs: order.iter().map(|&a| order.iter().map(|&b| pair(a, b)).collect()).collect(),
         finalists: subjects.iter().enumerate().filter_map(finalist).collect(),
-        genomes: aged
+        genotypes: aged
             .iter()
             .map(|&i| Entry { run: subjects[i].run, generation: subjects[i].generation, scores: of(i) })
             .collect(),
@@ -263,7 +263,7 @@ fn ratio(a: f64, b: f64) -> Option<f64> {
 fn write(out: &Path, view: &View) -> Result<(), Error> {
     let mut batch = Batch::new(out);
     batch.add("fitness.md", report::markdown(view).as_bytes())?;
-    if !view.genomes.is_empty() {
+    if !view.genotypes.is_empty() {
         let picture = report::scatter(view);
         batch.add("scatter.svg", picture.svg().as_bytes())?;
         batch.add("scatter.png", &crate::output::png("scatter", &picture)?)?;

@@ -5,24 +5,20 @@ use crate::progress::Pieces;
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::control::{Infeasible, Run};
 use sim_core::evaluate::evaluate;
-use sim_core::genotype::Genome;
+use sim_core::genotype::{Genotype, Space};
 use sim_core::physics::Motion;
 use sim_core::problem::Job;
 
 /// `n` gaits, uniform in the controller's bounds.
-pub fn random(job: &Job, n: u32, seed: u64) -> Vec<Genome> {
-    let bounds = &job.bounds().0[..length(job)];
-    let draw = |i| {
-        let mut stream = Stream::new(seed, Purpose::Sample, 0, i, 0);
-        bounds.iter().map(|&(low, high)| stream.uniform(low, high)).collect()
-    };
-    (0..n).map(draw).collect()
+pub fn random(job: &Job, n: u32, seed: u64) -> Vec<Genotype> {
+    let space = space(job);
+    (0..n).map(|i| space.draw(&mut Stream::new(seed, Purpose::Sample, 0, i, 0))).collect()
 }
 
 /// `n` gaits of the last generations of short evolutions: of as many as it takes.
-pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, quiet: bool) -> Vec<Genome> {
+pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, quiet: bool) -> Vec<Genotype> {
     let n = n as usize;
-    let mut gaits: Vec<Genome> = Vec::new();
+    let mut gaits: Vec<Genotype> = Vec::new();
     let mut progress: Option<Pieces> = None;
     for job in jobs {
         if gaits.len() >= n {
@@ -34,10 +30,9 @@ pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, quiet: bool) -> Vec<Geno
             let evaluations = n.div_ceil(a_run) as u64 * u64::from(optimiser.generations());
             Pieces::new("generations of evolving gaits", evaluations, quiet)
         });
-        for genome in last_generation(&job, progress) {
+        for genotype in last_generation(&job, progress) {
             // Elites and copies are the same gait again.
-            let new = genome.chunks(length(&job)).filter(|gait| !gaits.iter().any(|g| g == gait));
-            let new: Vec<Genome> = new.map(<[f64]>::to_vec).collect();
+            let new = of_set(&job, &genotype).filter(|gait| !gaits.contains(gait)).collect::<Vec<_>>();
             gaits.extend(new);
         }
     }
@@ -46,10 +41,10 @@ pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, quiet: bool) -> Vec<Geno
 }
 
 /// The candidates of a search's last generation.
-fn last_generation(job: &Job, progress: &Pieces) -> Vec<Genome> {
+fn last_generation(job: &Job, progress: &Pieces) -> Vec<Genotype> {
     let mut optimiser = job.optimiser();
     for generation in 0.. {
-        let candidates: Vec<(u32, Genome)> = (0..).zip(optimiser.ask().genotypes).collect();
+        let candidates: Vec<(u32, Genotype)> = (0..).zip(optimiser.ask().genotypes).collect();
         if generation + 1 == job.spec().optimiser.generations() {
             progress.one_done();
             break;
@@ -62,15 +57,22 @@ fn last_generation(job: &Job, progress: &Pieces) -> Vec<Genome> {
     optimiser.ask().genotypes
 }
 
-/// Parameters of one gait.
-pub fn length(job: &Job) -> usize {
-    job.bounds().0.len() / job.spec().gaits.count as usize
+/// Space of one gait, with the job's bounds.
+fn space(job: &Job) -> Space {
+    let Space { mut genes, length } = job.space().clone();
+    genes.truncate(genes.len() / job.spec().gaits.count as usize);
+    Space { genes, length }
+}
+
+/// The gaits of a candidate.
+pub fn of_set(job: &Job, candidate: &Genotype) -> impl Iterator<Item = Genotype> {
+    candidate.gaits(job.spec().gaits.count as usize).map(|gait| gait.to_vec().into())
 }
 
 /// The motions of gaits over the job's duration.
-pub fn compiled(job: &Job, gaits: &[Genome]) -> Result<Vec<Motion>, Error> {
+pub fn compiled(job: &Job, gaits: &[Genotype]) -> Result<Vec<Motion>, Error> {
     let run = Run::new(job.robot(), job.spec().gaits.duration);
-    let compile = |gait: &Genome| job.controller().compile(&run, gait);
+    let compile = |gait: &Genotype| job.controller().compile(&run, gait.numbers());
     let refused =
         |e: Infeasible| Error::Usage { message: format!("not every gait of this controller can be measured: {e}") };
     gaits.iter().map(compile).collect::<Result<_, _>>().map_err(refused)
@@ -92,12 +94,12 @@ mod tests {
         let found = evolved((1..).map(job), 11, true);
         assert_eq!(found.len(), 11, "more than one evolution has");
         assert_eq!(found, evolved((1..).map(job), 11, true));
-        let first: Vec<Genome> = job(1).optimiser().ask().genotypes;
+        let first: Vec<Genotype> = job(1).optimiser().ask().genotypes;
         for (i, gait) in found.iter().enumerate() {
-            assert_eq!(gait.len(), length(&job(1)));
+            assert_eq!(space(&job(1)).check(gait), Ok(()));
             assert!(!found[..i].contains(gait), "gait {i} is there twice");
         }
-        let old = |gait: &Genome| first.iter().any(|genome| genome.chunks(gait.len()).any(|g| g == gait));
+        let old = |gait: &Genotype| first.iter().any(|set| of_set(&job(1), set).any(|g| g == *gait));
         assert!(found.iter().filter(|gait| old(gait)).count() < found.len() / 2, "most are not those of the beginning");
     }
 
@@ -108,7 +110,7 @@ mod tests {
         assert_eq!(few, many[..3]);
         assert_ne!(few, random(&job, 3, 8));
         for gait in &many {
-            assert!(gait.iter().zip(&job.bounds().0).all(|(v, (low, high))| low <= v && v < high));
+            assert_eq!(space(&job).check(gait), Ok(()));
         }
     }
 }

@@ -6,7 +6,7 @@ mod fidelity;
 mod fitness;
 mod fleet;
 mod gaits;
-mod genomes;
+mod genotypes;
 mod plan;
 mod reuse;
 mod rollout;

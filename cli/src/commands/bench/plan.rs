@@ -11,6 +11,7 @@ use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::base::random::Stream;
 use sim_core::evaluate::{Trial, grow, search_streams};
+use sim_core::genotype::Genotype;
 use sim_core::plan::{Growth, PlannerSettings, Transitions};
 use sim_core::problem::Job;
 
@@ -50,9 +51,9 @@ pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
             format!("{} has terrain: transitions are known beforehand on flat ground only", job.environment().name);
         return Err(Error::Usage { message });
     }
-    let (candidate, genome) = farthest(&job, args.candidates, quiet);
+    let (candidate, genotype) = farthest(&job, args.candidates, quiet);
     let stream = search_streams(&job, 0, candidate).next().unwrap_or_else(|| unreachable!("repeats are at least 1"));
-    let table = known(&job, &genome, &stream, args.iterations);
+    let table = known(&job, &genotype, &stream, args.iterations);
     let mut trees: Vec<Row> = Vec::new();
     let sizes = std::iter::successors(Some(FIRST), |k| Some(2 * k)).take_while(|k| *k < args.iterations);
     for iterations in sizes.chain([args.iterations]) {
@@ -72,13 +73,13 @@ pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }
 }
 
-/// Of the first candidates, the one with the largest tree: (index, genome).
-fn farthest(job: &Job, candidates: u32, quiet: bool) -> (u32, Vec<f64>) {
-    let genomes = job.optimiser().ask().genotypes;
-    let candidates: Vec<_> = (0..candidates).zip(&genomes).collect();
+/// Of the first candidates, the one with the largest tree: (index, genotype).
+fn farthest(job: &Job, candidates: u32, quiet: bool) -> (u32, Genotype) {
+    let genotypes = job.optimiser().ask().genotypes;
+    let candidates: Vec<_> = (0..candidates).zip(&genotypes).collect();
     let progress = Pieces::new("candidates tried", candidates.len() as u64, quiet);
-    let nodes = |&(index, genome): &(u32, &Vec<f64>)| {
-        let mut trials = [Trial::new(job, genome, tolerance(job), search_streams(job, 0, index))];
+    let nodes = |&(index, genotype): &(u32, &Genotype)| {
+        let mut trials = [Trial::new(job, genotype, tolerance(job), search_streams(job, 0, index))];
         // Nobody stops it.
         let _ = grow(job, &mut trials, &|| false);
         progress.one_done();
@@ -86,12 +87,12 @@ fn farthest(job: &Job, candidates: u32, quiet: bool) -> (u32, Vec<f64>) {
     };
     // The first of equals.
     let best = candidates.iter().rev().max_by_key(|candidate| nodes(candidate));
-    best.map_or((0, Vec::new()), |(index, genome)| (*index, (*genome).clone()))
+    best.map_or((0, Genotype::default()), |(index, genotype)| (*index, (*genotype).clone()))
 }
 
 /// All transitions that a tree of so many iterations asks for.
-fn known(job: &Job, genome: &[f64], stream: &Stream, iterations: u32) -> Transitions {
-    let mut trial = Trial::new(job, genome, tolerance(job), []);
+fn known(job: &Job, genotype: &Genotype, stream: &Stream, iterations: u32) -> Transitions {
+    let mut trial = Trial::new(job, genotype, tolerance(job), []);
     trial.growths = vec![fresh(job, stream, iterations)];
     trial.budget = u64::MAX;
     let mut trials = [trial];

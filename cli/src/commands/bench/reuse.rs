@@ -1,9 +1,9 @@
-//! `evogait bench reuse`: the same genomes scored with and without transition reuse.
+//! `evogait bench reuse`: the same genotypes scored with and without transition reuse.
 
 mod report;
 
 use crate::arguments::{BenchReuse, JobFile, cores};
-use crate::commands::bench::{genomes, in_order};
+use crate::commands::bench::{genotypes, in_order};
 use crate::console;
 use crate::error::Error;
 use crate::inputs;
@@ -12,12 +12,12 @@ use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
 use serde::Serialize;
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::job::Reference;
 use sim_core::problem::Job;
 use std::fs;
 use std::path::Path;
-use study::genomes::{Sample, first_and_last};
+use study::genotypes::{Sample, first_and_last};
 use study::reuse::{Column, Measured, Row, Study, measure, rows};
 
 /// What was found.
@@ -34,7 +34,7 @@ struct View {
     iterations: u32,
     /// The job's own tolerance and number of variants.
     own: (f64, u32),
-    /// Where the evolved genomes are from.
+    /// Where the evolved genotypes are from.
     evolved: String,
     /// Name of the score.
     score: &'static str,
@@ -50,7 +50,8 @@ struct Found {
     rows: Vec<Row>,
     /// What stands in the columns of `genomes[].measured`.
     columns: Vec<ColumnView>,
-    genomes: Vec<GenomeView>,
+    #[serde(rename = "genomes")]
+    genotypes: Vec<GenotypeView>,
 }
 
 #[derive(Debug, Serialize)]
@@ -62,7 +63,7 @@ struct ColumnView {
 }
 
 #[derive(Debug, Serialize)]
-struct GenomeView {
+struct GenotypeView {
     /// 0: random.
     generation: u32,
     measured: Vec<Measured>,
@@ -74,10 +75,10 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
         fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
     }
     let threads = args.threads.unwrap_or_else(cores) as usize;
-    let halves = |generations: &[Vec<Genome>]| first_and_last(generations, args.genomes as usize);
-    let population = args.genomes.div_ceil(2).max(genomes::LEAST_POPULATION);
+    let halves = |generations: &[Vec<Genotype>]| first_and_last(generations, args.genomes as usize);
+    let population = args.genomes.div_ceil(2).max(genotypes::LEAST_POPULATION);
     let (base, stored) = match &args.run {
-        Some(folder) => (Stored::read(folder)?.job, Some(halves(&genomes::stored(folder)?))),
+        Some(folder) => (Stored::read(folder)?.job, Some(halves(&genotypes::stored(folder)?))),
         None => (load::job(&JobFile { job: args.job.clone(), seed: args.seed })?, None),
     };
     let jobs = args.environments.iter().map(|name| in_environment(&args, &base, name));
@@ -116,7 +117,7 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     for job in &jobs {
         let samples = match &stored {
             Some(samples) => samples.clone(),
-            None => halves(&genomes::evolved(job, population, args.generations, threads, quiet)?),
+            None => halves(&genotypes::evolved(job, population, args.generations, threads, quiet)?),
         };
         view.environments.push(found(job, &study, &samples, threads, quiet));
     }
@@ -143,7 +144,7 @@ fn found(job: &Job, study: &Study, samples: &[Sample], threads: usize, quiet: bo
     let columns = study.columns(job);
     let progress = Pieces::new("genomes", samples.len() as u64, quiet);
     let measured = in_order(samples.len(), threads, |i| {
-        let measured = measure(job, &columns, i as u32, &samples[i].genome, &|| false);
+        let measured = measure(job, &columns, i as u32, &samples[i].genotype, &|| false);
         progress.one_done();
         measured.unwrap_or_else(|_| unreachable!("nobody asks it to stop"))
     });
@@ -157,10 +158,10 @@ fn found(job: &Job, study: &Study, samples: &[Sample], threads: usize, quiet: bo
         environment: job.environment().name.clone(),
         rows: rows(job, &columns, &measured),
         columns: columns.iter().map(view).collect(),
-        genomes: samples
+        genotypes: samples
             .iter()
             .zip(measured)
-            .map(|(s, measured)| GenomeView { generation: s.generation, measured })
+            .map(|(s, measured)| GenotypeView { generation: s.generation, measured })
             .collect(),
     }
 }

@@ -81,6 +81,6 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
     );
 "];
 
-/// The version that the first step makes. Schemas of version 1 are refused: their jobs are generations of genomes, which can't
-/// be told as rounds of tasks whose digests are known.
+/// The version that the first step makes. Schemas of version 1 are refused: their jobs are generations of genotypes, which
+/// can't be told as rounds of tasks whose digests are known.
 pub(super) const FIRST: usize = 2;

@@ -68,8 +68,8 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
     ) STRICT;
 "];
 
-/// The version that the first step makes. Files of versions 1 to 3 are refused: their jobs are generations of genomes, which
-/// can't be told as rounds of tasks whose digests are known.
+/// The version that the first step makes. Files of versions 1 to 3 are refused: their jobs are generations of genotypes,
+/// which can't be told as rounds of tasks whose digests are known.
 pub(super) const FIRST: usize = 4;
 
 /// Marks a file as an evogait store: "evog" as SQLite's application id.

@@ -3,6 +3,7 @@
 use super::task::{Task, TaskResult};
 use crate::base::encoding::Unreadable;
 use crate::base::score::Counts;
+use crate::genotype::Genotype;
 use crate::problem::Checked;
 use crate::procedure::evolve::finish::Question;
 use crate::report::{GaitTrace, PathMode, PathTrace, Traces, TreeRecord};
@@ -96,7 +97,7 @@ pub(super) fn check(job: &Checked, task: &Task, result: &[u8]) -> Result<(), Fau
             scores.iter().try_for_each(|&score| in_range(job, score))?;
             counted(&counts, &Most::of_question(job, question))?;
             match (question == Question::Traces, traces) {
-                (true, Some(traces)) => traces_of(job, &examination.candidate.genome, &traces).map_err(Fault::Traces),
+                (true, Some(traces)) => traces_of(job, &examination.candidate.genotype, &traces).map_err(Fault::Traces),
                 (false, None) => Ok(()),
                 (wanted, _) => Err(Fault::TracesPresence { wanted }),
             }
@@ -193,13 +194,13 @@ fn counted(counts: &Counts, most: &Most) -> Result<(), Fault> {
     Ok(())
 }
 
-fn traces_of(job: &Checked, genome: &[f64], traces: &Traces) -> Result<(), String> {
+fn traces_of(job: &Checked, genotype: &Genotype, traces: &Traces) -> Result<(), String> {
     let gaits = job.spec().gaits.count as usize;
     if traces.gaits.len() != gaits {
         return Err(format!("{} gaits instead of {gaits}", traces.gaits.len()));
     }
     let joints = job.robot().joint_names();
-    for (i, (gait, parameters)) in traces.gaits.iter().zip(genome.chunks(genome.len() / gaits)).enumerate() {
+    for (i, (gait, parameters)) in traces.gaits.iter().zip(genotype.gaits(gaits)).enumerate() {
         gait_of(job, gait, parameters, &joints).map_err(|reason| format!("gait {i}: {reason}"))?;
     }
     tree_of(job, &traces.tree)?;

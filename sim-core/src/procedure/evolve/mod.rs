@@ -19,10 +19,10 @@ use super::{
 };
 use crate::base::encoding::Unreadable;
 use crate::base::error::Invalid;
-use crate::base::limits::MAX_ASSIGNMENT_GENOMES;
+use crate::base::limits::MAX_ASSIGNMENT_GENOTYPES;
 use crate::base::registry::Component;
 use crate::base::score::Counts;
-use crate::genotype::Genome;
+use crate::genotype::Genotype;
 use crate::problem::{Checked, Job};
 use crate::procedure::evolve::finish::{Done, Examination, Found, Plan, total};
 use crate::procedure::evolve::report::report;
@@ -142,9 +142,9 @@ impl Evolve {
     fn at(&self, index: u32) -> Option<Task> {
         match &self.work {
             Work::Searching { generation, batch } => {
-                let genome = batch.genotypes.get(index as usize)?.clone();
+                let genotype = batch.genotypes.get(index as usize)?.clone();
                 match batch.ask {
-                    Ask::Set => Some(Task::Evaluate { generation: *generation, candidate: index, genome }),
+                    Ask::Set => Some(Task::Evaluate { generation: *generation, candidate: index, genotype }),
                     // No checked job has a search that asks for it.
                     Ask::Motion => None,
                 }
@@ -189,7 +189,7 @@ impl Evolve {
         }
     }
 
-    fn seal_generation(&mut self, generation: u32, sent: Vec<Genome>, results: Vec<TaskResult>) -> Told {
+    fn seal_generation(&mut self, generation: u32, sent: Vec<Genotype>, results: Vec<TaskResult>) -> Told {
         let (mut evaluations, mut counts) = (Vec::with_capacity(results.len()), Counts::default());
         for (sent, result) in sent.into_iter().zip(results) {
             let TaskResult::Evaluated { genotype, score, descriptors, counts: took } = result else {
@@ -200,7 +200,7 @@ impl Evolve {
         }
         let scores: Vec<Option<f64>> = evaluations.iter().map(|evaluation| evaluation.score).collect();
         let succeeded = evaluations.iter().zip(0..).filter_map(|(evaluation, candidate)| {
-            Some(Scored { generation, candidate, score: evaluation.score?, genome: evaluation.genotype.clone() })
+            Some(Scored { generation, candidate, score: evaluation.score?, genotype: evaluation.genotype.clone() })
         });
         self.counts += counts;
         self.failed += scores.iter().filter(|s| s.is_none()).count() as u64;
@@ -259,7 +259,7 @@ impl Procedure for Evolve {
             Work::Searching { generation, batch } => Round {
                 number: *generation,
                 tasks: batch.genotypes.len() as u32,
-                at_most: (MAX_ASSIGNMENT_GENOMES / (8 * self.job.bounds().0.len().max(1))).max(1) as u32,
+                at_most: (MAX_ASSIGNMENT_GENOTYPES / (8 * self.job.space().longest().max(1))).max(1) as u32,
                 lanes: self.job.candidates_at_once(),
                 phase: self.phase(),
                 shared,

@@ -51,7 +51,7 @@ pub struct Rescored {
     pub more_friction: Vec<Option<f64>>,
 }
 
-/// A genome of the archive.
+/// A genotype of the archive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Archived {
     /// With its score in the search.

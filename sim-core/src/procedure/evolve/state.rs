@@ -76,8 +76,7 @@ fn archive(evolve: &Evolve, entries: Vec<Scored>, bests: Vec<Scored>) -> Result<
         scored.generation < generation
             && scored.candidate < population
             && check::in_range(job, Some(scored.score)).is_ok()
-            && scored.genome.len() == job.bounds().0.len()
-            && scored.genome.iter().all(|v| v.is_finite())
+            && job.space().check(&scored.genotype).is_ok()
     };
     if let Some(odd) = entries.iter().chain(&bests).find(|scored| !fits(scored)) {
         return Err(BadState(format!(

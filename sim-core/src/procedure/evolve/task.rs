@@ -2,7 +2,7 @@
 
 use crate::base::encoding::{self, Unreadable};
 use crate::base::score::Counts;
-use crate::genotype::Genome;
+use crate::genotype::Genotype;
 use crate::procedure::evolve::finish::Examination;
 use crate::report::Traces;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ pub enum Task {
         /// Index in its generation, from 0.
         candidate: u32,
         /// Its parameters.
-        genome: Genome,
+        genotype: Genotype,
     },
     /// A question about a candidate has to be answered.
     Examine(Examination),
@@ -35,7 +35,7 @@ pub enum TaskResult {
     /// That of [`Task::Evaluate`].
     Evaluated {
         /// The genotype that was scored, if it is not the one sent.
-        genotype: Option<Genome>,
+        genotype: Option<Genotype>,
         /// The score; `None` where the evaluation failed.
         score: Option<f64>,
         /// What the candidate does beside its score, for searches that ask for it.

@@ -2,7 +2,7 @@
 
 use super::task::{Task, TaskResult};
 use crate::evaluate::{Stopped, evaluate};
-use crate::genotype::Genome;
+use crate::genotype::Genotype;
 use crate::problem::Job;
 use crate::procedure::evolve::finish::{Answer, Examination, examine};
 use crate::procedure::{Hooks, NotRun};
@@ -19,8 +19,8 @@ impl From<Stopped> for NotRun {
 struct Batch {
     /// Each one's place among the tasks.
     places: Vec<usize>,
-    /// Index in the generation, and genome.
-    candidates: Vec<(u32, Genome)>,
+    /// Index in the generation, and genotype.
+    candidates: Vec<(u32, Genotype)>,
 }
 
 /// Carries tasks out: all evaluations of a generation in one batch, so that they fill an engine's lanes together.
@@ -31,14 +31,14 @@ pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Res
     for (place, (index, bytes)) in tasks.iter().enumerate() {
         let task = Task::decode(bytes).map_err(|e| NotRun::Task(format!("task {index}: {e}")))?;
         match task {
-            Task::Evaluate { generation, candidate, genome } => {
-                fits(job, *index, &genome)?;
+            Task::Evaluate { generation, candidate, genotype } => {
+                fits(job, *index, &genotype)?;
                 let batch = generations.entry(generation).or_default();
                 batch.places.push(place);
-                batch.candidates.push((candidate, genome));
+                batch.candidates.push((candidate, genotype));
             }
             Task::Examine(examination) => {
-                fits(job, *index, &examination.candidate.genome)?;
+                fits(job, *index, &examination.candidate.genotype)?;
                 examinations.push((place, examination));
             }
         }
@@ -62,13 +62,8 @@ fn answer(job: &Job, examination: &Examination, stop: &dyn Fn() -> bool) -> Resu
     Ok(TaskResult::Examined { scores, counts, traces })
 }
 
-fn fits(job: &Job, index: u32, genome: &[f64]) -> Result<(), NotRun> {
-    let wanted = job.bounds().0.len();
-    if genome.len() != wanted || genome.iter().any(|v| !v.is_finite()) {
-        return Err(NotRun::Task(format!(
-            "task {index}: its genome has {} numbers; {wanted} finite ones are needed",
-            genome.len()
-        )));
-    }
-    Ok(())
+/// Refuses a candidate that no search of the job can have sent.
+fn fits(job: &Job, index: u32, genotype: &Genotype) -> Result<(), NotRun> {
+    let refused = |misfit| NotRun::Task(format!("task {index}: its genome is not of this job: {misfit}"));
+    job.space().check(genotype).map_err(refused)
 }

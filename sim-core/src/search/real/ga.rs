@@ -11,9 +11,9 @@ use crate::base::random::{Purpose, Stream};
 use crate::base::registry::Component;
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
-use crate::genotype::{Bounds, Genome};
+use crate::genotype::{Genotype, Space};
 use crate::search::state::{Owner, Reader, Writer};
-use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genome};
+use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genotype};
 use std::cmp::Ordering;
 
 /// The genetic algorithm.
@@ -61,16 +61,16 @@ impl SearchKind for Ga {
         faults.end()
     }
 
-    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
+    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
         let breeding = Breeding {
             tournament: settings.whole(&TOURNAMENT),
             crossover_rate: settings.real(&CROSSOVER_RATE),
             crossover_eta: settings.real(&CROSSOVER_ETA),
-            mutation_rate: settings.optional(&MUTATION_RATE).unwrap_or(1.0 / bounds.0.len().max(1) as f64),
+            mutation_rate: settings.optional(&MUTATION_RATE).unwrap_or(1.0 / space.genes.len().max(1) as f64),
             mutation_scale: settings.real(&MUTATION_SCALE),
             elite: settings.whole(&ELITE),
         };
-        Box::new(GeneticAlgorithm::new(self.population(settings), breeding, bounds, direction, seed))
+        Box::new(GeneticAlgorithm::new(self.population(settings), breeding, space, direction, seed))
     }
 }
 
@@ -88,24 +88,24 @@ struct Breeding {
 #[derive(Clone, Debug)]
 struct GeneticAlgorithm {
     breeding: Breeding,
-    bounds: Bounds,
+    space: Space,
     direction: Direction,
     seed: u64,
     generation: u32,
-    population: Vec<Genome>,
+    population: Vec<Genotype>,
 }
 
 impl GeneticAlgorithm {
-    pub fn new(size: u32, breeding: Breeding, bounds: Bounds, direction: Direction, seed: u64) -> Self {
-        let population = (0..size).map(|i| random_genome(&bounds, seed, i)).collect();
-        Self { breeding, bounds, direction, seed, generation: 0, population }
+    pub fn new(size: u32, breeding: Breeding, space: Space, direction: Direction, seed: u64) -> Self {
+        let population = (0..size).map(|i| random_genotype(&space, seed, i)).collect();
+        Self { breeding, space, direction, seed, generation: 0, population }
     }
 
     /// The next generation: elites first, then children, two by two. A pair draws from the stream of its first child.
-    fn breed(&self, scores: &[Option<f64>]) -> Vec<Genome> {
+    fn breed(&self, scores: &[Option<f64>]) -> Vec<Genotype> {
         let order = ranking(self.direction, scores);
         let scored = order.iter().filter(|&&i| scores[i].is_some_and(|s| !s.is_nan()));
-        let mut next: Vec<Genome> =
+        let mut next: Vec<Genotype> =
             scored.take(self.breeding.elite as usize).map(|&i| self.population[i].clone()).collect();
         while next.len() < self.population.len() {
             let mut random = Stream::new(self.seed, Purpose::Breeding, self.generation + 1, next.len() as u32, 0);
@@ -123,15 +123,15 @@ impl GeneticAlgorithm {
     }
 
     /// The best of `tournament` individuals, drawn with replacement.
-    fn parent(&self, order: &[usize], random: &mut Stream) -> &Genome {
+    fn parent(&self, order: &[usize], random: &mut Stream) -> &Genotype {
         let draws = (0..self.breeding.tournament).map(|_| random.below(order.len() as u32) as usize);
         // `order` is sorted, so the best drawn is the first one in it.
         &self.population[order[draws.min().unwrap_or(0)]]
     }
 
     /// Simulated binary crossover, a gene crossed with chance 1/2. Keeps each gene's mean over the two.
-    fn cross(&self, [a, b]: &mut [Genome; 2], random: &mut Stream) {
-        for ((a, b), &bound) in a.iter_mut().zip(b).zip(&self.bounds.0) {
+    fn cross(&self, [a, b]: &mut [Genotype; 2], random: &mut Stream) {
+        for ((a, b), bound) in a.numbers_mut().iter_mut().zip(b.numbers_mut()).zip(self.space.bounds()) {
             let (crossed, u) = (random.unit() < 0.5, random.unit());
             if crossed {
                 let (one, other) = spread(*a, *b, u, self.breeding.crossover_eta);
@@ -140,8 +140,8 @@ impl GeneticAlgorithm {
         }
     }
 
-    fn mutate(&self, genome: &mut Genome, random: &mut Stream) {
-        for (gene, &bound) in genome.iter_mut().zip(&self.bounds.0) {
+    fn mutate(&self, genotype: &mut Genotype, random: &mut Stream) {
+        for (gene, bound) in genotype.numbers_mut().iter_mut().zip(self.space.bounds()) {
             if random.unit() < self.breeding.mutation_rate {
                 let deviation = self.breeding.mutation_scale * (bound.1 - bound.0);
                 *gene = reflect(*gene + deviation * random.normal(), bound);
@@ -150,11 +150,11 @@ impl GeneticAlgorithm {
     }
 
     fn owner(&self) -> Owner {
-        Owner { kind: b'g', seed: self.seed, population: self.population.len(), genome: self.bounds.0.len() }
+        Owner { kind: b'g', seed: self.seed, population: self.population.len(), genotype: self.space.genes.len() }
     }
 
     fn numbers(&self) -> usize {
-        self.population.len() * self.bounds.0.len()
+        self.population.len() * self.space.genes.len()
     }
 }
 
@@ -213,13 +213,13 @@ impl Search for GeneticAlgorithm {
 
     fn save(&self) -> Vec<u8> {
         let mut writer = Writer::new(self.owner(), self.generation, self.numbers());
-        self.population.iter().for_each(|genome| writer.numbers(genome));
+        self.population.iter().for_each(|genotype| writer.numbers(genotype.numbers()));
         writer.finish()
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), BadState> {
         let (mut reader, generation) = Reader::new(state, self.owner(), self.numbers())?;
-        let population = (0..self.population.len()).map(|_| reader.genome(&self.bounds)).collect::<Result<_, _>>()?;
+        let population = (0..self.population.len()).map(|_| reader.genotype(&self.space)).collect::<Result<_, _>>()?;
         (self.generation, self.population) = (generation, population);
         Ok(())
     }
@@ -269,7 +269,7 @@ mod tests {
             mutation_scale: 0.1,
             elite: 2,
         };
-        let mut ga = GeneticAlgorithm::new(5, breeding, Bounds(vec![(0.0, 1.0); 3]), Direction::Maximise, 9);
+        let mut ga = GeneticAlgorithm::new(5, breeding, Space::of_reals([(0.0, 1.0); 3]), Direction::Maximise, 9);
         let first = ga.ask().genotypes;
         ga.tell(&ga.ask().scored(&[Some(1.0), None, Some(3.0), Some(2.0), None]));
         assert_eq!(ga.ask().genotypes[..2], [first[2].clone(), first[3].clone()]);
@@ -289,12 +289,12 @@ mod tests {
             mutation_scale: 0.1,
             elite: 1,
         };
-        let mut ga = GeneticAlgorithm::new(5, breeding, Bounds(vec![(0.0, 1.0); 3]), Direction::Maximise, 9);
+        let mut ga = GeneticAlgorithm::new(5, breeding, Space::of_reals([(0.0, 1.0); 3]), Direction::Maximise, 9);
         let mut evaluations = ga.ask().scored(&[Some(1.0), None, Some(3.0), Some(2.0), None]);
-        evaluations[2].genotype = vec![0.25, 0.5, 0.75];
+        evaluations[2].genotype = vec![0.25, 0.5, 0.75].into();
         ga.tell(&evaluations);
         // Without crossover and mutation, the next generation is made of copies.
-        assert_eq!(ga.ask().genotypes[0], [0.25, 0.5, 0.75]);
+        assert_eq!(ga.ask().genotypes[0].numbers(), [0.25, 0.5, 0.75]);
         assert!(ga.ask().genotypes.iter().all(|child| evaluations.iter().any(|parent| parent.genotype == *child)));
     }
 }

@@ -11,9 +11,9 @@ use crate::base::random::{Purpose, Stream};
 use crate::base::registry::Component;
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
-use crate::genotype::{Bounds, Genome};
+use crate::genotype::{Genotype, Space};
 use crate::search::state::{Owner, Reader, Writer};
-use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genome};
+use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genotype};
 
 /// The swarm of Eq. 1, with the paper's coefficients unless others are given.
 pub struct Pso;
@@ -44,14 +44,14 @@ impl SearchKind for Pso {
         settings.whole(&PARTICLES)
     }
 
-    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
+    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
         let coefficients = Coefficients {
             constriction: 1.0,
             inertia_weight: settings.real(&INERTIA_WEIGHT),
             cognitive: settings.real(&COGNITIVE),
             social: settings.real(&SOCIAL),
         };
-        Box::new(Swarm::new(self.population(settings), coefficients, bounds, direction, seed))
+        Box::new(Swarm::new(self.population(settings), coefficients, space, direction, seed))
     }
 }
 
@@ -71,14 +71,14 @@ pub(super) struct Coefficients {
 /// A position that was scored.
 #[derive(Clone, Debug, PartialEq)]
 struct Best {
-    position: Genome,
+    position: Genotype,
     score: f64,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 struct Particle {
     /// x, the candidate.
-    position: Genome,
+    position: Genotype,
     /// v.
     velocity: Vec<f64>,
     /// x̄, the best of its own history.
@@ -89,7 +89,7 @@ struct Particle {
 #[derive(Clone, Debug)]
 pub(super) struct Swarm {
     coefficients: Coefficients,
-    bounds: Bounds,
+    space: Space,
     direction: Direction,
     seed: u64,
     generation: u32,
@@ -100,18 +100,19 @@ pub(super) struct Swarm {
 
 impl Swarm {
     /// Line 3 of Algorithm 2: particles at random places in the bounds.
-    pub fn new(size: u32, coefficients: Coefficients, bounds: Bounds, direction: Direction, seed: u64) -> Self {
+    pub fn new(size: u32, coefficients: Coefficients, space: Space, direction: Direction, seed: u64) -> Self {
         let particle = |i| {
             let mut random = Stream::new(seed, Purpose::InitialVelocity, 0, i, 0);
-            let half_range = |&(low, high): &(f64, f64)| (high - low) / 2.0;
+            let half_range = |(low, high): (f64, f64)| (high - low) / 2.0;
+            let component = |bound| random.uniform(-half_range(bound), half_range(bound));
             Particle {
-                position: random_genome(&bounds, seed, i),
-                velocity: bounds.0.iter().map(|b| random.uniform(-half_range(b), half_range(b))).collect(),
+                position: random_genotype(&space, seed, i),
+                velocity: space.bounds().map(component).collect(),
                 best: None,
             }
         };
         let particles = (0..size).map(particle).collect();
-        Self { coefficients, bounds, direction, seed, generation: 0, particles, best: None }
+        Self { coefficients, space, direction, seed, generation: 0, particles, best: None }
     }
 
     /// Lines 9 and 10 of Algorithm 2.
@@ -133,29 +134,30 @@ impl Swarm {
         let Coefficients { constriction, inertia_weight, cognitive, social } = self.coefficients;
         for (i, particle) in self.particles.iter_mut().enumerate() {
             let mut random = Stream::new(self.seed, Purpose::SwarmUpdate, self.generation, i as u32, 0);
-            for (j, &(low, high)) in self.bounds.0.iter().enumerate() {
+            let position = particle.position.numbers_mut();
+            for (j, (low, high)) in self.space.bounds().enumerate() {
                 let (r1, r2) = (random.unit(), random.unit());
-                let x = particle.position[j];
-                let toward = |best: &Option<Best>| best.as_ref().map_or(0.0, |b| b.position[j] - x);
+                let x = position[j];
+                let toward = |best: &Option<Best>| best.as_ref().map_or(0.0, |b| b.position.numbers()[j] - x);
                 let v = constriction
                     * (inertia_weight * particle.velocity[j]
                         + cognitive * r1 * toward(&particle.best)
                         + social * r2 * toward(&self.best));
                 let moved = x + v;
                 let inside = moved.clamp(low, high);
-                particle.position[j] = inside;
+                position[j] = inside;
                 particle.velocity[j] = if inside == moved { v } else { 0.0 };
             }
         }
     }
 
     fn owner(&self) -> Owner {
-        Owner { kind: b'p', seed: self.seed, population: self.particles.len(), genome: self.bounds.0.len() }
+        Owner { kind: b'p', seed: self.seed, population: self.particles.len(), genotype: self.space.genes.len() }
     }
 
     /// Numbers in a stored state: the best of all, and position, velocity and best of every particle.
     fn numbers(&self) -> usize {
-        let (best, vector) = (2 + self.bounds.0.len(), self.bounds.0.len());
+        let (best, vector) = (2 + self.space.genes.len(), self.space.genes.len());
         best + self.particles.len() * (2 * vector + best)
     }
 
@@ -163,16 +165,16 @@ impl Swarm {
         writer.number(if best.is_some() { 1.0 } else { 0.0 });
         writer.number(best.map_or(0.0, |b| b.score));
         match best {
-            Some(best) => writer.numbers(&best.position),
+            Some(best) => writer.numbers(best.position.numbers()),
             // Any place within the bounds does: it is not read back as a best.
-            None => self.bounds.0.iter().for_each(|b| writer.number(b.0)),
+            None => self.space.bounds().for_each(|(low, _)| writer.number(low)),
         }
     }
 
     fn read_best(&self, reader: &mut Reader) -> Result<Option<Best>, BadState> {
         let there = reader.number()?;
         let score = reader.number()?;
-        let position = reader.genome(&self.bounds)?;
+        let position = reader.genotype(&self.space)?;
         match there {
             0.0 => Ok(None),
             1.0 => Ok(Some(Best { position, score })),
@@ -205,7 +207,7 @@ impl Search for Swarm {
         let mut writer = Writer::new(self.owner(), self.generation, self.numbers());
         self.write_best(&mut writer, self.best.as_ref());
         for particle in &self.particles {
-            writer.numbers(&particle.position);
+            writer.numbers(particle.position.numbers());
             writer.numbers(&particle.velocity);
             self.write_best(&mut writer, particle.best.as_ref());
         }
@@ -217,7 +219,7 @@ impl Search for Swarm {
         let best = self.read_best(&mut reader)?;
         let particles = (0..self.particles.len())
             .map(|_| {
-                let position = reader.genome(&self.bounds)?;
+                let position = reader.genotype(&self.space)?;
                 let velocity = reader.vector()?;
                 Ok(Particle { position, velocity, best: self.read_best(&mut reader)? })
             })
@@ -238,9 +240,9 @@ mod tests {
     #[test]
     fn eq_1_by_hand() {
         let coefficients = Coefficients { constriction: 1.0, inertia_weight: 0.1, cognitive: 2.0, social: 2.0 };
-        let mut swarm = Swarm::new(2, coefficients, Bounds(vec![(-10.0, 10.0)]), Direction::Maximise, 3);
-        let best = |at: f64| Some(Best { position: vec![at], score: 0.0 });
-        swarm.particles[1] = Particle { position: vec![1.0], velocity: vec![0.5], best: best(1.5) };
+        let mut swarm = Swarm::new(2, coefficients, Space::of_reals([(-10.0, 10.0)]), Direction::Maximise, 3);
+        let best = |at: f64| Some(Best { position: vec![at].into(), score: 0.0 });
+        swarm.particles[1] = Particle { position: vec![1.0].into(), velocity: vec![0.5], best: best(1.5) };
         swarm.best = best(2.0);
         swarm.generation = 7;
         let mut random = Stream::new(3, Purpose::SwarmUpdate, 7, 1, 0);
@@ -248,24 +250,24 @@ mod tests {
         swarm.fly();
         let v = 0.1 * 0.5 + 2.0 * r1 * (1.5 - 1.0) + 2.0 * r2 * (2.0 - 1.0);
         assert_eq!(swarm.particles[1].velocity, [v]);
-        assert_eq!(swarm.particles[1].position, [1.0 + v]);
+        assert_eq!(swarm.particles[1].position.numbers(), [1.0 + v]);
     }
 
     #[test]
     fn a_particle_stops_at_a_bound() {
         let coefficients = Coefficients { constriction: 1.0, inertia_weight: 1.0, cognitive: 0.0, social: 0.0 };
-        let mut swarm = Swarm::new(1, coefficients, Bounds(vec![(0.0, 1.0), (0.0, 1.0)]), Direction::Maximise, 3);
-        swarm.particles[0].position = vec![0.75, 0.5];
+        let mut swarm = Swarm::new(1, coefficients, Space::of_reals([(0.0, 1.0); 2]), Direction::Maximise, 3);
+        swarm.particles[0].position = vec![0.75, 0.5].into();
         swarm.particles[0].velocity = vec![0.5, 0.25];
         swarm.tell(&swarm.ask().scored(&[Some(1.0)]));
-        assert_eq!(swarm.particles[0].position, [1.0, 0.75]);
+        assert_eq!(swarm.particles[0].position.numbers(), [1.0, 0.75]);
         assert_eq!(swarm.particles[0].velocity, [0.0, 0.25]);
     }
 
     #[test]
     fn bests_need_strict_improvement_and_ties_go_to_the_lowest_index() {
         let coefficients = Coefficients { constriction: 0.73, inertia_weight: 1.0, cognitive: 2.05, social: 2.05 };
-        let mut swarm = Swarm::new(3, coefficients, Bounds(vec![(0.0, 1.0); 2]), Direction::Minimise, 3);
+        let mut swarm = Swarm::new(3, coefficients, Space::of_reals([(0.0, 1.0); 2]), Direction::Minimise, 3);
         let first = swarm.ask().genotypes;
         swarm.tell(&swarm.ask().scored(&[None, Some(4.0), Some(4.0)]));
         assert_eq!(swarm.particles[0].best, None);
@@ -279,12 +281,12 @@ mod tests {
     #[test]
     fn genotype_other_than_sent_becomes_position() {
         let coefficients = Coefficients { constriction: 1.0, inertia_weight: 0.0, cognitive: 0.0, social: 0.0 };
-        let mut swarm = Swarm::new(2, coefficients, Bounds(vec![(0.0, 1.0); 2]), Direction::Minimise, 3);
+        let mut swarm = Swarm::new(2, coefficients, Space::of_reals([(0.0, 1.0); 2]), Direction::Minimise, 3);
         let mut evaluations = swarm.ask().scored(&[Some(2.0), Some(1.0)]);
-        evaluations[1].genotype = vec![0.25, 0.75];
+        evaluations[1].genotype = vec![0.25, 0.75].into();
         swarm.tell(&evaluations);
         // Without inertia and pull, a particle stays where it is.
-        assert_eq!(swarm.ask().genotypes, [evaluations[0].genotype.clone(), vec![0.25, 0.75]]);
-        assert_eq!(swarm.best, Some(Best { position: vec![0.25, 0.75], score: 1.0 }));
+        assert_eq!(swarm.ask().genotypes, [evaluations[0].genotype.clone(), vec![0.25, 0.75].into()]);
+        assert_eq!(swarm.best, Some(Best { position: vec![0.25, 0.75].into(), score: 1.0 }));
     }
 }

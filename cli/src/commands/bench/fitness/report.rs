@@ -42,7 +42,7 @@ pub fn markdown(view: &View) -> String {
             page += &format!("| {} |\n", row.join(" | "));
         }
     }
-    if view.genomes.is_empty() { page } else { page + "\n![Scores against the reference's](scatter.svg)\n" }
+    if view.genotypes.is_empty() { page } else { page + "\n![Scores against the reference's](scatter.svg)\n" }
 }
 
 /// Scores with each setting against the reference's.
@@ -51,7 +51,7 @@ pub fn scatter(view: &View) -> Picture {
     let reference = view.settings.len() - 1;
     let set = |i: usize| ScatterSet {
         name: view.settings[i].setting.to_string(),
-        points: view.genomes.iter().map(|g| [mean(&g.scores[reference]), mean(&g.scores[i])]).collect(),
+        points: view.genotypes.iter().map(|g| [mean(&g.scores[reference]), mean(&g.scores[i])]).collect(),
     };
     let sets: Vec<ScatterSet> = (0..reference).map(set).collect();
     let title = format!("{} in {}: {}, setting by setting", view.robot, view.environment, view.score);
@@ -81,13 +81,13 @@ fn heading(view: &View) -> String {
 fn sections(view: &View) -> Vec<Section> {
     let owned = |head: &[&str]| head.iter().map(|h| (*h).to_owned()).collect::<Vec<String>>();
     let mut sections = Vec::new();
-    if !view.genomes.is_empty() {
+    if !view.genotypes.is_empty() {
         let ceiling = row(format!("{} (disturbed: the ceiling)", view.reference), &view.ceiling);
         let settings = view.settings[..view.settings.len() - 1].iter().map(|r| row(r.setting.to_string(), r));
         let reference = &view.settings[view.settings.len() - 1];
         let reference = row(format!("{} (the reference)", reference.setting), reference);
         sections.push(Section {
-            title: format!("{} genomes of all ages against {}", view.genomes.len(), view.reference),
+            title: format!("{} genomes of all ages against {}", view.genotypes.len(), view.reference),
             head: owned(&HEAD),
             rows: settings.chain([reference, ceiling]).collect(),
         });

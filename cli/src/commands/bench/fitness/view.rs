@@ -17,9 +17,9 @@ pub struct View {
     pub gaits: u32,
     /// K.
     pub iterations: u32,
-    /// Random streams that each genome is scored on.
+    /// Random streams that each genotype is scored on.
     pub trees: u32,
-    /// What the genomes are from.
+    /// What the genotypes are from.
     pub from: String,
     /// Name of the score.
     pub score: &'static str,
@@ -34,22 +34,23 @@ pub struct View {
     pub pairs: Vec<Vec<Option<Estimate>>>,
     /// What stored runs found.
     pub finalists: Vec<Finalist>,
-    pub genomes: Vec<Entry>,
+    #[serde(rename = "genomes")]
+    pub genotypes: Vec<Entry>,
 }
 
-/// One setting, over the genomes of all ages.
+/// One setting, over the genotypes of all ages.
 #[derive(Serialize)]
 pub struct Row {
     pub setting: Setting,
-    /// Mean score; `null` if there were no such genomes.
+    /// Mean score; `null` if there were no such genotypes.
     pub mean: Option<f64>,
     /// Against the reference.
     pub agreement: Option<Agreement>,
-    /// CPU s a genome, all its trees.
+    /// CPU s a genotype, all its trees.
     pub cpu_seconds: f64,
-    /// Rollouts a genome.
+    /// Rollouts a genotype.
     pub rollouts: f64,
-    /// Unstable rollouts of all genomes.
+    /// Unstable rollouts of all genotypes.
     pub unstable: u64,
 }
 
@@ -68,7 +69,7 @@ pub struct Finalist {
     pub kept: Option<f64>,
 }
 
-/// A genome of some age.
+/// A genotype of some age.
 #[derive(Serialize)]
 pub struct Entry {
     /// Which of the runs it is from.

@@ -1,7 +1,7 @@
 //! A light worker: it speaks the protocol of a real one and simulates nothing, so that thousands fit into a process.
 //!
-//! Its scores are made from the genomes alone, so that any two of them agree on every bit. It takes as long as is drawn for
-//! what it does, and fails or dies as often as it is told to.
+//! Its scores are made from the genotypes alone, so that any two of them agree on every bit. It takes as long as is drawn
+//! for what it does, and fails or dies as often as it is told to.
 
 use super::slots::Slots;
 use super::tally::{Busy, Tally};
@@ -16,7 +16,7 @@ use proto::v1::{
     Assign, CompleteRequest, Heartbeat, Hello, Reject, Results, WorkerMessage, coordinator_message, worker_message,
 };
 use sim_core::base::score::Counts;
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::procedure::evolve::{Task, TaskResult};
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
@@ -133,7 +133,7 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
             None => return Ok(()),
             Some(Some(coordinator_message::Message::Assign(assigned))) => {
                 let assignment_id = assigned.assignment_id;
-                let Some((generation, genomes)) = candidates(&assigned) else {
+                let Some((generation, genotypes)) = candidates(&assigned) else {
                     let reason = "a light worker only pretends to evaluate".to_owned();
                     say(worker_message::Message::Reject(Reject { assignment_id, reason }));
                     continue;
@@ -142,7 +142,7 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
                 // Here, where assignments come in order: only a job's first one to a session has its text.
                 let seed = tally.seed(&assigned.job_id, &assigned.job_toml);
                 let range =
-                    Range { id: id.to_owned(), seed, assigned, generation, genomes, progress: progress.clone() };
+                    Range { id: id.to_owned(), seed, assigned, generation, genotypes, progress: progress.clone() };
                 let (client, behaviour, slots, tally) =
                     (client.clone(), behaviour.clone(), slots.clone(), tally.clone());
                 let task = working.spawn(async move {
@@ -175,15 +175,15 @@ fn alive(running: &BTreeMap<u64, Assigned>) -> Heartbeat {
     Heartbeat { running, progress }
 }
 
-/// The generation and the genomes of an assignment, none for a preparation; `None` for examinations.
-fn candidates(assigned: &Assign) -> Option<(u32, Vec<Genome>)> {
-    let (mut of, mut genomes) = (0, Vec::new());
+/// The generation and the genotypes of an assignment, none for a preparation; `None` for examinations.
+fn candidates(assigned: &Assign) -> Option<(u32, Vec<Genotype>)> {
+    let (mut of, mut genotypes) = (0, Vec::new());
     for task in assigned.tasks.iter().filter(|_| assigned.round > 0) {
-        let Ok(Task::Evaluate { generation, genome, .. }) = Task::decode(task) else { return None };
+        let Ok(Task::Evaluate { generation, genotype, .. }) = Task::decode(task) else { return None };
         of = generation;
-        genomes.push(genome);
+        genotypes.push(genotype);
     }
-    Some((of, genomes))
+    Some((of, genotypes))
 }
 
 /// A range of candidates that a worker was given, or a preparation.
@@ -194,18 +194,18 @@ struct Range {
     seed: u64,
     assigned: Assign,
     generation: u32,
-    genomes: Vec<Genome>,
+    genotypes: Vec<Genotype>,
     progress: Arc<AtomicU64>,
 }
 
 impl Range {
     /// Pretends.
     async fn evaluate(self, behaviour: &Behaviour, slots: &Slots, tally: &Tally) -> CompleteRequest {
-        let Self { id, seed, assigned, generation, genomes, progress } = self;
+        let Self { id, seed, assigned, generation, genotypes, progress } = self;
         if assigned.round == 0 {
             return completed(id, assigned, behaviour, Ok(vec![behaviour.prepared.clone()]), Duration::from_micros(1));
         }
-        let count = genomes.len() as u32;
+        let count = genotypes.len() as u32;
         let drawn = behaviour.times.of_range(seed, generation, assigned.first, count);
         let slot = slots.take().await;
         progress.store(1, Ordering::Relaxed);
@@ -218,7 +218,7 @@ impl Range {
         drop(slot);
         let fails = chance(&id, assigned.assignment_id) < behaviour.fails;
         let results =
-            if fails { Err("a light worker was told to fail") } else { Ok(genomes.iter().map(result).collect()) };
+            if fails { Err("a light worker was told to fail") } else { Ok(genotypes.iter().map(result).collect()) };
         let claim = behaviour.claim.map_or(drawn, |each| each * count).max(Duration::from_micros(count.into()));
         completed(id, assigned, behaviour, results, claim)
     }
@@ -252,9 +252,9 @@ fn completed(
 }
 
 /// The pretended result of an evaluation.
-fn result(genome: &Genome) -> Vec<u8> {
+fn result(genotype: &Genotype) -> Vec<u8> {
     let counts = Counts { rollouts: 1, nodes: 1, ..Counts::default() };
-    TaskResult::Evaluated { genotype: None, score: Some(score(genome)), descriptors: Vec::new(), counts }.encode()
+    TaskResult::Evaluated { genotype: None, score: Some(score(genotype)), descriptors: Vec::new(), counts }.encode()
 }
 
 /// Sends it until it is answered.
@@ -268,10 +268,10 @@ async fn deliver(mut client: WorkerServiceClient<Way>, result: CompleteRequest) 
     }
 }
 
-/// 0 to 1, from the genome's bits alone.
-fn score(genome: &[f64]) -> f64 {
+/// 0 to 1, from the genotype's bits alone.
+fn score(genotype: &Genotype) -> f64 {
     let mut hasher = DefaultHasher::new();
-    genome.iter().for_each(|value| value.to_bits().hash(&mut hasher));
+    genotype.numbers().iter().for_each(|value| value.to_bits().hash(&mut hasher));
     unit(hasher.finish())
 }
 

@@ -49,7 +49,7 @@ pub fn scatter(view: &View, found: &Found) -> Picture {
     let set = |name: &str, evolved: bool| ScatterSet {
         name: name.to_owned(),
         points: found
-            .genomes
+            .genotypes
             .iter()
             .filter(|g| (g.generation > 0) == evolved)
             .map(|g| [g.measured[0].score, g.measured[own].score])
@@ -74,8 +74,8 @@ fn heading(view: &View) -> String {
 }
 
 fn title(found: &Found) -> String {
-    let evolved = found.genomes.iter().filter(|g| g.generation > 0).count();
-    let random = found.genomes.len() - evolved;
+    let evolved = found.genotypes.iter().filter(|g| g.generation > 0).count();
+    let random = found.genotypes.len() - evolved;
     format!("{}: {random} random and {evolved} evolved genomes", found.environment)
 }
 

@@ -81,7 +81,7 @@ impl fmt::Display for Examination {
 /// or that its robot does not come to rest with, are answered by failed evaluations. `stop` is asked now and then.
 ///
 /// # Panics
-/// If the genome's length does not fit the job.
+/// If the genotype's length does not fit the job.
 pub fn examine(job: &Job, examination: &Examination, stop: &dyn Fn() -> bool) -> Result<Answer, Stopped> {
     let candidate = &examination.candidate;
     let tolerance = job.spec().planner.reuse_tolerance;
@@ -144,7 +144,7 @@ fn trees(
     streams: impl Iterator<Item = Stream>,
     stop: &dyn Fn() -> bool,
 ) -> Result<Answer, Stopped> {
-    let mut trials = [Trial::new(job, &candidate.genome, tolerance, streams)];
+    let mut trials = [Trial::new(job, &candidate.genotype, tolerance, streams)];
     grow(job, &mut trials, stop)?;
     let [trial] = trials;
     let told = |score| trial.failure.is_none().then_some(score);

@@ -23,7 +23,7 @@ pub type Done = (Examination, Vec<Option<f64>>);
 pub struct Plan {
     /// Whether larger or smaller scores are better.
     pub direction: Direction,
-    /// Genomes to be scored on the reference setting; 0: the winner is the search's best.
+    /// Genotypes to be scored on the reference setting; 0: the winner is the search's best.
     pub archive: u32,
     /// Whether every global best is scored again without reuse.
     pub audit: bool,
@@ -36,7 +36,7 @@ pub struct Found {
     pub first: Scored,
     /// The best of the whole search.
     pub best: Scored,
-    /// The best distinct genomes, best first.
+    /// The best distinct genotypes, best first.
     pub archive: Vec<Scored>,
     /// Every global best, as they came.
     pub bests: Vec<Scored>,
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     fn scored(candidate: u32, score: f64) -> Scored {
-        Scored { generation: 0, candidate, score, genome: vec![f64::from(candidate)] }
+        Scored { generation: 0, candidate, score, genotype: vec![f64::from(candidate)].into() }
     }
 
     fn found() -> Found {

@@ -1,22 +1,22 @@
-//! Genomes to measure with: those of searches.
+//! Genotypes to measure with: those of searches.
 
 use serde::{Deserialize, Serialize};
 use sim_core::base::error::Invalid;
 use sim_core::evaluate::Evaluation;
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::job::JobSpec;
 use sim_core::problem::Job;
 
-/// A genome and where it is from.
+/// A genotype and where it is from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// The generation that it is a candidate of; 0 for random ones.
     pub generation: u32,
     /// Its parameters.
-    pub genome: Genome,
+    pub genotype: Genotype,
 }
 
-/// The job with a genetic algorithm of so many candidates and generations: what a study evolves genomes with.
+/// The job with a genetic algorithm of so many candidates and generations: what a study evolves genotypes with.
 pub fn evolution(job: &Job, population: u32, generations: u32) -> Result<Job, Invalid> {
     let table = format!("kind = \"ga\"\npopulation = {population}\ngenerations = {generations}");
     Job::new(JobSpec { optimiser: toml::from_str(&table)?, ..job.spec().clone() })
@@ -26,14 +26,14 @@ pub fn evolution(job: &Job, population: u32, generations: u32) -> Result<Job, In
 /// ([`sim_core::evaluate::evaluate`]) or look them up, and stops the search by an error.
 pub fn searched<E>(
     job: &Job,
-    mut score: impl FnMut(u32, &[(u32, Genome)]) -> Result<Vec<Option<f64>>, E>,
-) -> Result<Vec<Vec<Genome>>, E> {
+    mut score: impl FnMut(u32, &[(u32, Genotype)]) -> Result<Vec<Option<f64>>, E>,
+) -> Result<Vec<Vec<Genotype>>, E> {
     let mut optimiser = job.optimiser();
-    let mut generations: Vec<Vec<Genome>> = Vec::new();
+    let mut generations: Vec<Vec<Genotype>> = Vec::new();
     for generation in 0..job.spec().optimiser.generations() {
         generations.push(optimiser.ask().genotypes);
         if generation + 1 < job.spec().optimiser.generations() {
-            let candidates: Vec<(u32, Genome)> = (0..).zip(optimiser.ask().genotypes).collect();
+            let candidates: Vec<(u32, Genotype)> = (0..).zip(optimiser.ask().genotypes).collect();
             let scores = score(generation, &candidates)?;
             optimiser.tell(&optimiser.ask().scored(&scores));
         }
@@ -41,14 +41,14 @@ pub fn searched<E>(
     Ok(generations)
 }
 
-/// Up to `count` genomes of a search: half of them (rounded up) of its first generation, the others of its last
+/// Up to `count` genotypes of a search: half of them (rounded up) of its first generation, the others of its last
 /// generations, from the last backwards; none twice.
-pub fn first_and_last(generations: &[Vec<Genome>], count: usize) -> Vec<Sample> {
+pub fn first_and_last(generations: &[Vec<Genotype>], count: usize) -> Vec<Sample> {
     let mut samples = Vec::new();
     let mut take = |generation: usize, most: usize| {
-        for genome in &generations[generation] {
+        for genotype in &generations[generation] {
             if samples.len() < most {
-                add(&mut samples, generation, genome);
+                add(&mut samples, generation, genotype);
             }
         }
     };
@@ -57,9 +57,9 @@ pub fn first_and_last(generations: &[Vec<Genome>], count: usize) -> Vec<Sample> 
     samples
 }
 
-/// Up to `count` genomes of a search, spread evenly over its generations, the first and the last among them; none twice.
-/// Within a generation every candidate has its turn.
-pub fn of_all_ages(generations: &[Vec<Genome>], count: usize) -> Vec<Sample> {
+/// Up to `count` genotypes of a search, spread evenly over its generations, the first and the last among them; none
+/// twice. Within a generation every candidate has its turn.
+pub fn of_all_ages(generations: &[Vec<Genotype>], count: usize) -> Vec<Sample> {
     let mut samples = Vec::new();
     let last = generations.len().saturating_sub(1);
     for i in 0..count {
@@ -67,17 +67,16 @@ pub fn of_all_ages(generations: &[Vec<Genome>], count: usize) -> Vec<Sample> {
         let candidates = &generations[generation];
         // An elite may have been taken at a younger age: then the next candidate.
         let mut turns = (0..candidates.len()).map(|turn| &candidates[(i + turn) % candidates.len()]);
-        let _taken = turns.any(|genome| add(&mut samples, generation, genome));
+        let _taken = turns.any(|genotype| add(&mut samples, generation, genotype));
     }
     samples
 }
 
 /// Whether it was none that is there already.
-fn add(samples: &mut Vec<Sample>, generation: usize, genome: &Genome) -> bool {
-    let bits = |g: &[f64]| g.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
-    let new = !samples.iter().any(|s| bits(&s.genome) == bits(genome));
+fn add(samples: &mut Vec<Sample>, generation: usize, genotype: &Genotype) -> bool {
+    let new = !samples.iter().any(|s| s.genotype.same_bits(genotype));
     if new {
-        samples.push(Sample { generation: generation as u32, genome: genome.clone() });
+        samples.push(Sample { generation: generation as u32, genotype: genotype.clone() });
     }
     new
 }
@@ -92,7 +91,7 @@ mod tests {
     use super::*;
     use sim_core::evaluate::{Stopped, evaluate};
 
-    fn search(population: u32, generations: u32) -> (Job, Vec<Vec<Genome>>) {
+    fn search(population: u32, generations: u32) -> (Job, Vec<Vec<Genotype>>) {
         let job = Job::from_toml(
             r#"
             name = "studied"
@@ -119,23 +118,23 @@ mod tests {
 
     fn none_twice(samples: &[Sample]) {
         for (i, sample) in samples.iter().enumerate() {
-            assert!(!samples[..i].iter().any(|other| other.genome == sample.genome));
+            assert!(!samples[..i].iter().any(|other| other.genotype == sample.genotype));
         }
     }
 
     #[test]
-    fn half_of_the_genomes_are_random_and_half_evolved() {
+    fn half_of_the_genotypes_are_random_and_half_evolved() {
         let (search, generations) = search(5, 4);
         let samples = first_and_last(&generations, 9);
         assert_eq!(samples.len(), 9);
-        let random: Vec<Genome> = samples.iter().filter(|s| s.generation == 0).map(|s| s.genome.clone()).collect();
+        let random: Vec<Genotype> = samples.iter().filter(|s| s.generation == 0).map(|s| s.genotype.clone()).collect();
         assert_eq!(random, search.optimiser().ask().genotypes);
         assert!(samples[5..].iter().all(|s| s.generation >= 2), "the last generation and an elite's predecessor");
         none_twice(&samples);
     }
 
     #[test]
-    fn genomes_of_all_ages_are_of_every_part_of_a_search() {
+    fn genotypes_of_all_ages_are_of_every_part_of_a_search() {
         let (_, generations) = search(5, 4);
         let ages = |count| of_all_ages(&generations, count).iter().map(|s| s.generation).collect::<Vec<_>>();
         assert_eq!(ages(1), [0]);

@@ -7,12 +7,12 @@ use crate::output::{STORE, Stored};
 use crate::progress::Pieces;
 use coordinator::{StoreError, StoreUrl, store};
 use sim_core::evaluate::evaluate;
-use sim_core::genotype::Genome;
+use sim_core::genotype::Genotype;
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::TaskResult;
 use std::io;
 use std::path::Path;
-use study::genomes::{evolution, scores, searched};
+use study::genotypes::{evolution, scores, searched};
 
 /// Smallest population that evolves.
 pub const LEAST_POPULATION: u32 = 4;
@@ -24,7 +24,7 @@ pub fn evolved(
     generations: u32,
     threads: usize,
     quiet: bool,
-) -> Result<Vec<Vec<Genome>>, Error> {
+) -> Result<Vec<Vec<Genotype>>, Error> {
     let file = format!("the evolution of {}", job.spec().name);
     let search = evolution(job, population, generations).map_err(|source| Error::Invalid { file, source })?;
     let progress = Pieces::new("generations of evolving genomes", u64::from(generations) - 1, quiet);
@@ -39,7 +39,7 @@ pub fn evolved(
 }
 
 /// Those of a finished run: its optimiser is led through the search again by the scores that the run's store holds.
-pub fn stored(folder: &Path) -> Result<Vec<Vec<Genome>>, Error> {
+pub fn stored(folder: &Path) -> Result<Vec<Vec<Genotype>>, Error> {
     let job = Stored::read(folder)?.job;
     let path = folder.join(STORE);
     if !path.is_file() {
