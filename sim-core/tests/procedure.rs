@@ -253,7 +253,7 @@ fn impossible_results_of_an_evaluation_are_refused() {
         (evaluated(Some(f64::INFINITY)).encode(), "score inf is out of range"),
         (evaluated(Some(-0.1)).encode(), "score -0.1 is out of range: allowed is 0 to 100"),
         (evaluated(Some(100.1)).encode(), "score 100.1 is out of range"),
-        (with(Some(vec![0.0]), Vec::new()), "a genotype other than the one sent"),
+        (with(Some(vec![0.0].into()), Vec::new()), "a genotype other than the one sent"),
         (with(None, vec![1.0]), "descriptors"),
         (counted(Counts { rollouts: 17, ..Counts::default() }), "rollouts, 17, is impossible: at most 16"),
         (counted(Counts { rollouts: 1, unstable: 2, ..Counts::default() }), "unstable rollouts, 2"),
@@ -487,14 +487,16 @@ fn tasks_of_another_job_are_not_run() {
     let job = small();
     let bench = Bench::open(&job.to_toml()).unwrap();
     let shared = job.prepare(&|| false).unwrap().encode();
-    let evaluate = |genotype| Task::Evaluate { generation: 0, candidate: 0, genotype }.encode();
+    let evaluate =
+        |numbers: Vec<f64>| Task::Evaluate { generation: 0, candidate: 0, genotype: numbers.into() }.encode();
     let length = job.space().longest();
     for (round, shared, task) in [
         (0, &[][..], vec![1]),
         (1, &shared[..], vec![]),
-        (1, &shared[..], evaluate(vec![0.5; length + 1].into())),
-        (1, &shared[..], evaluate(vec![f64::NAN; length].into())),
-        (1, &[][..], evaluate(vec![0.5; length].into())),
+        (1, &shared[..], evaluate(vec![0.5; length + 1])),
+        (1, &shared[..], evaluate(vec![f64::NAN; length])),
+        (1, &shared[..], evaluate(vec![-9.0; length])),
+        (1, &[][..], evaluate(vec![0.5; length])),
     ] {
         let ran = bench.run(round, shared, &[(0, task)], &never());
         assert!(matches!(ran, Err(NotRun::Task(_))), "{ran:?}");

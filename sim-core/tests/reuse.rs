@@ -3,6 +3,7 @@
 use sim_core::base::math::{Pose, Vector, about_z};
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
+use sim_core::genotype::Genotype;
 use sim_core::model::Place;
 use sim_core::physics::{Outcome, Rollout, Span, Trace};
 use sim_core::plan::{Ask, PlannerSettings, Reuse, StartId, TransitionKey, Transitions};
@@ -93,7 +94,7 @@ fn variants_are_members_of_their_local_state_and_no_more_than_asked_for() {
 #[test]
 fn variants_do_not_depend_on_who_shares_a_batch() {
     let job = job("iterations = 30, variants = 4, repeats = 2");
-    let candidates: Vec<(u32, Vec<f64>)> = (0..).zip(job.optimiser().ask().genotypes).collect();
+    let candidates: Vec<(u32, Genotype)> = (0..).zip(job.optimiser().ask().genotypes).collect();
     let together = evaluate(&job, 0, &candidates, &|| false).unwrap();
     for (candidate, expected) in candidates.iter().zip(&together) {
         assert_eq!(&evaluate(&job, 0, std::slice::from_ref(candidate), &|| false).unwrap()[0], expected);

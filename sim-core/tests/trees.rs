@@ -2,6 +2,7 @@
 
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
+use sim_core::genotype::Genotype;
 use sim_core::model::Place;
 use sim_core::physics::{Change, Event, Request};
 use sim_core::plan::{Ask, Planner, PlannerSettings};
@@ -214,7 +215,7 @@ fn same_seed_same_tree_and_another_seed_another_tree() {
 #[test]
 fn a_candidates_score_does_not_depend_on_who_shares_its_batch() {
     let job = job("column", "iterations = 20\nrepeats = 2");
-    let candidates: Vec<(u32, Vec<f64>)> =
+    let candidates: Vec<(u32, Genotype)> =
         job.optimiser().ask().genotypes.into_iter().zip(0..).map(|(g, i)| (i, g)).collect();
     let together = evaluate(&job, 0, &candidates, &|| false).unwrap();
     for (candidate, expected) in candidates.iter().zip(&together) {

@@ -132,7 +132,7 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
     ("a genotype that was not asked for", "does not take", |r| {
         content(r, |result| match result {
             TaskResult::Evaluated { score, descriptors, counts, .. } => {
-                TaskResult::Evaluated { genotype: Some(vec![0.5]), score, descriptors, counts }
+                TaskResult::Evaluated { genotype: Some(vec![0.5].into()), score, descriptors, counts }
             }
             other => other,
         })

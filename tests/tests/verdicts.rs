@@ -210,7 +210,7 @@ async fn poisoned_task_fails_job_and_evaluates_locally() {
 
     let assign = poisoned.expect("it was given");
     let Task::Evaluate { genotype, .. } = task(&assign) else { panic!("an evaluation") };
-    let genotype = genotype.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let genotype = genotype.numbers().iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let shown = sandbox.told(&["show", &job.id]);
     assert!(shown.contains(&format!("genome         {genotype}")), "{shown}");
     assert!(shown.contains(&format!("evogait evaluate {} does it again here", job.id)), "{shown}");
