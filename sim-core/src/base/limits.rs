@@ -57,8 +57,8 @@ pub const MAX_MAP_SIZE: f64 = 10_000.0;
 pub const MAX_CELLS: usize = 4_000_000;
 /// Longest genotype.
 pub const MAX_GENOTYPE: usize = 16_384;
-/// Most parameters in all genotypes of a generation together: the state of a search, which is stored after each of them, has
-/// some 40 bytes for each.
+/// Most parameters in all genotypes of a generation together: the state of a search, which is stored after each of them,
+/// has some 40 bytes for each.
 pub const MAX_GENERATION_PARAMETERS: usize = 8_000_000;
 /// Bytes of genotypes in the tasks of one assignment: it stays far below the largest message.
 pub const MAX_ASSIGNMENT_GENOTYPES: usize = 8 * 1024 * 1024;

@@ -8,8 +8,8 @@ pub const MAX_BESTS: usize = 1000;
 
 /// The best distinct genotypes of a search, best first, and every global best it ever had.
 ///
-/// Genotypes are told apart by their bits. One that was scored several times (an elite of a genetic algorithm) counts with
-/// its best score, the earliest of them if there are several. Equal scores stand in the order of generation and
+/// Genotypes are told apart by their bits. One that was scored several times (an elite of a genetic algorithm) counts
+/// with its best score, the earliest of them if there are several. Equal scores stand in the order of generation and
 /// candidate. What is kept does not depend on the order of the offers of one generation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Archive {

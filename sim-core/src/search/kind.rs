@@ -45,7 +45,8 @@ pub trait SearchKind: Configurable {
         Err(Invalid::Conflict { field: "optimiser.kind".into(), reason })
     }
 
-    /// A search at generation 0, with settings that were accepted, in a space that it takes. All its randomness follows from `seed`.
+    /// A search at generation 0, with settings that were accepted, in a space that it takes. All its randomness
+    /// follows from `seed`.
     fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search>;
 }
 
