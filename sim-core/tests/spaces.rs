@@ -3,7 +3,7 @@
 use sim_core::base::registry::{Component, Registered};
 use sim_core::base::score::Direction;
 use sim_core::base::settings::{Configurable, Setting, Settings};
-use sim_core::control::{Controller, Parameter};
+use sim_core::control::{Controller, Infeasible, Parameter, Signals};
 use sim_core::genotype::{Gene, Length, NamedGene, Space};
 use sim_core::model::Robot;
 use sim_core::problem::Checked;
@@ -37,7 +37,7 @@ impl Controller for Chooser {
         Space { genes: vec![real("all.swing"), leg], length: Length::Fixed }
     }
 
-    fn signals(&self, _: &[f64], _: usize) -> Vec<Vec<f64>> {
+    fn signals(&self, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
         unreachable!("nothing is simulated")
     }
 }
@@ -58,7 +58,7 @@ impl Controller for Segments {
         Space { genes, length: Length::Sequence { least: 2, most: MOST } }
     }
 
-    fn signals(&self, _: &[f64], _: usize) -> Vec<Vec<f64>> {
+    fn signals(&self, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
         unreachable!("nothing is simulated")
     }
 }

@@ -10,7 +10,7 @@ use sim_core::base::registry::{Component, Registered};
 use sim_core::base::score::Direction;
 use sim_core::base::settings::{Configurable, Setting, Settings};
 use sim_core::control::{Controller, Infeasible, Parameter, Signals};
-use sim_core::genotype::Bounds;
+use sim_core::genotype::Space;
 use sim_core::model::environment::Environment;
 use sim_core::model::{FaceKind, HingeKind, Kind, PartKind, Place};
 use sim_core::objective::{Objective, ObjectiveKind};
@@ -165,7 +165,7 @@ const CANDIDATES: Setting = Setting::whole("candidates", 8).within(1.0, 100.0);
 
 struct Drawing {
     candidates: u32,
-    bounds: Bounds,
+    space: Space,
     direction: Direction,
     seed: u64,
     generation: u32,
@@ -188,17 +188,15 @@ impl SearchKind for Scatter {
         settings.whole(&CANDIDATES)
     }
 
-    fn build(&self, settings: &Settings, bounds: Bounds, direction: Direction, seed: u64) -> Box<dyn Search> {
-        Box::new(Drawing { candidates: settings.whole(&CANDIDATES), bounds, direction, seed, generation: 0 })
+    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+        Box::new(Drawing { candidates: settings.whole(&CANDIDATES), space, direction, seed, generation: 0 })
     }
 }
 
 impl Search for Drawing {
     fn ask(&self) -> Batch {
-        let draw = |candidate| {
-            let mut stream = Stream::new(self.seed, Purpose::Sample, self.generation, candidate, 0);
-            self.bounds.0.iter().map(|&(low, high)| stream.uniform(low, high)).collect()
-        };
+        let stream = |candidate| Stream::new(self.seed, Purpose::Sample, self.generation, candidate, 0);
+        let draw = |candidate| self.space.draw(&mut stream(candidate));
         Batch { ask: Ask::Set, genotypes: (0..self.candidates).map(draw).collect() }
     }
 

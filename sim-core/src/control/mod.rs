@@ -97,11 +97,10 @@ pub trait Controller: Component {
     /// As [`Controller::signals`].
     ///
     /// # Panics
-    /// If the number of parameters is not that of the robot's joints.
+    /// If the gait's length is none of [`Controller::space`].
     fn compile(&self, run: &Run<'_>, gait: &[f64]) -> Result<Motion, Infeasible> {
-        let (joints, each) = (run.robot.hinges.len(), self.parameters().len());
-        assert_eq!(gait.len(), joints * each, "a gait of {joints} joints has {} parameters", joints * each);
-        let (from, at) = run.from.map(|phase| phase::read(phase, joints)).transpose()?.unzip();
+        assert_eq!(self.space(run.robot).check_length(gait.len()), Ok(()), "the gait is another robot's");
+        let (from, at) = run.from.map(|phase| phase::read(phase, run.robot.hinges.len())).transpose()?.unzip();
         let signals = self.signals(gait, from, Targets::ticks(run.duration))?;
         let targets = Targets::new(&signals.joints, run.duration).within(&run.robot.hinges, at.as_deref());
         let end = phase::write(&signals.end, targets.rows().next_back().unwrap_or(&[]));
