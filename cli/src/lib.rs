@@ -6,10 +6,8 @@
 mod arguments;
 mod certs;
 mod client;
-mod clock;
 mod commands;
 mod console;
-mod cost;
 mod doubts;
 pub mod draw;
 mod error;
@@ -20,7 +18,6 @@ mod local;
 mod output;
 mod poison;
 mod progress;
-mod setting;
 mod signals;
 mod standing;
 mod summary;

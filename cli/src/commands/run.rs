@@ -10,13 +10,13 @@ use crate::local::Local;
 use crate::output::{self, Folder, JOB, ResultFile, STORE, Stored};
 use crate::poison;
 use crate::progress::{Label, Progress};
-use crate::setting::Setting;
 use crate::signals::Interrupt;
 use crate::values::{self, Generation};
 use crate::watch::{self, Watched};
 use crate::{load, summary};
 use proto::v1::{self, JobState};
 use sim_core::problem::Checked;
+use study::setting::Setting;
 
 /// Evolves, or says that it is done already.
 pub fn run(args: Run, quiet: bool) -> Result<(), Error> {

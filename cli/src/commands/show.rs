@@ -6,7 +6,6 @@ use crate::console::{self, quoted};
 use crate::error::Error;
 use crate::poison::{self, Subject};
 use crate::progress::Label;
-use crate::setting::Setting;
 use crate::standing::{self, StandingView};
 use crate::values::{self, count, number};
 use crate::view::{JobView, generations, hex, ruling, running_time};
@@ -14,6 +13,7 @@ use crate::watch;
 use proto::v1::{self, JobState};
 use serde::Serialize;
 use sim_core::job::JobSpec;
+use study::setting::Setting;
 
 /// A job and, unless it has ended, where it stands.
 #[derive(Serialize)]

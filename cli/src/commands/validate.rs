@@ -1,17 +1,17 @@
 //! `evogait validate`: is the job fine, and what will it cost?
 
-use crate::arguments::Validate;
+use crate::arguments::{Validate, cores};
 use crate::console::{self, count, duration};
-use crate::cost::{self, Budget};
 use crate::doubts;
 use crate::error::Error;
 use crate::first_generation::{self, Scores};
 use crate::load;
-use crate::setting::Setting;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::problem::Job;
 use std::time::Duration;
+use study::cost::{self, Budget};
+use study::setting::Setting;
 
 /// Candidates of the first generation are timed for so long …
 const MEASURE: Duration = Duration::from_secs(3);
@@ -103,7 +103,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
 /// The cost, and a warning if all timed candidates of the first generation score the same.
 fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
     let budget = Budget { evaluations: job.spec().optimiser.population(), time: MEASURE, first: GIVE_UP };
-    let cost = cost::measure(job, budget, &|| ());
+    let cost = cost::measure(job, cost::at_once(job, cores()), budget, &|| ());
     let measured = cost.evaluations.max(1);
     let seconds_per_evaluation = cost.total.wall / f64::from(measured);
     let core_seconds = seconds_per_evaluation * evaluations as f64;

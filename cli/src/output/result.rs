@@ -1,7 +1,6 @@
 //! result.json: the summary of a job's result.
 
 use crate::progress::Label;
-use crate::setting::Setting;
 use crate::values;
 use proto::v1;
 use serde::{Deserialize, Serialize};
@@ -12,6 +11,7 @@ use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Archived, Audit, Report, Rescored};
 use sim_core::search::Scored;
 use std::collections::BTreeMap;
+use study::setting::Setting;
 
 /// Version of the file's layout.
 const FORMAT: u32 = 3;

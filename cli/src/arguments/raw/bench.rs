@@ -6,10 +6,10 @@ pub use fleet::BenchFleet;
 
 use super::number::{duration, seed, tolerance, whole};
 use super::{JobFile, RobotScale};
-use crate::setting::Setting;
 use clap::{Args, Subcommand, ValueEnum};
 use sim_core::base::limits::{MAX_REPEATS, MAX_VARIANTS};
 use std::path::PathBuf;
+use study::setting::Setting;
 
 #[derive(Debug, Args)]
 pub struct Bench {

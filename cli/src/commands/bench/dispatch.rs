@@ -6,7 +6,6 @@ use super::subject::Machine;
 use crate::arguments::{self, BenchDispatch, Load};
 use crate::client::Client;
 use crate::console::{self, table};
-use crate::cost::{self, Budget};
 use crate::error::Error;
 use crate::load;
 use crate::local::Local;
@@ -21,6 +20,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
+use study::cost::{self, Budget};
 
 /// A job of almost no work: one gait of a tenth of a second, one iteration.
 const TRIVIAL: &str = r#"
@@ -233,7 +233,7 @@ fn direct(evaluations: u32) -> Result<f64, Error> {
     let refused = |source| Error::Invalid { file: "the trivial job".to_owned(), source };
     let job = Job::from_toml(TRIVIAL).map_err(refused)?;
     let budget = Budget { evaluations, time: Duration::MAX, first: Duration::MAX };
-    let cost = cost::measure(&job, budget, &|| ());
+    let cost = cost::measure(&job, cost::at_once(&job, arguments::cores()), budget, &|| ());
     Ok(1e6 * cost.total.wall / f64::from(cost.evaluations))
 }
 

@@ -1,17 +1,17 @@
 //! `evogait bench evaluate`: what an evaluation costs, and what its time goes to.
 
 use super::subject::Machine;
-use crate::arguments::BenchEvaluate;
+use crate::arguments::{BenchEvaluate, cores};
 use crate::console::{self, table};
-use crate::cost::{self, Budget};
 use crate::error::Error;
 use crate::load;
 use crate::progress::Pieces;
-use crate::setting::Setting;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::base::score::Counts;
 use std::time::Duration;
+use study::cost::{self, Budget};
+use study::setting::Setting;
 
 #[derive(Serialize)]
 struct View<'a> {
@@ -50,7 +50,8 @@ pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
     let job = load::job(&args.file.into())?;
     let budget = Budget { evaluations: args.evaluations, time: Duration::MAX, first: Duration::MAX };
     let progress = Pieces::new("evaluations", args.evaluations.into(), quiet);
-    let cost = cost::measure(&job, budget, &|| progress.one_done());
+    let at_once = cost::at_once(&job, cores());
+    let cost = cost::measure(&job, at_once, budget, &|| progress.one_done());
     drop(progress);
     let n = f64::from(cost.evaluations);
     let share = |cpu: f64| cpu / cost.total.cpu;
@@ -61,7 +62,7 @@ pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
         job_digest: job.digest(),
         evaluations: cost.evaluations,
         engine: Setting::of(&job),
-        at_once: cost::at_once(&job),
+        at_once,
         machine: Machine::here(),
         evaluations_per_second: n / cost.total.wall,
         cpu_seconds_per_evaluation: cost.total.cpu / n,

@@ -7,7 +7,6 @@ mod view;
 use super::subject::{self, Machine};
 use super::{gaits, rollouts, turns};
 use crate::arguments::BenchFidelity;
-use crate::clock::Spent;
 use crate::console;
 use crate::error::Error;
 use crate::inputs;
@@ -15,18 +14,19 @@ use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
-use crate::setting::Setting;
 use sim_core::engines::engine;
 use sim_core::genotype::Genotype;
 use sim_core::model::environment::Environment;
 use sim_core::model::{Place, State};
-use sim_core::physics::{Engine, EngineKind, Motion, Physics, Request, Rollout, Scale};
+use sim_core::physics::{Engine, EngineKind, Motion, Physics, Request, Rollout};
 use sim_core::problem::Job;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use study::clock::Spent;
 use study::fidelity::{arrival, compare, disturbed};
+use study::setting::Setting;
 use view::{Against, Ceiling, Halved, Row, Set, View};
 
 /// Files of the output folder.
@@ -132,7 +132,7 @@ fn engine_meant(args: &BenchFidelity) -> EngineKind {
 fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype>>), Error> {
     let meant = engine_meant(args);
     let Some(folder) = &args.gaits else {
-        let reference = args.reference.unwrap_or_else(|| finest(meant, args.subject.scale.into()));
+        let reference = args.reference.unwrap_or_else(|| Setting::finest(meant, args.subject.scale.into()));
         subject::check(&[reference], args.duration)?;
         let ground = ground(args)?;
         let job = subject::job(&args.subject, ground, reference, args.duration, args.seed)?;
@@ -141,7 +141,7 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype
     let stored = Stored::read(folder)?;
     let Some(winner) = &stored.result.winner else { return Err(Error::NoWinner { folder: folder.clone() }) };
     let mut spec = stored.job.spec().clone();
-    let reference = args.reference.unwrap_or_else(|| finest(meant, spec.physics.scale));
+    let reference = args.reference.unwrap_or_else(|| Setting::finest(meant, spec.physics.scale));
     subject::check(&[reference], spec.gaits.duration)?;
     reference.write(&mut spec.physics);
     let job = Job::new(spec).map_err(|source| Error::Invalid { file: folder.display().to_string(), source })?;
@@ -154,27 +154,13 @@ fn ground(args: &BenchFidelity) -> Result<Option<Environment>, Error> {
     args.environment.as_deref().map(|name| Ok(load::environment(name)?.0)).transpose()
 }
 
-/// What is fine enough to be a reference, as a rule; the halved steps tell whether it is.
-pub fn finest(engine: EngineKind, scale: Scale) -> Setting {
-    let (steps_per_second, substeps) = match (engine, scale) {
-        (EngineKind::Rapier, Scale::Paper) => (480, 8),
-        (EngineKind::Rapier, Scale::Real) => (960, 16),
-        (EngineKind::Lockstep, Scale::Paper) => (1600, 4),
-        (EngineKind::Lockstep, Scale::Real) => (4800, 4),
-    };
-    Setting { engine, steps_per_second, substeps, joints: Default::default() }
-}
-
 /// The reference with twice its substeps, and with twice its steps.
 fn halves(reference: Setting) -> Result<[Setting; 2], Error> {
-    let (steps, substeps) = (2 * reference.steps_per_second, 2 * reference.substeps);
-    if steps > 10_000 || substeps > 1000 {
-        let message = format!(
+    reference.halved().ok_or_else(|| Error::Usage {
+        message: format!(
             "--reference {reference} can't be halved: at most 5000 steps a second and 500 substeps leave room for that"
-        );
-        return Err(Error::Usage { message });
-    }
-    Ok([Setting { substeps, ..reference }, Setting { steps_per_second: steps, ..reference }])
+        ),
+    })
 }
 
 /// The evolved gaits and where they are from.

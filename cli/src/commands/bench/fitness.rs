@@ -3,10 +3,8 @@
 mod report;
 mod view;
 
-use super::fidelity::finest;
-use super::{genotypes, in_order, subject};
+use super::{genotypes, subject};
 use crate::arguments::{BenchFitness, JobFile, cores};
-use crate::clock::{Spent, timed};
 use crate::console;
 use crate::error::Error;
 use crate::inputs;
@@ -14,7 +12,6 @@ use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
-use crate::setting::Setting;
 use sim_core::genotype::Genotype;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::physics::EngineKind;
@@ -22,8 +19,11 @@ use sim_core::problem::Job;
 use std::fs;
 use std::ops::Range;
 use std::path::Path;
+use study::clock::{Spent, timed};
 use study::fitness::{Measured, compare, measure};
 use study::genotypes::of_all_ages;
+use study::setting::Setting;
+use study::threads::in_order;
 use view::{Entry, Finalist, Row, View};
 
 /// Files of the output folder.
@@ -64,7 +64,7 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         inputs::refuse_all(out, FILES)?;
     }
-    let reference = args.reference.unwrap_or_else(|| finest(EngineKind::Rapier, base.spec().physics.scale));
+    let reference = args.reference.unwrap_or_else(|| Setting::finest(EngineKind::Rapier, base.spec().physics.scale));
     let columns = columns(&base, reference, &settings(&args, &base))?;
     let subjects = match &runs[..] {
         [] => evolved(&args, &base, threads, quiet)?,

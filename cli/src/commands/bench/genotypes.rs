@@ -1,6 +1,5 @@
 //! Candidates of a search, by generation: of an evolution on the spot, or of a stored run.
 
-use crate::commands::bench::in_order;
 use crate::commands::with_runtime;
 use crate::error::Error;
 use crate::output::{STORE, Stored};
@@ -13,6 +12,7 @@ use sim_core::procedure::evolve::TaskResult;
 use std::io;
 use std::path::Path;
 use study::genotypes::{evolution, scores, searched};
+use study::threads::in_order;
 
 /// Smallest population that evolves.
 pub const LEAST_POPULATION: u32 = 4;

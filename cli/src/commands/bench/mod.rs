@@ -14,15 +14,13 @@ mod soundness;
 mod subject;
 
 use crate::arguments::Bench;
-use crate::clock::{Spent, timed};
 use crate::error::Error;
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::model::Robot;
 use sim_core::model::environment::Block;
 use sim_core::physics::{Engine, Physics, Request, Rollout};
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use study::clock::{Spent, timed};
 use study::statistics::{Estimate, bootstrap};
 
 /// Least gaits that an engine with lanes gets at once: speeds of fewer say little.
@@ -80,29 +78,6 @@ fn speed(gaits: &[(f64, Spent)]) -> Estimate {
     let mut stream = Stream::new(0, Purpose::Bootstrap, 0, 0, 0);
     let unknown = Estimate { value: 0.0, low: 0.0, high: 0.0 };
     bootstrap(gaits.len() as u32, &mut stream, ratio).unwrap_or(unknown)
-}
-
-/// The values of a function at 0..n, computed by several threads.
-fn in_order<T: Send>(n: usize, threads: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let next = AtomicUsize::new(0);
-    let found = Mutex::new(Vec::with_capacity(n));
-    std::thread::scope(|scope| {
-        for _ in 0..threads.min(n) {
-            scope.spawn(|| {
-                loop {
-                    let i = next.fetch_add(1, Ordering::Relaxed);
-                    if i >= n {
-                        return;
-                    }
-                    let value = of(i);
-                    found.lock().unwrap_or_else(PoisonError::into_inner).push((i, value));
-                }
-            });
-        }
-    });
-    let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
-    found.sort_unstable_by_key(|(i, _)| *i);
-    found.into_iter().map(|(_, value)| value).collect()
 }
 
 #[cfg(test)]

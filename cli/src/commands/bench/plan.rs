@@ -2,7 +2,6 @@
 
 use super::subject::Machine;
 use crate::arguments::BenchPlan;
-use crate::clock::{Spent, timed};
 use crate::console::{self, count, table};
 use crate::error::Error;
 use crate::load;
@@ -14,6 +13,7 @@ use sim_core::evaluate::{Trial, grow, search_streams};
 use sim_core::genotype::Genotype;
 use sim_core::plan::{Growth, PlannerSettings, Transitions};
 use sim_core::problem::Job;
+use study::clock::{Spent, timed};
 
 /// A tree is grown again and again until this much CPU time has passed, s.
 const ENOUGH: f64 = 0.2;

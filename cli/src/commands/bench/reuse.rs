@@ -3,7 +3,7 @@
 mod report;
 
 use crate::arguments::{BenchReuse, JobFile, cores};
-use crate::commands::bench::{genotypes, in_order};
+use crate::commands::bench::genotypes;
 use crate::console;
 use crate::error::Error;
 use crate::inputs;
@@ -19,6 +19,7 @@ use std::fs;
 use std::path::Path;
 use study::genotypes::{Sample, first_and_last};
 use study::reuse::{Column, Measured, Row, Study, measure, rows};
+use study::threads::in_order;
 
 /// What was found.
 #[derive(Debug, Serialize)]

@@ -3,14 +3,14 @@
 use super::subject::{self, Machine};
 use super::{gaits, rollouts, speed, turns};
 use crate::arguments::BenchRollout;
-use crate::clock::Spent;
 use crate::console::{self, table};
 use crate::error::Error;
 use crate::progress::Pieces;
-use crate::setting::Setting;
 use serde::Serialize;
 use sim_core::engines::engine;
 use sim_core::physics::{Engine, EngineKind, Outcome, Physics, Request};
+use study::clock::Spent;
+use study::setting::Setting;
 use study::statistics::Estimate;
 
 #[derive(Serialize)]

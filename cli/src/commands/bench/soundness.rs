@@ -1,17 +1,17 @@
 //! `evogait bench soundness`: does the engine report all that goes wrong?
 
-use super::in_order;
 use super::subject::{self, Machine};
 use crate::arguments::{BenchSoundness, cores};
-use crate::clock::timed;
 use crate::console::{self, count, table};
 use crate::error::Error;
 use crate::progress::Pieces;
-use crate::setting::Setting;
 use serde::Serialize;
 use sim_core::engines::engine;
 use sim_core::physics::{Physics, Scale};
+use study::clock::timed;
+use study::setting::Setting;
 use study::soundness::{Soundness, of_robot};
+use study::threads::in_order;
 
 /// Rollouts of a robot.
 const EACH: u32 = 64;

@@ -4,12 +4,12 @@
 use crate::arguments::Subject;
 use crate::error::Error;
 use crate::load;
-use crate::setting::Setting;
 use serde::Serialize;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::model::environment::Environment;
 use sim_core::physics::{EngineKind, lockstep};
 use sim_core::problem::Job;
+use study::setting::Setting;
 
 /// Everything that a job needs and a subject does not say: the evolution that `fidelity` takes its gaits from.
 const FRAME: &str = r#"

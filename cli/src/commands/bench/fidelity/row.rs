@@ -3,13 +3,13 @@
 use super::view::{Set, View};
 use crate::error::Error;
 use crate::output::atomic::write_file;
-use crate::setting::Setting;
 use sim_core::engines::known::{Agreement, Known, Row};
 use sim_core::physics::{EngineKind, Scale, lockstep};
 use sim_core::problem::Job;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
+use study::setting::Setting;
 
 /// Refuses, before anything is measured, what could not make a row.
 pub fn check(reference: Setting, settings: &[Setting], gaits: [u32; 2]) -> Result<(), Error> {

@@ -1,9 +1,9 @@
 //! What was found, as `fidelity.json` has it.
 
 use super::super::subject::Machine;
-use crate::setting::Setting;
 use serde::Serialize;
 use study::fidelity::Fidelity;
+use study::setting::Setting;
 use study::statistics::Estimate;
 
 #[derive(Serialize)]

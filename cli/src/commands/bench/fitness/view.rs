@@ -1,8 +1,8 @@
 //! What was found, as `fitness.json` has it.
 
-use crate::setting::Setting;
 use serde::Serialize;
 use study::fitness::Agreement;
+use study::setting::Setting;
 use study::statistics::Estimate;
 
 #[derive(Serialize)]

@@ -1,4 +1,4 @@
-//! An engine setting as a word: `30x8` is 30 steps a second of 8 substeps each on rapier, `30x8-multibody` the same with
+//! Engine settings and their names: `30x8` is 30 steps a second of 8 substeps each on rapier, `30x8-multibody` the same with
 //! multibody joints, `200x2-lockstep` 200 steps a second of 2 linearisations each on the lockstep engine.
 
 use serde::{Serialize, Serializer};
@@ -7,7 +7,12 @@ use sim_core::problem::Checked;
 use std::fmt;
 use std::str::FromStr;
 
-/// What of the physics may be traded for speed.
+/// Most steps in a simulated second.
+pub const MAX_STEPS: u32 = 10_000;
+/// Most substeps of a step.
+pub const MAX_SUBSTEPS: u32 = 1000;
+
+/// The parts of the physics that may be traded for speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setting {
     /// The engine.
@@ -21,12 +26,12 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// That of a job's search.
+    /// The setting of a job's search.
     pub fn of(job: &Checked) -> Self {
         Self::from_physics(job.chosen().engine, job.physics())
     }
 
-    /// That of a resolved job's `[physics]`; `None` if it is not resolved.
+    /// The setting of a resolved job's `[physics]`; `None` if it is not resolved.
     pub fn of_resolved(spec: &PhysicsSpec) -> Option<Self> {
         let engine = match spec.engine {
             EngineChoice::Auto => return None,
@@ -37,9 +42,28 @@ impl Setting {
         Some(Self { engine, steps_per_second, substeps, joints: spec.joints })
     }
 
-    /// What a scale ships with on an engine.
+    /// The default setting of an engine at a scale.
     pub fn own(engine: EngineKind, scale: Scale) -> Self {
         Self::from_physics(engine, &Physics::of(engine, scale))
+    }
+
+    /// A setting fine enough to be a reference, as a rule; [`Self::halved`] shows for some gaits if it is.
+    pub fn finest(engine: EngineKind, scale: Scale) -> Self {
+        let (steps_per_second, substeps) = match (engine, scale) {
+            (EngineKind::Rapier, Scale::Paper) => (480, 8),
+            (EngineKind::Rapier, Scale::Real) => (960, 16),
+            (EngineKind::Lockstep, Scale::Paper) => (1600, 4),
+            (EngineKind::Lockstep, Scale::Real) => (4800, 4),
+        };
+        Self { engine, steps_per_second, substeps, joints: JointKind::default() }
+    }
+
+    /// This setting with twice its substeps, and with twice its steps. `None` if it has more than [`MAX_STEPS`] / 2 steps a
+    /// second or [`MAX_SUBSTEPS`] / 2 substeps.
+    pub fn halved(self) -> Option<[Self; 2]> {
+        let (steps_per_second, substeps) = (2 * self.steps_per_second, 2 * self.substeps);
+        let possible = steps_per_second <= MAX_STEPS && substeps <= MAX_SUBSTEPS;
+        possible.then_some([Self { substeps, ..self }, Self { steps_per_second, ..self }])
     }
 
     fn from_physics(engine: EngineKind, physics: &Physics) -> Self {
@@ -61,7 +85,7 @@ impl Setting {
         Physics { steps_per_second, substeps, joints, ..*physics }
     }
 
-    /// Whether a gait of so many s is a whole number of steps.
+    /// Returns true if a gait of `duration` s is a whole number of steps.
     pub fn divides(self, duration: f64) -> bool {
         let steps = duration * f64::from(self.steps_per_second);
         (steps - steps.round()).abs() < 1e-6
@@ -99,7 +123,7 @@ impl FromStr for Setting {
         };
         let (steps, substeps) = numbers.split_once('x').ok_or_else(wrong)?;
         let number = |text: &str, most: u32| text.parse().ok().filter(|n| (1..=most).contains(n)).ok_or_else(wrong);
-        let (steps_per_second, substeps) = (number(steps, 10_000)?, number(substeps, 1000)?);
+        let (steps_per_second, substeps) = (number(steps, MAX_STEPS)?, number(substeps, MAX_SUBSTEPS)?);
         Ok(Self { engine, steps_per_second, substeps, joints })
     }
 }
@@ -120,6 +144,15 @@ mod tests {
             assert_eq!(text.parse::<Setting>().unwrap().to_string(), text);
         }
         assert_eq!("30x8-impulse".parse::<Setting>(), "30x8".parse());
+    }
+
+    #[test]
+    fn halved_setting_has_half_the_step_or_substep() {
+        let halved = "240x4-lockstep".parse::<Setting>().unwrap().halved().unwrap();
+        assert_eq!(halved.map(|setting| setting.to_string()), ["240x8-lockstep", "480x4-lockstep"]);
+        for (text, possible) in [("5000x500", true), ("5001x500", false), ("5000x501", false)] {
+            assert_eq!(text.parse::<Setting>().unwrap().halved().is_some(), possible, "{text}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! What the evaluations of a job cost on this machine: measured here for `evogait validate` and `evogait bench evaluate`.
+//! Cost of a job's evaluations on this machine, for `evogait validate` and `evogait bench evaluate`.
 
-use crate::clock::{Spent, timed};
+use crate::clock::{Spent, Stopwatch, timed};
 use sim_core::base::score::Counts;
 use sim_core::evaluate::{Stopped, Trial, grow_on, search_streams};
 use sim_core::genotype::Genotype;
@@ -10,9 +10,9 @@ use sim_core::physics::{Engine, Motion, Physics, Request, Rollout, Unsupported};
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::finish::total as total_counts;
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// How much may be measured.
+/// Limits of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     /// At most so many evaluations.
@@ -23,14 +23,14 @@ pub struct Budget {
     pub first: Duration,
 }
 
-/// What evaluations took, one range of candidates after the other on one thread.
+/// Time and counts of evaluations, one range of candidates after the other on one thread.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cost {
     /// Evaluations done.
     pub evaluations: u32,
     /// The first one took longer than allowed; nothing else is known then but that time.
     pub given_up: bool,
-    /// All of it.
+    /// Time of the evaluations.
     pub total: Spent,
     /// Of this, in the physics engine.
     pub physics: Spent,
@@ -38,7 +38,7 @@ pub struct Cost {
     pub tables: Spent,
     /// Of this, growing trees without the physics engine.
     pub planning: Spent,
-    /// What was done.
+    /// Rollouts, nodes and the like.
     pub counts: Counts,
     /// The scores, in the order of the candidates: those of the search.
     pub scores: Vec<f64>,
@@ -49,30 +49,29 @@ pub struct Cost {
 /// How well an engine's lanes were filled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lanes {
-    /// Rollouts that somebody asked for.
+    /// Rollouts that were asked for.
     pub useful: u64,
     /// Lanes that were simulated.
     pub all: u64,
 }
 
-/// Candidates that are evaluated together: as many as a slot of this machine gets at once of a generation.
-pub fn at_once(job: &Job) -> u32 {
+/// Candidates that are evaluated together: as many of a generation as one of `slots` slots gets at once, at least 1.
+pub fn at_once(job: &Job, slots: u32) -> u32 {
     match job.candidates_at_once() {
         1 => 1,
-        least => job.spec().optimiser.population().div_ceil(crate::arguments::cores()).max(least),
+        least => job.spec().optimiser.population().div_ceil(slots).max(least),
     }
 }
 
 /// Evaluates a job's first candidates, generation 0 again and again with other trees if there are not enough.
-/// `each` is called after every one. Engines with lanes get [`at_once`] candidates together.
-pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
-    let started = Instant::now();
+/// `each` is called after every one. `together` candidates (at least 1) are evaluated at once: [`at_once`] gives a slot's.
+pub fn measure(job: &Job, together: u32, budget: Budget, each: &dyn Fn()) -> Cost {
+    let started = Stopwatch::start();
     let mut cost = Cost::default();
     let genotypes = job.optimiser().ask().genotypes;
     let candidates: Vec<(u32, &Genotype)> = (0..).zip(&genotypes).collect();
-    let ranges = (0..).flat_map(|generation| {
-        candidates.chunks(at_once(job) as usize).map(move |candidates| (generation, candidates))
-    });
+    let ranges = (0..)
+        .flat_map(|generation| candidates.chunks(together as usize).map(move |candidates| (generation, candidates)));
     for (generation, candidates) in ranges {
         let left = (budget.evaluations - cost.evaluations) as usize;
         let candidates = &candidates[..left.min(candidates.len())];
@@ -96,7 +95,7 @@ pub fn measure(job: &Job, budget: Budget, each: &dyn Fn()) -> Cost {
     cost
 }
 
-/// What `sim_core::evaluate::evaluate` does with candidates, in its three parts.
+/// Does what [`sim_core::evaluate::evaluate`] does with candidates, in its three parts, and measures each.
 fn evaluations(
     job: &Job,
     generation: u32,
@@ -188,7 +187,7 @@ mod tests {
     }
 
     fn is_what_a_worker_does(job: &Job) {
-        let cost = measure(job, Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
+        let cost = measure(job, at_once(job, 2), Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
         let candidates: Vec<(u32, Genotype)> = (0..).zip(job.optimiser().ask().genotypes).collect();
         let scored = evaluate(job, 0, &candidates, &|| false).unwrap();
         assert_eq!(cost.scores, scored.iter().map(|e| e.score.unwrap()).collect::<Vec<_>>());
@@ -201,7 +200,7 @@ mod tests {
 
     #[test]
     fn parts_are_not_more_than_the_whole() {
-        let cost = measure(&job("rapier"), Budget { evaluations: 4, time: ALWAYS, first: ALWAYS }, &|| ());
+        let cost = measure(&job("rapier"), 1, Budget { evaluations: 4, time: ALWAYS, first: ALWAYS }, &|| ());
         let parts = cost.physics.cpu + cost.tables.cpu + cost.planning.cpu;
         assert!(cost.physics.cpu > 0.0 && cost.planning.cpu > 0.0 && parts <= cost.total.cpu, "{cost:?}");
     }
@@ -209,9 +208,9 @@ mod tests {
     #[test]
     fn a_first_evaluation_that_takes_too_long_is_given_up() {
         let none = Duration::ZERO;
-        let cost = measure(&job("rapier"), Budget { evaluations: 3, time: none, first: none }, &|| ());
+        let cost = measure(&job("rapier"), 1, Budget { evaluations: 3, time: none, first: none }, &|| ());
         assert!(cost.given_up && cost.evaluations == 0, "{cost:?}");
-        let one = measure(&job("rapier"), Budget { evaluations: 3, time: none, first: ALWAYS }, &|| ());
+        let one = measure(&job("rapier"), 1, Budget { evaluations: 3, time: none, first: ALWAYS }, &|| ());
         assert_eq!((one.given_up, one.evaluations), (false, 1));
     }
 }

@@ -1,15 +1,29 @@
-//! What work costs: time on the wall, and time of the own thread on a CPU, which other programs lengthen far less.
+//! Clocks: time on the wall, and CPU time of the calling thread, which other programs lengthen far less.
+
+#![expect(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "this module is the crate's only access to clocks: times are measured here, and no score depends on them"
+)]
 
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Time that something took, s.
+/// Time that a piece of work took, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spent {
-    /// On the wall.
+    /// Wall time.
     pub wall: f64,
-    /// Of this thread on a CPU.
+    /// CPU time of the thread that did the work.
     pub cpu: f64,
+}
+
+impl Spent {
+    /// An equal share of this time, for one of `n` pieces of work.
+    pub fn share(self, n: usize) -> Self {
+        let n = n as f64;
+        Self { wall: self.wall / n, cpu: self.cpu / n }
+    }
 }
 
 impl std::ops::AddAssign for Spent {
@@ -19,9 +33,25 @@ impl std::ops::AddAssign for Spent {
     }
 }
 
-/// Does something and tells what it took. Only this thread's work counts as CPU time.
+/// Measures wall time from its start.
+#[derive(Clone, Copy, Debug)]
+pub struct Stopwatch(Instant);
+
+impl Stopwatch {
+    /// Starts now.
+    pub fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// Wall time since the start.
+    pub fn elapsed(self) -> Duration {
+        self.0.elapsed()
+    }
+}
+
+/// Does the work and measures its time. Only the calling thread's work counts as CPU time.
 pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Spent) {
-    let (wall, cpu) = (Instant::now(), thread_time());
+    let (wall, cpu) = (Stopwatch::start(), thread_time());
     let done = work();
     let wall = wall.elapsed();
     let cpu = match (cpu, thread_time()) {
@@ -31,13 +61,13 @@ pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Spent) {
     (done, Spent { wall: wall.as_secs_f64(), cpu: cpu.as_secs_f64() })
 }
 
-/// CPU time of this thread so far, where the system tells.
+/// CPU time of this thread so far; `None` if the system has no such clock.
 #[cfg(unix)]
 fn thread_time() -> Option<Duration> {
     rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime).try_into().ok()
 }
 
-/// This system does not tell: wall time stands in.
+/// `None`: this system has no such clock, and [`timed`] takes the wall time instead.
 #[cfg(not(unix))]
 fn thread_time() -> Option<Duration> {
     None
