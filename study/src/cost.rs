@@ -1,6 +1,7 @@
 //! Cost of a job's evaluations on this machine, for `evogait validate` and `evogait bench evaluate`.
 
 use crate::clock::{Spent, Stopwatch, timed};
+use serde::Serialize;
 use sim_core::base::score::Counts;
 use sim_core::evaluate::{Stopped, Trial, grow_on, search_streams};
 use sim_core::genotype::Genotype;
@@ -121,7 +122,27 @@ fn evaluations(
     Ok(Cost { evaluations, given_up: false, total, physics, tables, planning, counts, scores, lanes })
 }
 
+/// Shares of the CPU time; their sum is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Shares {
+    /// In the physics engine.
+    pub physics: f64,
+    /// For the tables of joint targets.
+    pub target_tables: f64,
+    /// Growing trees without the physics engine.
+    pub planning: f64,
+    /// All other work.
+    pub rest: f64,
+}
+
 impl Cost {
+    /// Where the CPU time went.
+    pub fn shares(&self) -> Shares {
+        let share = |part: Spent| part.cpu / self.total.cpu;
+        let (physics, target_tables, planning) = (share(self.physics), share(self.tables), share(self.planning));
+        Shares { physics, target_tables, planning, rest: 1.0 - physics - target_tables - planning }
+    }
+
     fn add(&mut self, other: Self) {
         self.evaluations += other.evaluations;
         self.total += other.total;

@@ -4,6 +4,9 @@
 //! that hardly differ. That is the *ceiling*, and every fidelity is to be read against it. A reference is worth its name
 //! where halving its own step changes no more than that.
 
+pub mod comparison;
+pub mod table;
+
 use crate::statistics::{Estimate, bootstrap, spearman};
 use serde::{Deserialize, Serialize};
 use sim_core::base::math::{heading, wrap};

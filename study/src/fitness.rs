@@ -1,6 +1,8 @@
 //! Whether two engine settings agree on what a genotype is worth: the same genotypes, on the same random trees, scored with
 //! each.
 
+pub mod comparison;
+
 use crate::fidelity::disturbed;
 use crate::statistics::{Estimate, bootstrap, spearman};
 use serde::{Deserialize, Serialize};

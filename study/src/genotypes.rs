@@ -1,11 +1,16 @@
 //! Genotypes to measure with: those of searches.
 
+use crate::threads::in_order;
 use serde::{Deserialize, Serialize};
 use sim_core::base::error::Invalid;
-use sim_core::evaluate::Evaluation;
+use sim_core::evaluate::{Evaluation, evaluate};
 use sim_core::genotype::Genotype;
 use sim_core::job::JobSpec;
 use sim_core::problem::Job;
+use std::convert::Infallible;
+
+/// Smallest population that evolves.
+pub const LEAST_POPULATION: u32 = 4;
 
 /// A genotype and where it is from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,6 +44,20 @@ pub fn searched<E>(
         }
     }
     Ok(generations)
+}
+
+/// All candidates of a search, by generation, evaluated on `threads` threads (at least 1). `each` is called after every
+/// generation that is evaluated: all but the last.
+pub fn evolved(search: &Job, threads: usize, each: &dyn Fn()) -> Vec<Vec<Genotype>> {
+    let generations = searched(search, |generation, candidates| {
+        let evaluations = in_order(candidates.len(), threads, |i| {
+            let one = evaluate(search, generation, &candidates[i..=i], &|| false);
+            one.unwrap_or_else(|_| unreachable!("it is never stopped"))
+        });
+        each();
+        Ok::<_, Infallible>(scores(&evaluations.concat()))
+    });
+    generations.unwrap_or_else(|never| match never {})
 }
 
 /// Up to `count` genotypes of a search: half of them (rounded up) of its first generation, the others of its last
@@ -89,7 +108,7 @@ pub fn scores(evaluations: &[Evaluation]) -> Vec<Option<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_core::evaluate::{Stopped, evaluate};
+    use sim_core::evaluate::Stopped;
 
     fn search(population: u32, generations: u32) -> (Job, Vec<Vec<Genotype>>) {
         let job = Job::from_toml(
@@ -119,6 +138,14 @@ mod tests {
     fn none_twice(samples: &[Sample]) {
         for (i, sample) in samples.iter().enumerate() {
             assert!(!samples[..i].iter().any(|other| other.genotype == sample.genotype));
+        }
+    }
+
+    #[test]
+    fn evolved_candidates_do_not_depend_on_threads() {
+        let (search, generations) = search(5, 3);
+        for threads in [1, 3] {
+            assert_eq!(evolved(&search, threads, &|| ()), generations);
         }
     }
 

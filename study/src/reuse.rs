@@ -4,7 +4,9 @@
 //! Column 0 is the plain method: tolerance 0, one tree, draw 0. A *row* is what is told of one way: how the scores of its
 //! draw 0 compare with the plain ones, and how much other draws alone change, which is the spread to judge that by.
 
+use crate::genotypes::Sample;
 use crate::statistics::{Estimate, bootstrap, spearman};
+use crate::threads::in_order;
 use serde::{Deserialize, Serialize};
 use sim_core::base::limits::MAX_REPEATS;
 use sim_core::base::random::{Purpose, Stream};
@@ -28,9 +30,10 @@ pub struct Study {
 }
 
 /// One way to score a genotype.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Column {
     /// How transitions are reused.
+    #[serde(flatten, with = "Reused")]
     pub reuse: Reuse,
     /// Trees; the score is their mean.
     pub repeats: u32,
@@ -74,7 +77,56 @@ pub struct Row {
     pub fewer_than_literal: f64,
 }
 
+/// A [`Reuse`] as results write it.
+#[derive(Serialize)]
+#[serde(remote = "Reuse")]
+struct Reused {
+    tolerance: f64,
+    variants: u32,
+}
+
+/// Results in one environment.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Found {
+    /// Name of the environment.
+    pub environment: String,
+    /// One per way to score, all draws together.
+    pub rows: Vec<Row>,
+    /// The columns of `genotypes[].measured`.
+    pub columns: Vec<Column>,
+    /// The genotypes.
+    #[serde(rename = "genomes")]
+    pub genotypes: Vec<Entry>,
+}
+
+/// A genotype, measured in every column.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Entry {
+    /// 0: random.
+    pub generation: u32,
+    /// By column.
+    pub measured: Vec<Measured>,
+}
+
 impl Study {
+    /// Scores all genotypes in every column on `threads` threads (at least 1), and compares the columns. `each` is called
+    /// after every genotype.
+    ///
+    /// # Panics
+    /// If there is no genotype, or one does not fit the job.
+    pub fn measure(&self, job: &Job, samples: &[Sample], threads: usize, each: &(dyn Fn() + Sync)) -> Found {
+        let columns = self.columns(job);
+        let measured = in_order(samples.len(), threads, |i| {
+            let measured = measure(job, &columns, i as u32, &samples[i].genotype, &|| false);
+            each();
+            measured.unwrap_or_else(|_| unreachable!("it is never stopped"))
+        });
+        let rows = rows(job, &columns, &measured);
+        let entry = |(s, measured): (&Sample, Vec<Measured>)| Entry { generation: s.generation, measured };
+        let genotypes = samples.iter().zip(measured).map(entry).collect();
+        Found { environment: job.environment().name.clone(), rows, columns, genotypes }
+    }
+
     /// The ways to score, plain first, none twice.
     pub fn columns(&self, job: &Job) -> Vec<Column> {
         let own = job.reuse();

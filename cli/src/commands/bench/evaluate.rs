@@ -10,7 +10,7 @@ use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::base::score::Counts;
 use std::time::Duration;
-use study::cost::{self, Budget};
+use study::cost::{self, Budget, Shares};
 use study::setting::Setting;
 
 #[derive(Serialize)]
@@ -37,14 +37,6 @@ struct View<'a> {
     counts: Counts,
 }
 
-#[derive(Serialize)]
-struct Shares {
-    physics: f64,
-    target_tables: f64,
-    planning: f64,
-    rest: f64,
-}
-
 /// Measures and tells.
 pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
     let job = load::job(&args.file.into())?;
@@ -54,9 +46,6 @@ pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
     let cost = cost::measure(&job, at_once, budget, &|| progress.one_done());
     drop(progress);
     let n = f64::from(cost.evaluations);
-    let share = |cpu: f64| cpu / cost.total.cpu;
-    let (physics, target_tables, planning) =
-        (share(cost.physics.cpu), share(cost.tables.cpu), share(cost.planning.cpu));
     let view = View {
         job: &job.spec().name,
         job_digest: job.digest(),
@@ -69,7 +58,7 @@ pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
         rollouts_per_evaluation: cost.counts.rollouts as f64 / n,
         simulated_per_physics_cpu: cost.counts.simulated_ms as f64 / 1000.0 / cost.physics.cpu,
         useful_lanes: (job.engine().lanes() > 1).then(|| cost.lanes.useful as f64 / cost.lanes.all as f64),
-        shares: Shares { physics, target_tables, planning, rest: 1.0 - physics - target_tables - planning },
+        shares: cost.shares(),
         counts: cost.counts,
     };
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }

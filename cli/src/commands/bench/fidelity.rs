@@ -5,7 +5,6 @@ mod row;
 mod view;
 
 use super::subject::{self, Machine};
-use super::{gaits, rollouts, turns};
 use crate::arguments::BenchFidelity;
 use crate::console;
 use crate::error::Error;
@@ -14,20 +13,17 @@ use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
-use sim_core::engines::engine;
 use sim_core::genotype::Genotype;
 use sim_core::model::environment::Environment;
-use sim_core::model::{Place, State};
-use sim_core::physics::{Engine, EngineKind, Motion, Physics, Request, Rollout};
+use sim_core::physics::EngineKind;
 use sim_core::problem::Job;
 use std::fs;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-use study::clock::Spent;
-use study::fidelity::{arrival, compare, disturbed};
+use study::fidelity::comparison::Comparison;
+use study::fidelity::table;
+use study::gaits;
 use study::setting::Setting;
-use view::{Against, Ceiling, Halved, Row, Set, View};
+use view::View;
 
 /// Files of the output folder.
 const FILES: [&str; 4] = ["fidelity.md", "frontier.svg", "frontier.png", "fidelity.json"];
@@ -35,23 +31,6 @@ const FILES: [&str; 4] = ["fidelity.md", "frontier.svg", "frontier.png", "fideli
 const EVOLVED_DURATION: f64 = 4.0;
 /// More evolutions than this are not begun.
 const MOST_EVOLUTIONS: u64 = 1000;
-
-/// One thing to simulate every gait with. The first is the reference, then its disturbed start, then those with half its
-/// step, then the settings.
-struct Variant {
-    engine: &'static dyn Engine,
-    physics: Physics,
-    disturbed: bool,
-}
-
-/// Where a gait leads with a variant, and what that took.
-#[derive(Clone, Copy)]
-struct Run {
-    end: Option<Place>,
-    /// s.
-    simulated: f64,
-    spent: Spent,
-}
 
 /// Measures and tells.
 pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
@@ -65,16 +44,16 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     args.table.as_deref().map_or(Ok(()), inputs::refuse)?;
     let duration = job.spec().gaits.duration;
     let settings = match &args.settings[..] {
-        [] if args.table.is_some() => row::settings(args.subject.scale.into()),
+        [] if args.table.is_some() => table::settings(args.subject.scale.into()),
         [] => vec![own],
         given => given.to_vec(),
     };
     let reference = Setting::of(&job);
-    let halved = halves(reference)?;
-    subject::check(&settings, duration)?;
-    subject::supported(&settings, &job)?;
+    let comparison = Comparison { reference, halved: halves(reference)?, settings };
+    subject::check(&comparison.settings, duration)?;
+    subject::supported(&comparison.settings, &job)?;
     if args.table.is_some() {
-        row::check(reference, &settings, [args.random, args.evolved])?;
+        table::check(&comparison, [args.random, args.evolved]).map_err(row::refused)?;
     }
 
     let drawn = gaits::random(&job, args.random, args.seed);
@@ -82,17 +61,13 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     if drawn.is_empty() && evolved.is_empty() {
         return Err(Error::Usage { message: "--random 0 --evolved 0 leaves no gaits to compare".to_owned() });
     }
-    let variant =
-        |s: &Setting, disturbed| Variant { engine: engine(s.engine), physics: s.apply(job.physics()), disturbed };
-    let mut variants = vec![variant(&reference, false), variant(&reference, true)];
-    variants.extend(halved.iter().chain(&settings).map(|s| variant(s, false)));
-
     let progress = Pieces::new("gaits", (drawn.len() + evolved.len()) as u64, quiet);
     let mut sets = Vec::new();
     for (name, gaits) in [("random", drawn), ("evolved", evolved)] {
         if !gaits.is_empty() {
-            let runs = simulate(&job, &variants, &gaits::compiled(&job, &gaits)?, args.threads, &progress);
-            sets.push(set(name, &settings, &halved, &runs));
+            let motions = subject::compiled(&job, &gaits)?;
+            let each = || progress.one_done();
+            sets.push(comparison.measure(&job, (name, &motions), args.threads as usize, &each));
         }
     }
     drop(progress);
@@ -111,8 +86,9 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         write(out, &view)?;
     }
-    if let Some(table) = &args.table {
-        row::keep(table, row::of(&job, args.subject.variant.as_deref(), args.subject.scale.into(), &view)?)?;
+    if let Some(path) = &args.table {
+        let (variant, scale) = (args.subject.variant.as_deref(), args.subject.scale.into());
+        row::keep(path, table::rows(&job, variant, scale, &comparison, &view.sets).map_err(row::refused)?)?;
     }
     if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
 }
@@ -184,68 +160,11 @@ fn evolved(
         let seed = (args.seed + run) & i64::MAX as u64;
         subject::job(&args.subject, ground.clone(), own, EVOLVED_DURATION, seed).ok()
     };
+    let generations = gaits::generations(&first, args.evolved);
+    let progress = Pieces::new("generations of evolving gaits", generations, quiet);
     let jobs = std::iter::once(first).chain((1..MOST_EVOLUTIONS).map_while(again));
-    Ok((gaits::evolved(jobs, args.evolved, quiet), "the last generations of short evolutions".to_owned()))
-}
-
-/// Every gait with every variant, by turns, so that all variants see the same machine. By gait, then by variant.
-fn simulate(job: &Job, variants: &[Variant], gaits: &[Motion], threads: u32, progress: &Pieces) -> Vec<Vec<Run>> {
-    let turns = turns(gaits.len(), variants.iter().any(|v| v.engine.lanes() > 1));
-    let (start, from) = job.start_among_terrain();
-    let next = AtomicUsize::new(0);
-    let found = Mutex::new(vec![Vec::new(); gaits.len()]);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some(turn) = turns.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let off: Vec<State> = turn.clone().map(|gait| disturbed(&start, gait as u32)).collect();
-                    let runs: Vec<Vec<Run>> =
-                        variants.iter().map(|v| all(job, v, &gaits[turn.clone()], (&start, &off, &from))).collect();
-                    let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-                    for (i, gait) in turn.clone().enumerate() {
-                        found[gait] = runs.iter().map(|runs| runs[i]).collect();
-                        progress.one_done();
-                    }
-                }
-            });
-        }
-    });
-    found.into_inner().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Some gaits with one variant, each from the start or from its disturbed one.
-fn all(
-    job: &Job,
-    variant: &Variant,
-    gaits: &[Motion],
-    (start, disturbed, from): (&State, &[State], &Place),
-) -> Vec<Run> {
-    let start = |i: usize| if variant.disturbed { &disturbed[i] } else { start };
-    let requests: Vec<Request<'_>> =
-        gaits.iter().enumerate().map(|(i, motion)| Request { start: start(i), motion }).collect();
-    let run = |(rollout, spent): (Rollout, Spent)| Run {
-        end: arrival(&rollout, from),
-        simulated: rollout.simulated_ms as f64 / 1000.0,
-        spent,
-    };
-    let terrain = &job.environment().terrain;
-    rollouts(variant.engine, job.robot(), &variant.physics, terrain, &requests).into_iter().map(run).collect()
-}
-
-fn set(name: &'static str, settings: &[Setting], halved: &[Setting], runs: &[Vec<Run>]) -> Set {
-    let ends = |variant: usize| runs.iter().map(|gait| gait[variant].end).collect::<Vec<_>>();
-    let speed = |variant: usize| {
-        super::speed(&runs.iter().map(|gait| (gait[variant].simulated, gait[variant].spent)).collect::<Vec<_>>())
-    };
-    let reference = ends(0);
-    let against = |variant: usize| Against { speed: speed(variant), fidelity: compare(&reference, &ends(variant)) };
-    let ceiling = Ceiling { against: against(1) };
-    let halved: Vec<Halved> =
-        halved.iter().zip(2..).map(|(setting, variant)| Halved::new(*setting, against(variant), &ceiling)).collect();
-    let first = 2 + halved.len();
-    let rows =
-        settings.iter().zip(first..).map(|(setting, variant)| Row { setting: *setting, against: against(variant) });
-    Set { gaits: name, reference_speed: speed(0), settings: rows.collect(), halved, ceiling }
+    let gaits = gaits::evolved(jobs, args.evolved, &|| progress.one_done());
+    Ok((gaits, "the last generations of short evolutions".to_owned()))
 }
 
 fn write(out: &Path, view: &View) -> Result<(), Error> {

@@ -12,46 +12,20 @@ use crate::load;
 use crate::output::Stored;
 use crate::output::atomic::Batch;
 use crate::progress::Pieces;
-use sim_core::genotype::Genotype;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::physics::EngineKind;
 use sim_core::problem::Job;
 use std::fs;
-use std::ops::Range;
 use std::path::Path;
-use study::clock::{Spent, timed};
-use study::fitness::{Measured, compare, measure};
+use study::fitness::comparison::{self, Column, Found, Subject, study};
 use study::genotypes::of_all_ages;
 use study::setting::Setting;
-use study::threads::in_order;
-use view::{Entry, Finalist, Row, View};
+use view::View;
 
 /// Files of the output folder.
 const FILES: [&str; 4] = ["fitness.md", "scatter.svg", "scatter.png", "fitness.json"];
 /// Candidates of a generation where genotypes are evolved on the spot.
 const POPULATION: u32 = 20;
-/// Genotypes that an engine with lanes gets at once, as a slot does in a search.
-const TOGETHER: usize = 20;
-
-/// One way to score every genotype. The first is the reference, the second its disturbed start, then come the settings.
-struct Column {
-    setting: Setting,
-    job: Job,
-    disturbed: bool,
-}
-
-/// A genotype to score.
-struct Subject {
-    genotype: Genotype,
-    generation: u32,
-    /// Which of the runs it is from.
-    run: Option<usize>,
-    /// What it is in that run, and what it scored in its search; nothing for those of all ages.
-    role: Option<(&'static str, f64)>,
-}
-
-/// What scoring a genotype in one way gave, and what it took.
-type Found = (Measured, Spent);
 
 /// Measures and tells.
 pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
@@ -73,8 +47,11 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
     if subjects.is_empty() {
         return Err(Error::Usage { message: "--genomes 0 without --runs leaves nothing to score".to_owned() });
     }
-    let found = score(&columns, &subjects, args.seeds, threads, quiet);
-    let view = view(&args, &base, &columns, &subjects, &found);
+    let runs: Vec<String> = args.runs.iter().map(|folder| folder.display().to_string()).collect();
+    let progress = Pieces::new("scored genomes", (columns.len() * subjects.len()) as u64, quiet);
+    let found = study(&columns, &subjects, (args.seeds, threads), &runs, &|| progress.one_done());
+    drop(progress);
+    let view = view(&args, &base, found);
     if let Some(out) = &args.out {
         write(out, &view)?;
     }
@@ -127,15 +104,10 @@ fn settings(args: &BenchFitness, base: &Job) -> Vec<Setting> {
 fn columns(base: &Job, reference: Setting, settings: &[Setting]) -> Result<Vec<Column>, Error> {
     let duration = base.spec().gaits.duration;
     subject::check(&[&[reference], settings].concat(), duration)?;
-    let column = |(setting, disturbed): (Setting, bool)| {
-        let mut physics = base.spec().physics.clone();
-        setting.write(&mut physics);
+    comparison::columns(base, reference, settings).map_err(|(setting, source)| {
         let file = format!("{} on {setting}", base.spec().name);
-        let job = base.with_physics(physics).map_err(|source| Error::Invalid { file, source })?;
-        Ok(Column { setting, job, disturbed })
-    };
-    let settings = settings.iter().map(|setting| (*setting, false));
-    [(reference, false), (reference, true)].into_iter().chain(settings).map(column).collect()
+        Error::Invalid { file, source }
+    })
 }
 
 /// Genotypes of all ages of an evolution on the spot.
@@ -175,59 +147,7 @@ fn stored(runs: &[Stored], count: usize) -> Result<Vec<Subject>, Error> {
     Ok(subjects)
 }
 
-/// Scores every genotype in every way; by column, then by genotype.
-fn score(columns: &[Column], subjects: &[Subject], trees: u32, threads: usize, quiet: bool) -> Vec<Vec<Found>> {
-    let together = |column: &Column| if column.job.engine().lanes() > 1 { TOGETHER } else { 1 };
-    // All ways of some genotypes before the next genotypes: what remains can be told early.
-    let mut work: Vec<(usize, Range<usize>)> = Vec::new();
-    for from in (0..subjects.len()).step_by(TOGETHER) {
-        let to = (from + TOGETHER).min(subjects.len());
-        for (c, column) in columns.iter().enumerate() {
-            let step = together(column);
-            work.extend((from..to).step_by(step).map(|i| (c, i..(i + step).min(to))));
-        }
-    }
-    let progress = Pieces::new("scored genomes", (columns.len() * subjects.len()) as u64, quiet);
-    let done = in_order(work.len(), threads, |i| {
-        let (column, range) = (&columns[work[i].0], work[i].1.clone());
-        let genotypes: Vec<&Genotype> = subjects[range.clone()].iter().map(|s| &s.genotype).collect();
-        let (measured, spent) =
-            timed(|| measure(&column.job, range.start as u32, &genotypes, trees, column.disturbed, &|| false));
-        let n = range.len() as f64;
-        range.for_each(|_| progress.one_done());
-        let measured = measured.unwrap_or_else(|_| unreachable!("nobody asks it to stop"));
-        let each = Spent { wall: spent.wall / n, cpu: spent.cpu / n };
-        measured.into_iter().map(|m| (m, each)).collect::<Vec<Found>>()
-    });
-    let mut found: Vec<Vec<Found>> = columns.iter().map(|_| Vec::new()).collect();
-    // Pieces of a column come in the order of its genotypes.
-    work.into_iter().zip(done).for_each(|((c, _), some)| found[c].extend(some));
-    found
-}
-
-fn view(args: &BenchFitness, base: &Job, columns: &[Column], subjects: &[Subject], found: &[Vec<Found>]) -> View {
-    let aged: Vec<usize> = (0..subjects.len()).filter(|&i| subjects[i].role.is_none()).collect();
-    let scores = |c: usize| aged.iter().map(|&i| found[c][i].0.mean()).collect::<Vec<f64>>();
-    let average = |c: usize, of: &dyn Fn(&Found) -> f64| found[c].iter().map(of).sum::<f64>() / found[c].len() as f64;
-    let row = |c: usize| Row {
-        setting: columns[c].setting,
-        mean: (!aged.is_empty()).then(|| scores(c).iter().sum::<f64>() / aged.len() as f64),
-        agreement: (!aged.is_empty()).then(|| compare(&scores(0), &scores(c))),
-        cpu_seconds: average(c, &|f| f.1.cpu),
-        rollouts: average(c, &|f| f.0.rollouts as f64),
-        unstable: found[c].iter().map(|f| f.0.unstable).sum(),
-    };
-    // The reference stands last, as the finest does in most tables.
-    let order: Vec<usize> = (2..columns.len()).chain([0]).collect();
-    let pair = |a: usize, b: usize| if aged.is_empty() { None } else { compare(&scores(a), &scores(b)).spearman };
-    let of = |i: usize| order.iter().map(|&c| found[c][i].0.scores.clone()).collect::<Vec<_>>();
-    let finalist = |(i, subject): (usize, &Subject)| {
-        let (role, search) = subject.role?;
-        let means: Vec<f64> = order.iter().map(|&c| found[c][i].0.mean()).collect();
-        let run = args.runs[subject.run?].display().to_string();
-        let kept = ratio(means[means.len() - 1], means[0]);
-        Some(Finalist { run, role, generation: subject.generation, search, means, kept })
-    };
+fn view(args: &BenchFitness, base: &Job, found: Found) -> View {
     View {
         job: base.spec().name.clone(),
         robot: base.robot_spec().name.clone(),
@@ -243,27 +163,14 @@ fn view(args: &BenchFitness, base: &Job, columns: &[Column], subjects: &[Subject
         },
         score: base.score_label().0,
         unit: base.score_label().1,
-        reference: columns[0].setting,
-        settings: order.iter().map(|&c| row(c)).collect(),
-        ceiling: row(1),
-        pairs: order.iter().map(|&a| order.iter().map(|&b| pair(a, b)).collect()).collect(),
-        finalists: subjects.iter().enumerate().filter_map(finalist).collect(),
-        genotypes: aged
-            .iter()
-            .map(|&i| Entry { run: subjects[i].run, generation: subjects[i].generation, scores: of(i) })
-            .collect(),
+        found,
     }
-}
-
-/// `None` where nothing was there to keep.
-fn ratio(a: f64, b: f64) -> Option<f64> {
-    (b != 0.0).then(|| a / b)
 }
 
 fn write(out: &Path, view: &View) -> Result<(), Error> {
     let mut batch = Batch::new(out);
     batch.add("fitness.md", report::markdown(view).as_bytes())?;
-    if !view.genotypes.is_empty() {
+    if !view.found.genotypes.is_empty() {
         let picture = report::scatter(view);
         batch.add("scatter.svg", picture.svg().as_bytes())?;
         batch.add("scatter.png", &crate::output::png("scatter", &picture)?)?;

@@ -5,17 +5,12 @@ use crate::error::Error;
 use crate::output::{STORE, Stored};
 use crate::progress::Pieces;
 use coordinator::{StoreError, StoreUrl, store};
-use sim_core::evaluate::evaluate;
 use sim_core::genotype::Genotype;
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::TaskResult;
 use std::io;
 use std::path::Path;
-use study::genotypes::{evolution, scores, searched};
-use study::threads::in_order;
-
-/// Smallest population that evolves.
-pub const LEAST_POPULATION: u32 = 4;
+use study::genotypes::{self, evolution, searched};
 
 /// Those of a genetic algorithm with the job's own reuse.
 pub fn evolved(
@@ -28,14 +23,7 @@ pub fn evolved(
     let file = format!("the evolution of {}", job.spec().name);
     let search = evolution(job, population, generations).map_err(|source| Error::Invalid { file, source })?;
     let progress = Pieces::new("generations of evolving genomes", u64::from(generations) - 1, quiet);
-    searched(&search, |generation, candidates| {
-        let each = in_order(candidates.len(), threads, |i| {
-            let one = evaluate(&search, generation, &candidates[i..=i], &|| false);
-            one.unwrap_or_else(|_| unreachable!("nobody asks it to stop"))
-        });
-        progress.one_done();
-        Ok(scores(&each.concat()))
-    })
+    Ok(genotypes::evolved(&search, threads, &|| progress.one_done()))
 }
 
 /// Those of a finished run: its optimiser is led through the search again by the scores that the run's store holds.

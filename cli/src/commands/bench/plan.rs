@@ -8,17 +8,7 @@ use crate::load;
 use crate::progress::Pieces;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
-use sim_core::base::random::Stream;
-use sim_core::evaluate::{Trial, grow, search_streams};
-use sim_core::genotype::Genotype;
-use sim_core::plan::{Growth, PlannerSettings, Transitions};
-use sim_core::problem::Job;
-use study::clock::{Spent, timed};
-
-/// A tree is grown again and again until this much CPU time has passed, s.
-const ENOUGH: f64 = 0.2;
-/// Iterations of the smallest tree.
-const FIRST: u32 = 100;
+use study::planning::{self, Row};
 
 #[derive(Serialize)]
 struct View<'a> {
@@ -30,18 +20,6 @@ struct View<'a> {
     trees: Vec<Row>,
 }
 
-#[derive(Serialize)]
-struct Row {
-    iterations: u32,
-    nodes: usize,
-    /// CPU s.
-    seconds: f64,
-    /// Over the whole growth.
-    iterations_per_second: f64,
-    /// Since the tree before, of half the iterations: at this size.
-    marginal_iterations_per_second: Option<f64>,
-}
-
 /// Measures and tells.
 pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
     let job = load::job(&args.file.into())?;
@@ -51,85 +29,13 @@ pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
             format!("{} has terrain: transitions are known beforehand on flat ground only", job.environment().name);
         return Err(Error::Usage { message });
     }
-    let (candidate, genotype) = farthest(&job, args.candidates, quiet);
-    let stream = search_streams(&job, 0, candidate).next().unwrap_or_else(|| unreachable!("repeats are at least 1"));
-    let table = known(&job, &genotype, &stream, args.iterations);
-    let mut trees: Vec<Row> = Vec::new();
-    let sizes = std::iter::successors(Some(FIRST), |k| Some(2 * k)).take_while(|k| *k < args.iterations);
-    for iterations in sizes.chain([args.iterations]) {
-        let (nodes, seconds) = grown(&job, &table, &stream, iterations);
-        let marginal =
-            trees.last().map(|before| f64::from(iterations - before.iterations) / (seconds - before.seconds));
-        trees.push(Row {
-            iterations,
-            nodes,
-            seconds,
-            iterations_per_second: f64::from(iterations) / seconds,
-            // Two measured times that are nearly the same have no ratio worth telling.
-            marginal_iterations_per_second: marginal.filter(|m| m.is_finite() && *m > 0.0),
-        });
-    }
+    let progress =
+        Pieces::new("candidates tried", u64::from(args.candidates.min(job.spec().optimiser.population())), quiet);
+    let (candidate, genotype) = planning::farthest(&job, args.candidates, &|| progress.one_done());
+    drop(progress);
+    let trees = planning::measure(&job, candidate, &genotype, args.iterations);
     let view = View { job: &job.spec().name, job_digest: job.digest(), candidate, machine: Machine::here(), trees };
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }
-}
-
-/// Of the first candidates, the one with the largest tree: (index, genotype).
-fn farthest(job: &Job, candidates: u32, quiet: bool) -> (u32, Genotype) {
-    let genotypes = job.optimiser().ask().genotypes;
-    let candidates: Vec<_> = (0..candidates).zip(&genotypes).collect();
-    let progress = Pieces::new("candidates tried", candidates.len() as u64, quiet);
-    let nodes = |&(index, genotype): &(u32, &Genotype)| {
-        let mut trials = [Trial::new(job, genotype, tolerance(job), search_streams(job, 0, index))];
-        // Nobody stops it.
-        let _ = grow(job, &mut trials, &|| false);
-        progress.one_done();
-        trials[0].tree().nodes.len()
-    };
-    // The first of equals.
-    let best = candidates.iter().rev().max_by_key(|candidate| nodes(candidate));
-    best.map_or((0, Genotype::default()), |(index, genotype)| (*index, (*genotype).clone()))
-}
-
-/// All transitions that a tree of so many iterations asks for.
-fn known(job: &Job, genotype: &Genotype, stream: &Stream, iterations: u32) -> Transitions {
-    let mut trial = Trial::new(job, genotype, tolerance(job), []);
-    trial.growths = vec![fresh(job, stream, iterations)];
-    trial.budget = u64::MAX;
-    let mut trials = [trial];
-    // Nobody stops it.
-    let _ = grow(job, &mut trials, &|| false);
-    let [trial] = trials;
-    trial.table
-}
-
-/// Nodes of a tree grown from known transitions, and the CPU s it took.
-fn grown(job: &Job, known: &Transitions, stream: &Stream, iterations: u32) -> (usize, f64) {
-    let setting = job.setting();
-    let mut spent = Spent::default();
-    let mut times = 0;
-    loop {
-        let mut table = known.clone();
-        let mut growth = fresh(job, stream, iterations);
-        let (missing, time) = timed(|| growth.advance(&setting, &mut table));
-        assert!(missing.is_empty(), "a smaller tree of the same stream is a part of the larger one");
-        spent += time;
-        times += 1;
-        if spent.cpu >= ENOUGH {
-            return (growth.tree().nodes.len(), spent.cpu / f64::from(times));
-        }
-    }
-}
-
-fn fresh(job: &Job, stream: &Stream, iterations: u32) -> Growth {
-    Growth::new(PlannerSettings { iterations, ..job.planner() }, job.root(), stream.clone())
-}
-
-/// Without reuse there is no end of transitions: then trees are grown with what reuse takes by default.
-fn tolerance(job: &Job) -> f64 {
-    match job.spec().planner.reuse_tolerance {
-        0.0 => sim_core::plan::PlannerSpec::default().reuse_tolerance,
-        given => given,
-    }
 }
 
 fn text(view: &View) -> String {

@@ -17,9 +17,8 @@ use sim_core::job::Reference;
 use sim_core::problem::Job;
 use std::fs;
 use std::path::Path;
-use study::genotypes::{Sample, first_and_last};
-use study::reuse::{Column, Measured, Row, Study, measure, rows};
-use study::threads::in_order;
+use study::genotypes::{LEAST_POPULATION, first_and_last};
+use study::reuse::{Found, Study};
 
 /// What was found.
 #[derive(Debug, Serialize)]
@@ -44,32 +43,6 @@ struct View {
     environments: Vec<Found>,
 }
 
-/// What was found in one environment.
-#[derive(Debug, Serialize)]
-struct Found {
-    environment: String,
-    rows: Vec<Row>,
-    /// What stands in the columns of `genomes[].measured`.
-    columns: Vec<ColumnView>,
-    #[serde(rename = "genomes")]
-    genotypes: Vec<GenotypeView>,
-}
-
-#[derive(Debug, Serialize)]
-struct ColumnView {
-    tolerance: f64,
-    variants: u32,
-    repeats: u32,
-    draw: u32,
-}
-
-#[derive(Debug, Serialize)]
-struct GenotypeView {
-    /// 0: random.
-    generation: u32,
-    measured: Vec<Measured>,
-}
-
 /// Measures and tells.
 pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
@@ -77,7 +50,7 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     }
     let threads = args.threads.unwrap_or_else(cores) as usize;
     let halves = |generations: &[Vec<Genotype>]| first_and_last(generations, args.genomes as usize);
-    let population = args.genomes.div_ceil(2).max(genotypes::LEAST_POPULATION);
+    let population = args.genomes.div_ceil(2).max(LEAST_POPULATION);
     let (base, stored) = match &args.run {
         Some(folder) => (Stored::read(folder)?.job, Some(halves(&genotypes::stored(folder)?))),
         None => (load::job(&JobFile { job: args.job.clone(), seed: args.seed })?, None),
@@ -120,7 +93,8 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
             Some(samples) => samples.clone(),
             None => halves(&genotypes::evolved(job, population, args.generations, threads, quiet)?),
         };
-        view.environments.push(found(job, &study, &samples, threads, quiet));
+        let progress = Pieces::new("genomes", samples.len() as u64, quiet);
+        view.environments.push(study.measure(job, &samples, threads, &|| progress.one_done()));
     }
     if let Some(out) = &args.out {
         write(out, &view)?;
@@ -139,32 +113,6 @@ fn in_environment(args: &BenchReuse, base: &Job, name: &str) -> Result<Job, Erro
     spec.gaits.duration = args.gait_seconds.unwrap_or(spec.gaits.duration);
     let file = format!("{} in {label}", base.spec().name);
     Job::new(spec).map_err(|source| Error::Invalid { file, source })
-}
-
-fn found(job: &Job, study: &Study, samples: &[Sample], threads: usize, quiet: bool) -> Found {
-    let columns = study.columns(job);
-    let progress = Pieces::new("genomes", samples.len() as u64, quiet);
-    let measured = in_order(samples.len(), threads, |i| {
-        let measured = measure(job, &columns, i as u32, &samples[i].genotype, &|| false);
-        progress.one_done();
-        measured.unwrap_or_else(|_| unreachable!("nobody asks it to stop"))
-    });
-    let view = |c: &Column| ColumnView {
-        tolerance: c.reuse.tolerance,
-        variants: c.reuse.variants,
-        repeats: c.repeats,
-        draw: c.draw,
-    };
-    Found {
-        environment: job.environment().name.clone(),
-        rows: rows(job, &columns, &measured),
-        columns: columns.iter().map(view).collect(),
-        genotypes: samples
-            .iter()
-            .zip(measured)
-            .map(|(s, measured)| GenotypeView { generation: s.generation, measured })
-            .collect(),
-    }
 }
 
 /// The file of an environment's picture.

@@ -5,10 +5,12 @@ use crate::arguments::Subject;
 use crate::error::Error;
 use crate::load;
 use serde::Serialize;
+use sim_core::genotype::Genotype;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::model::environment::Environment;
-use sim_core::physics::{EngineKind, lockstep};
+use sim_core::physics::{EngineKind, Motion, lockstep};
 use sim_core::problem::Job;
+use study::gaits;
 use study::setting::Setting;
 
 /// Everything that a job needs and a subject does not say: the evolution that `fidelity` takes its gaits from.
@@ -78,6 +80,12 @@ pub fn check(settings: &[Setting], duration: f64) -> Result<(), Error> {
             ),
         }),
     }
+}
+
+/// Compiles gaits to motions of the job's duration. Refuses gaits that the controller can't execute.
+pub fn compiled(job: &Job, gaits: &[Genotype]) -> Result<Vec<Motion>, Error> {
+    gaits::compiled(job, gaits)
+        .map_err(|e| Error::Usage { message: format!("not every gait of this controller can be measured: {e}") })
 }
 
 /// What numbers of speed depend on.

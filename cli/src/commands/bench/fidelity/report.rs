@@ -1,8 +1,9 @@
 //! What was found, for people: a table, a page and a picture.
 
-use super::view::{Against, Set, View};
+use super::view::View;
 use crate::console::table;
 use crate::draw::{self, FrontierPoint, FrontierSet, Picture};
+use study::fidelity::comparison::{Against, Set};
 use study::statistics::Estimate;
 
 const HEAD: [&str; 9] = [

@@ -1,9 +1,9 @@
 //! What was found, for people: tables, a page and a picture.
 
-use super::ratio;
-use super::view::{Finalist, Row, View};
+use super::view::View;
 use crate::console::table;
 use crate::draw::{self, Picture, ScatterSet};
+use study::fitness::comparison::{Finalist, Row, ratio};
 use study::statistics::Estimate;
 
 const HEAD: [&str; 8] = [
@@ -42,22 +42,22 @@ pub fn markdown(view: &View) -> String {
             page += &format!("| {} |\n", row.join(" | "));
         }
     }
-    if view.genotypes.is_empty() { page } else { page + "\n![Scores against the reference's](scatter.svg)\n" }
+    if view.found.genotypes.is_empty() { page } else { page + "\n![Scores against the reference's](scatter.svg)\n" }
 }
 
 /// Scores with each setting against the reference's.
 pub fn scatter(view: &View) -> Picture {
     let mean = |scores: &[f64]| scores.iter().sum::<f64>() / scores.len() as f64;
-    let reference = view.settings.len() - 1;
+    let reference = view.found.settings.len() - 1;
     let set = |i: usize| ScatterSet {
-        name: view.settings[i].setting.to_string(),
-        points: view.genotypes.iter().map(|g| [mean(&g.scores[reference]), mean(&g.scores[i])]).collect(),
+        name: view.found.settings[i].setting.to_string(),
+        points: view.found.genotypes.iter().map(|g| [mean(&g.scores[reference]), mean(&g.scores[i])]).collect(),
     };
     let sets: Vec<ScatterSet> = (0..reference).map(set).collect();
     let title = format!("{} in {}: {}, setting by setting", view.robot, view.environment, view.score);
     let subtitle = format!("mean of {} trees, the same for all settings; a point a genome", view.trees);
     let axis = |of: &str| format!("{} {of}, {}", view.score, view.unit);
-    draw::scatter(&sets, &title, &subtitle, &axis(&format!("on {}", view.reference)), &axis("on the setting"))
+    draw::scatter(&sets, &title, &subtitle, &axis(&format!("on {}", view.found.reference)), &axis("on the setting"))
 }
 
 fn heading(view: &View) -> String {
@@ -81,19 +81,20 @@ fn heading(view: &View) -> String {
 fn sections(view: &View) -> Vec<Section> {
     let owned = |head: &[&str]| head.iter().map(|h| (*h).to_owned()).collect::<Vec<String>>();
     let mut sections = Vec::new();
-    if !view.genotypes.is_empty() {
-        let ceiling = row(format!("{} (disturbed: the ceiling)", view.reference), &view.ceiling);
-        let settings = view.settings[..view.settings.len() - 1].iter().map(|r| row(r.setting.to_string(), r));
-        let reference = &view.settings[view.settings.len() - 1];
+    if !view.found.genotypes.is_empty() {
+        let ceiling = row(format!("{} (disturbed: the ceiling)", view.found.reference), &view.found.ceiling);
+        let settings =
+            view.found.settings[..view.found.settings.len() - 1].iter().map(|r| row(r.setting.to_string(), r));
+        let reference = &view.found.settings[view.found.settings.len() - 1];
         let reference = row(format!("{} (the reference)", reference.setting), reference);
         sections.push(Section {
-            title: format!("{} genomes of all ages against {}", view.genotypes.len(), view.reference),
+            title: format!("{} genomes of all ages against {}", view.found.genotypes.len(), view.found.reference),
             head: owned(&HEAD),
             rows: settings.chain([reference, ceiling]).collect(),
         });
         sections.push(pairs(view));
     }
-    if !view.finalists.is_empty() {
+    if !view.found.finalists.is_empty() {
         sections.push(finalists(view));
     }
     sections
@@ -115,13 +116,13 @@ fn row(name: String, row: &Row) -> Vec<String> {
 }
 
 fn pairs(view: &View) -> Section {
-    let names = || view.settings.iter().map(|r| r.setting.to_string());
-    let cell = |i: usize, j: usize| match view.pairs[i][j] {
+    let names = || view.found.settings.iter().map(|r| r.setting.to_string());
+    let cell = |i: usize, j: usize| match view.found.pairs[i][j] {
         _ if j >= i => String::new(),
         Some(estimate) => with_interval(estimate),
         None => "–".to_owned(),
     };
-    let last = view.settings.len() - 1;
+    let last = view.found.settings.len() - 1;
     let row =
         |(i, name): (usize, String)| std::iter::once(name).chain((0..last).map(|j| cell(i, j))).collect::<Vec<_>>();
     Section {
@@ -137,20 +138,27 @@ fn finalists(view: &View) -> Section {
         let means = f.means.iter().map(|mean| format!("{mean:.2}"));
         what.into_iter().chain(means).chain([percent(f.kept)]).collect::<Vec<String>>()
     };
-    let mut rows: Vec<Vec<String>> = view.finalists.iter().map(row).collect();
+    let mut rows: Vec<Vec<String>> = view.found.finalists.iter().map(row).collect();
     for role in ["winner", "search's best"] {
-        let of: Vec<&Finalist> = view.finalists.iter().filter(|f| f.role == role).collect();
+        let of: Vec<&Finalist> = view.found.finalists.iter().filter(|f| f.role == role).collect();
         let mean = |value: &dyn Fn(&Finalist) -> f64| of.iter().map(|f| value(f)).sum::<f64>() / of.len() as f64;
-        let means: Vec<f64> = (0..view.settings.len()).map(|i| mean(&|f| f.means[i])).collect();
+        let means: Vec<f64> = (0..view.found.settings.len()).map(|i| mean(&|f| f.means[i])).collect();
         let what = vec![format!("mean of {}", plural(role)), String::new(), format!("{:.2}", mean(&|f| f.search))];
         let cells = means.iter().map(|mean| format!("{mean:.2}"));
         rows.push(what.into_iter().chain(cells).chain([percent(ratio(means[means.len() - 1], means[0]))]).collect());
     }
     let first = ["run", "generation", "search"].map(str::to_owned);
-    let kept = format!("kept on {}", view.reference);
+    let kept = format!("kept on {}", view.found.reference);
     Section {
-        title: format!("What the runs found, of which {} keeps what {} says", view.reference, view.settings[0].setting),
-        head: first.into_iter().chain(view.settings.iter().map(|r| r.setting.to_string())).chain([kept]).collect(),
+        title: format!(
+            "What the runs found, of which {} keeps what {} says",
+            view.found.reference, view.found.settings[0].setting
+        ),
+        head: first
+            .into_iter()
+            .chain(view.found.settings.iter().map(|r| r.setting.to_string()))
+            .chain([kept])
+            .collect(),
         rows,
     }
 }

@@ -1,9 +1,9 @@
 //! What was found, for people: tables, a page and pictures.
 
-use super::{Found, View};
+use super::View;
 use crate::console::table;
 use crate::draw::{self, Picture, ScatterSet};
-use study::reuse::Row;
+use study::reuse::{Column, Found, Row};
 use study::statistics::Estimate;
 
 const HEAD: [&str; 9] = [
@@ -43,9 +43,9 @@ pub fn markdown(view: &View) -> String {
 /// Scores with the job's own reuse against plain ones.
 pub fn scatter(view: &View, found: &Found) -> Picture {
     let is_own =
-        |c: &&super::ColumnView| (c.tolerance, c.variants, c.repeats, c.draw) == (view.own.0, view.own.1, 1, 0);
+        |c: &Column| (c.reuse.tolerance, c.reuse.variants, c.repeats, c.draw) == (view.own.0, view.own.1, 1, 0);
     // A job without reuse has its own scores in the plain column.
-    let own = found.columns.iter().position(|c| is_own(&c)).unwrap_or(0);
+    let own = found.columns.iter().position(is_own).unwrap_or(0);
     let set = |name: &str, evolved: bool| ScatterSet {
         name: name.to_owned(),
         points: found

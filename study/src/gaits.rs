@@ -1,7 +1,5 @@
-//! Gaits to measure with.
+//! Gaits to measure with: random ones, and those of short evolutions.
 
-use crate::error::Error;
-use crate::progress::Pieces;
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::control::{Infeasible, Run};
 use sim_core::evaluate::evaluate;
@@ -9,28 +7,22 @@ use sim_core::genotype::{Genotype, Space};
 use sim_core::physics::Motion;
 use sim_core::problem::Job;
 
-/// `n` gaits, uniform in the controller's bounds.
+/// Draws `n` gaits, uniform in the controller's bounds.
 pub fn random(job: &Job, n: u32, seed: u64) -> Vec<Genotype> {
     let space = space(job);
     (0..n).map(|i| space.draw(&mut Stream::new(seed, Purpose::Sample, 0, i, 0))).collect()
 }
 
-/// `n` gaits of the last generations of short evolutions: of as many as it takes.
-pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, quiet: bool) -> Vec<Genotype> {
+/// Takes `n` gaits of the last generations of short evolutions, from as many of the jobs as it takes; fewer if the jobs run
+/// out. `each` is called after every generation.
+pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, each: &dyn Fn()) -> Vec<Genotype> {
     let n = n as usize;
     let mut gaits: Vec<Genotype> = Vec::new();
-    let mut progress: Option<Pieces> = None;
     for job in jobs {
         if gaits.len() >= n {
             break;
         }
-        let optimiser = &job.spec().optimiser;
-        let a_run = optimiser.population() as usize * job.spec().gaits.count as usize;
-        let progress = progress.get_or_insert_with(|| {
-            let evaluations = n.div_ceil(a_run) as u64 * u64::from(optimiser.generations());
-            Pieces::new("generations of evolving gaits", evaluations, quiet)
-        });
-        for genotype in last_generation(&job, progress) {
+        for genotype in last_generation(&job, each) {
             // Elites and copies are the same gait again.
             let new = of_set(&job, &genotype).filter(|gait| !gaits.contains(gait)).collect::<Vec<_>>();
             gaits.extend(new);
@@ -40,19 +32,26 @@ pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, quiet: bool) -> Vec<Geno
     gaits
 }
 
+/// Generations that [`evolved`] takes for `n` gaits if no gait comes twice.
+pub fn generations(job: &Job, n: u32) -> u64 {
+    let optimiser = &job.spec().optimiser;
+    let gaits_of_a_run = optimiser.population() * job.spec().gaits.count;
+    u64::from(n.div_ceil(gaits_of_a_run)) * u64::from(optimiser.generations())
+}
+
 /// The candidates of a search's last generation.
-fn last_generation(job: &Job, progress: &Pieces) -> Vec<Genotype> {
+fn last_generation(job: &Job, each: &dyn Fn()) -> Vec<Genotype> {
     let mut optimiser = job.optimiser();
     for generation in 0.. {
         let candidates: Vec<(u32, Genotype)> = (0..).zip(optimiser.ask().genotypes).collect();
         if generation + 1 == job.spec().optimiser.generations() {
-            progress.one_done();
+            each();
             break;
         }
         let Ok(scored) = evaluate(job, generation, &candidates, &|| false) else { break };
         let scores: Vec<Option<f64>> = scored.iter().map(|e| e.score).collect();
         optimiser.tell(&optimiser.ask().scored(&scores));
-        progress.one_done();
+        each();
     }
     optimiser.ask().genotypes
 }
@@ -69,18 +68,19 @@ pub fn of_set(job: &Job, candidate: &Genotype) -> impl Iterator<Item = Genotype>
     candidate.gaits(job.spec().gaits.count as usize).map(|gait| gait.to_vec().into())
 }
 
-/// The motions of gaits over the job's duration.
-pub fn compiled(job: &Job, gaits: &[Genotype]) -> Result<Vec<Motion>, Error> {
+/// Compiles gaits to motions of the job's duration.
+///
+/// # Errors
+/// If the controller can't execute one of them.
+pub fn compiled(job: &Job, gaits: &[Genotype]) -> Result<Vec<Motion>, Infeasible> {
     let run = Run::new(job.robot(), job.spec().gaits.duration);
-    let compile = |gait: &Genotype| job.controller().compile(&run, gait.numbers());
-    let refused =
-        |e: Infeasible| Error::Usage { message: format!("not every gait of this controller can be measured: {e}") };
-    gaits.iter().map(compile).collect::<Result<_, _>>().map_err(refused)
+    gaits.iter().map(|gait| job.controller().compile(&run, gait.numbers())).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::cell::Cell;
 
     fn job(seed: u64) -> Job {
         let text = "name = \"a\"\nrobot = \"l-shape\"\nenvironment = \"empty\"\n[gaits]\ncount = 2\nduration = 0.5\n\
@@ -91,9 +91,12 @@ mod tests {
 
     #[test]
     fn evolved_gaits_are_of_the_last_generation_each_once_the_same_every_time() {
-        let found = evolved((1..).map(job), 11, true);
+        let generations_done = Cell::new(0);
+        let found = evolved((1..).map(job), 11, &|| generations_done.set(generations_done.get() + 1));
+        assert!(generations_done.get() >= generations(&job(1), 11));
+        assert_eq!(generations(&job(1), 11), 6, "two evolutions of eight gaits, three generations each");
         assert_eq!(found.len(), 11, "more than one evolution has");
-        assert_eq!(found, evolved((1..).map(job), 11, true));
+        assert_eq!(found, evolved((1..).map(job), 11, &|| ()));
         let first: Vec<Genotype> = job(1).optimiser().ask().genotypes;
         for (i, gait) in found.iter().enumerate() {
             assert_eq!(space(&job(1)).check(gait), Ok(()));
