@@ -64,8 +64,8 @@ pub fn at_once(job: &Job, slots: u32) -> u32 {
     }
 }
 
-/// Evaluates a job's first candidates, generation 0 again and again with other trees if there are not enough.
-/// `each` is called after every one. `together` candidates (at least 1) are evaluated at once: [`at_once`] gives a slot's.
+/// Evaluates a job's first candidates, generation 0 again and again with other trees if there are not enough. `each` is
+/// called after every one. `together` candidates (at least 1) are evaluated at once: [`at_once`] gives a slot's.
 pub fn measure(job: &Job, together: u32, budget: Budget, each: &dyn Fn()) -> Cost {
     let started = Stopwatch::start();
     let mut cost = Cost::default();

@@ -13,8 +13,8 @@ pub fn random(job: &Job, n: u32, seed: u64) -> Vec<Genotype> {
     (0..n).map(|i| space.draw(&mut Stream::new(seed, Purpose::Sample, 0, i, 0))).collect()
 }
 
-/// Takes `n` gaits of the last generations of short evolutions, from as many of the jobs as it takes; fewer if the jobs run
-/// out. `each` is called after every generation.
+/// Takes `n` gaits of the last generations of short evolutions, from as many of the jobs as it takes; fewer if the jobs
+/// run out. `each` is called after every generation.
 pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, each: &dyn Fn()) -> Vec<Genotype> {
     let n = n as usize;
     let mut gaits: Vec<Genotype> = Vec::new();

@@ -24,8 +24,8 @@ pub struct Row {
     pub seconds: f64,
     /// Over the whole growth.
     pub iterations_per_second: f64,
-    /// At this size: since the tree before, which has half the iterations. `None` for the first tree, and if the two times
-    /// are too near to each other.
+    /// At this size: since the tree before, which has half the iterations. `None` for the first tree, and if the two
+    /// times are too near to each other.
     pub marginal_iterations_per_second: Option<f64>,
 }
 

@@ -1,8 +1,8 @@
 //! What transition reuse changes: the same genotypes scored with and without it, on the same random trees.
 //!
 //! A *column* is one way to score: a [`Reuse`], a number of trees that share one table, and a draw of random streams.
-//! Column 0 is the plain method: tolerance 0, one tree, draw 0. A *row* is what is told of one way: how the scores of its
-//! draw 0 compare with the plain ones, and how much other draws alone change, which is the spread to judge that by.
+//! Column 0 is the plain method: tolerance 0, one tree, draw 0. A *row* is what is told of one way: how the scores of
+//! its draw 0 compare with the plain ones, and how much other draws alone change, which is the spread to judge that by.
 
 use crate::genotypes::Sample;
 use crate::statistics::{Estimate, bootstrap, spearman};
@@ -59,7 +59,8 @@ pub struct Row {
     pub variants: u32,
     /// Trees an evaluation.
     pub repeats: u32,
-    /// Spearman's rank correlation with the plain scores, same random streams. `null` if all scores of a side are equal.
+    /// Spearman's rank correlation with the plain scores, same random streams. `null` if all scores of a side are
+    /// equal.
     pub spearman: Option<Estimate>,
     /// Median |difference| from the plain scores.
     pub median_difference: f64,
@@ -109,8 +110,8 @@ pub struct Entry {
 }
 
 impl Study {
-    /// Scores all genotypes in every column on `threads` threads (at least 1), and compares the columns. `each` is called
-    /// after every genotype.
+    /// Scores all genotypes in every column on `threads` threads (at least 1), and compares the columns. `each` is
+    /// called after every genotype.
     ///
     /// # Panics
     /// If there is no genotype, or one does not fit the job.

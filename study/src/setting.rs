@@ -1,5 +1,5 @@
-//! Engine settings and their names: `30x8` is 30 steps a second of 8 substeps each on rapier, `30x8-multibody` the same with
-//! multibody joints, `200x2-lockstep` 200 steps a second of 2 linearisations each on the lockstep engine.
+//! Engine settings and their names: `30x8` is 30 steps a second of 8 substeps each on rapier, `30x8-multibody` the same
+//! with multibody joints, `200x2-lockstep` 200 steps a second of 2 linearisations each on the lockstep engine.
 
 use serde::{Serialize, Serializer};
 use sim_core::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Scale};
@@ -58,8 +58,8 @@ impl Setting {
         Self { engine, steps_per_second, substeps, joints: JointKind::default() }
     }
 
-    /// This setting with twice its substeps, and with twice its steps. `None` if it has more than [`MAX_STEPS`] / 2 steps a
-    /// second or [`MAX_SUBSTEPS`] / 2 substeps.
+    /// This setting with twice its substeps, and with twice its steps. `None` if it has more than [`MAX_STEPS`] / 2
+    /// steps a second or [`MAX_SUBSTEPS`] / 2 substeps.
     pub fn halved(self) -> Option<[Self; 2]> {
         let (steps_per_second, substeps) = (2 * self.steps_per_second, 2 * self.substeps);
         let possible = steps_per_second <= MAX_STEPS && substeps <= MAX_SUBSTEPS;

@@ -62,8 +62,9 @@ pub fn measure(job: &Job, settings: &[Setting], gaits: &[Motion], each: &dyn Fn(
     settings.iter().enumerate().map(row).collect()
 }
 
-/// Splits gaits into ranges. All settings simulate a range before any setting simulates the next, so that all of them see
-/// the same machine. Ranges hold one gait, or at least 64 (all gaits, if there are fewer) for engines with lanes to fill.
+/// Splits gaits into ranges. All settings simulate a range before any setting simulates the next, so that all of them
+/// see the same machine. Ranges hold one gait, or at least 64 (all gaits, if there are fewer) for engines with lanes to
+/// fill.
 pub fn turns(gaits: usize, lanes: bool) -> Vec<Range<usize>> {
     if !lanes {
         return (0..gaits).map(|i| i..i + 1).collect();
@@ -72,7 +73,8 @@ pub fn turns(gaits: usize, lanes: bool) -> Vec<Range<usize>> {
     (0..turns).map(|i| i * BATCH..if i + 1 == turns { gaits } else { (i + 1) * BATCH }).collect()
 }
 
-/// Simulates requests and measures the time of each. An engine with lanes gets all at once, and each takes an equal share.
+/// Simulates requests and measures the time of each. An engine with lanes gets all at once, and each takes an equal
+/// share.
 pub fn rollouts(
     engine: &dyn Engine,
     robot: &Robot,

@@ -71,8 +71,8 @@ pub struct Ceiling {
 pub struct Halved {
     /// The setting.
     pub setting: Setting,
-    /// True if halving changes no more than the ceiling allows: the interval of the median position error begins no higher
-    /// than the ceiling's ends.
+    /// True if halving changes no more than the ceiling allows: the interval of the median position error begins no
+    /// higher than the ceiling's ends.
     pub within_ceiling: bool,
     /// Its speed and fidelity.
     #[serde(flatten)]
@@ -105,7 +105,8 @@ struct Run {
 }
 
 impl Comparison {
-    /// Compares all settings on gaits of one kind, on `threads` threads (at least 1). `each` is called after every gait.
+    /// Compares all settings on gaits of one kind, on `threads` threads (at least 1). `each` is called after every
+    /// gait.
     pub fn measure(
         &self,
         job: &Job,
@@ -140,7 +141,8 @@ impl Comparison {
     }
 }
 
-/// Simulates every gait with every variant, by turns, so that all variants see the same machine. By variant, then by gait.
+/// Simulates every gait with every variant, by turns, so that all variants see the same machine. By variant, then by
+/// gait.
 fn simulate(
     job: &Job,
     variants: &[Variant],

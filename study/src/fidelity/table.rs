@@ -40,8 +40,8 @@ impl fmt::Display for Unfit {
 
 impl std::error::Error for Unfit {}
 
-/// Refuses, before anything is measured, a comparison that could not make a row. `gaits`: numbers of random and of evolved
-/// gaits.
+/// Refuses, before anything is measured, a comparison that could not make a row. `gaits`: numbers of random and of
+/// evolved gaits.
 pub fn check(comparison: &Comparison, gaits: [u32; 2]) -> Result<(), Unfit> {
     if comparison.reference.engine != EngineKind::Lockstep {
         return Err(Unfit::Reference(comparison.reference));
@@ -55,14 +55,15 @@ pub fn check(comparison: &Comparison, gaits: [u32; 2]) -> Result<(), Unfit> {
     Ok(())
 }
 
-/// The settings that the table has by default: the scale's own setting, and finer ones for robots that it is too coarse for.
+/// The settings that the table has by default: the scale's own setting, and finer ones for robots that it is too coarse
+/// for.
 pub fn settings(scale: Scale) -> Vec<Setting> {
     let own = Setting::own(EngineKind::Lockstep, scale);
     [1, 2, 4, 8].map(|finer| Setting { steps_per_second: finer * own.steps_per_second, ..own }).to_vec()
 }
 
-/// The rows of the lockstep engine's settings. `variant`: name of the robot's variant, if any; `sets`: results with random
-/// and with evolved gaits.
+/// The rows of the lockstep engine's settings. `variant`: name of the robot's variant, if any; `sets`: results with
+/// random and with evolved gaits.
 ///
 /// # Errors
 /// If a rank correlation is missing.

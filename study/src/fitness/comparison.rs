@@ -31,7 +31,8 @@ pub struct Subject {
     pub generation: u32,
     /// Index of the run that it is from, if any.
     pub run: Option<usize>,
-    /// Its role in that run ("winner" or "search's best") and its score in the search; `None` for genotypes of all ages.
+    /// Its role in that run ("winner" or "search's best") and its score in the search; `None` for genotypes of all
+    /// ages.
     pub role: Option<(&'static str, f64)>,
 }
 

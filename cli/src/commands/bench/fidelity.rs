@@ -27,10 +27,6 @@ use view::View;
 
 /// Files of the output folder.
 const FILES: [&str; 4] = ["fidelity.md", "frontier.svg", "frontier.png", "fidelity.json"];
-/// Evolutions last gaits of so many s: enough to find what moves, at less than half the cost.
-const EVOLVED_DURATION: f64 = 4.0;
-/// More evolutions than this are not begun.
-const MOST_EVOLUTIONS: u64 = 1000;
 
 /// Measures and tells.
 pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
@@ -152,18 +148,12 @@ fn evolved(
     }
     // A search finds the weak points of the engine that it runs on.
     let own = subject::own(&args.subject, job.chosen().engine);
-    let ground = ground(args)?;
-    let first = subject::job(&args.subject, ground.clone(), own, EVOLVED_DURATION, args.seed)?;
-    debug_assert_eq!(first.controller().space(first.robot()), job.controller().space(job.robot()));
-    // The first was checked; other seeds change nothing that could be refused.
-    let again = |run: u64| {
-        let seed = (args.seed + run) & i64::MAX as u64;
-        subject::job(&args.subject, ground.clone(), own, EVOLVED_DURATION, seed).ok()
-    };
-    let generations = gaits::generations(&first, args.evolved);
+    let (subject, file) = subject::read(&args.subject, ground(args)?)?;
+    let evolutions = subject.evolutions(own, args.seed).map_err(|source| Error::Invalid { file, source })?;
+    // These jobs differ from the compared one in their setting and duration only.
+    let generations = gaits::generations(job, args.evolved);
     let progress = Pieces::new("generations of evolving gaits", generations, quiet);
-    let jobs = std::iter::once(first).chain((1..MOST_EVOLUTIONS).map_while(again));
-    let gaits = gaits::evolved(jobs, args.evolved, &|| progress.one_done());
+    let gaits = gaits::evolved(evolutions, args.evolved, &|| progress.one_done());
     Ok((gaits, "the last generations of short evolutions".to_owned()))
 }
 

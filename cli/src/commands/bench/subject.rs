@@ -1,61 +1,40 @@
 //! What physics is measured on: a robot on flat ground or in an environment, as a job, so that it is checked and settled
 //! like any other.
 
-use crate::arguments::Subject;
+use crate::arguments;
 use crate::error::Error;
 use crate::load;
 use serde::Serialize;
 use sim_core::genotype::Genotype;
-use sim_core::job::{JobSpec, Reference};
 use sim_core::model::environment::Environment;
 use sim_core::physics::{EngineKind, Motion, lockstep};
 use sim_core::problem::Job;
 use study::gaits;
 use study::setting::Setting;
+use study::subject::Subject;
 
-/// Everything that a job needs and a subject does not say: the evolution that `fidelity` takes its gaits from.
-const FRAME: &str = r#"
-name = "bench"
-robot = "quadropod"
-environment = "empty"
-[gaits]
-count = 2
-[planner]
-iterations = 40
-[fitness]
-kind = "coverage"
-cell = 1.0
-[optimiser]
-kind = "ga"
-population = 17
-generations = 8
-"#;
+/// Reads a subject's robot and puts it on flat ground or into an environment; also returns the robot's name for errors.
+pub fn read(subject: &arguments::Subject, environment: Option<Environment>) -> Result<(Subject, String), Error> {
+    let load::RobotFile { spec: robot, label, .. } = load::robot(&subject.robot, None)?;
+    let (variant, scale) = (subject.variant.clone(), subject.scale.into());
+    Ok((Subject { robot, variant, environment, scale }, label))
+}
 
-/// A subject as a job with gaits of so many s, on flat ground unless it is said; its start is the one settled with `setting`.
+/// A subject as a job with gaits of `duration` s, on flat ground unless there is an environment; its start is the one
+/// settled with `setting`.
 pub fn job(
-    subject: &Subject,
+    subject: &arguments::Subject,
     environment: Option<Environment>,
     setting: Setting,
     duration: f64,
     seed: u64,
 ) -> Result<Job, Error> {
-    let load::RobotFile { spec: robot, label, .. } = load::robot(&subject.robot, None)?;
-    let refused = |source| Error::Invalid { file: label.clone(), source };
-    let mut spec: JobSpec = toml::from_str(FRAME).map_err(|e| refused(e.into()))?;
-    spec.robot = Reference::Inline(Box::new(robot));
-    if let Some(environment) = environment {
-        spec.environment = Reference::Inline(Box::new(environment));
-    }
-    spec.variant.clone_from(&subject.variant);
-    spec.seed = seed;
-    spec.gaits.duration = duration;
-    spec.physics.scale = subject.scale.into();
-    setting.write(&mut spec.physics);
-    Job::new(spec).map_err(refused)
+    let (subject, file) = read(subject, environment)?;
+    subject.job(setting, duration, seed).map_err(|source| Error::Invalid { file, source })
 }
 
 /// The scale's own setting on an engine.
-pub fn own(subject: &Subject, engine: EngineKind) -> Setting {
+pub fn own(subject: &arguments::Subject, engine: EngineKind) -> Setting {
     Setting::own(engine, subject.scale.into())
 }
 
@@ -104,7 +83,7 @@ impl Machine {
     pub fn here() -> Self {
         let build = if cfg!(debug_assertions) { "dev" } else { "release" };
         let system = format!("{} {}", std::env::consts::OS, std::env::consts::ARCH);
-        Self { cores: crate::arguments::cores(), system, build }
+        Self { cores: arguments::cores(), system, build }
     }
 
     /// In a line, for people.
