@@ -55,7 +55,7 @@ impl Stored {
     }
 }
 
-/// What is wrong with genotypes of these lengths, if one can't be of the job.
+/// The fault of the first length that no genotype of the job has.
 fn wrong_genotype(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option<String> {
     let misfit = lengths.into_iter().find_map(|found| job.space().check_length(found).err())?;
     Some(match misfit {

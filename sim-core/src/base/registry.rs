@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::sync::{PoisonError, RwLock};
 
-/// What every component tells of itself.
+/// Name and revision of a component.
 pub trait Component: Sync + 'static {
     /// Its name in job or robot files: lower case, words joined by `-`.
     fn name(&self) -> &'static str;
@@ -38,7 +38,7 @@ pub struct Registry<T: ?Sized + 'static> {
 pub struct NameTaken(pub &'static str);
 
 impl<T: Component + ?Sized> Registry<T> {
-    /// A registry of those that ship, in the order in which they are told to users. There is at least one.
+    /// A registry of the components that ship, at least one. Messages list them in this order.
     pub const fn new(shipped: &'static [&'static T]) -> Self {
         Self { shipped, added: RwLock::new(Vec::new()) }
     }
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_is_its_name_and_an_unknown_one_is_told_with_all_that_are_known() {
+    fn unknown_name_is_refused_with_the_known_names() {
         #[derive(Serialize, Deserialize)]
         struct File {
             #[serde(default)]

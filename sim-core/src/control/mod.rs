@@ -32,7 +32,7 @@ pub struct Parameter {
     pub bounds: (f64, f64),
 }
 
-/// What a controller knows of the run that it makes a motion for.
+/// The run that a controller makes a motion for.
 #[derive(Clone, Copy, Debug)]
 pub struct Run<'a> {
     /// The compiled robot: its joints in order, with limits and speeds.
@@ -41,7 +41,7 @@ pub struct Run<'a> {
     pub duration: f64,
     /// Where an earlier motion of the same gait left the controller ([`Motion::end_phase`]); its own start if there is none.
     pub from: Option<&'a Phase>,
-    /// What happens from outside, such as a joint that fails.
+    /// Events from outside, such as the failure of a joint.
     pub events: &'a [Event],
 }
 

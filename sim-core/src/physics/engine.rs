@@ -9,7 +9,7 @@ use crate::model::{Robot, State};
 pub struct Request<'a> {
     /// Where it starts.
     pub start: &'a State,
-    /// What it executes.
+    /// The motion to execute.
     pub motion: &'a Motion,
 }
 

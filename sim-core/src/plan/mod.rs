@@ -23,7 +23,7 @@ pub use tree::{Node, Tree};
 
 use crate::base::registry::{Registered, Registry};
 
-/// The planners, in the order in which they are told to users; the first is the default.
+/// The planners that ship. Messages list them in this order; the first is the default.
 static PLANNERS: Registry<dyn PlannerKind> = Registry::new(&[&rrt_mp::FLOOD_FILL, &rrt_mp::ORIGINAL]);
 
 impl Registered for dyn PlannerKind {

@@ -6,7 +6,7 @@ mod cosmo;
 use super::kind::{FaceKind, Kind};
 use crate::base::registry::{Registered, Registry};
 
-/// The kinds, in the order in which they are told to users.
+/// The kinds that ship. Messages list them in this order.
 static KINDS: Registry<Kind> = Registry::new(&[&cosmo::COSMO, &block::BLOCK]);
 
 impl Registered for Kind {

@@ -194,7 +194,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                     if self.locked {
                         let open: Mask<S> = self.locks[i].simd_lt(all(simd, 0.5));
                         motor = motor.only(simd, open, 0.0);
-                        // What resists without bound keeps its rate at exactly 0, and so its angle.
+                        // Infinite stiffness keeps the joint's rate at exactly 0, so its angle stays.
                         limit = limit.only(simd, open, f32::INFINITY);
                     }
                     self.system.stiffen(i, motor.stiffening + limit.stiffening);

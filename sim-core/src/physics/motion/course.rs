@@ -4,7 +4,7 @@ use super::{Change, Motion, TICK};
 use crate::model::{Robot, State};
 use crate::physics::{Outcome, Physics, Unsupported};
 
-/// What an engine does of a motion, step by step.
+/// The steps of a motion that an engine simulates.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Course {
     /// Steps to simulate: those of the motion, or those before the first event that is refused.

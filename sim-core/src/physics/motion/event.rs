@@ -32,8 +32,8 @@ pub enum Change {
         /// Its pose in the world from then on, mu.
         pose: Pose,
     },
-    /// A joint is stuck: locked at the angle that it has, at once, as the joints of a robot's failed modules are. A rollout that
-    /// continues from the end does not know of it: its motion repeats the event at tick 0.
+    /// A joint locks at its present angle, at once. The state at the end does not record it: a motion that continues from there
+    /// must repeat the event at tick 0.
     Fail {
         /// The joint.
         joint: usize,

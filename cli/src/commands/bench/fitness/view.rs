@@ -17,7 +17,7 @@ pub struct View {
     pub iterations: u32,
     /// Random streams that each genotype is scored on.
     pub trees: u32,
-    /// What the genotypes are from.
+    /// Source of the genotypes: an evolution, or stored runs.
     pub from: String,
     /// Name of the score.
     pub score: &'static str,

@@ -1,7 +1,7 @@
 //! A light worker: it speaks the protocol of a real one and simulates nothing, so that thousands fit into a process.
 //!
-//! Its scores are made from the genotypes alone, so that any two of them agree on every bit. It takes as long as is drawn
-//! for what it does, and fails or dies as often as it is told to.
+//! Its scores follow from the genotypes alone, so any two light workers agree on every bit. The duration of each task is
+//! drawn; failures and deaths come as often as the options say.
 
 use super::slots::Slots;
 use super::tally::{Busy, Tally};
