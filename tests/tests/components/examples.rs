@@ -1,9 +1,5 @@
-//! A program that adds a component of every kind, and runs jobs with them by the coordinator and the workers that everybody
-//! else has.
+//! A component of every kind, each as another program would write it.
 
-use cluster_tests::sandbox::PATIENCE;
-use proto::v1::job_service_client::JobServiceClient;
-use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, JobState, SubmitJobRequest};
 use sim_core::base::error::Invalid;
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::base::registry::{Component, Registered};
@@ -20,12 +16,24 @@ use sim_core::procedure::{
     Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told,
 };
 use sim_core::search::{self, Ask, Batch, Evaluation, GENERATIONS, Search, SearchKind};
-use std::sync::Arc;
-use std::time::{Duration, Instant};
-use tokio::sync::watch;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Once};
+
+/// Puts all of them into their registries, once.
+pub fn add() {
+    static ADDED: Once = Once::new();
+    ADDED.call_once(|| {
+        Kind::registry().add(&ELBOW).unwrap();
+        <dyn Controller>::registry().add(&Square).unwrap();
+        <dyn PlannerKind>::registry().add(&BreadthFirst).unwrap();
+        <dyn ObjectiveKind>::registry().add(&Reach).unwrap();
+        <dyn SearchKind>::registry().add(&Scatter).unwrap();
+        <dyn ProcedureKind>::registry().add(&HEIGHTS).unwrap();
+    });
+}
 
 /// A kind of module: two cubes with a hinge across.
-static ELBOW: Kind = Kind {
+pub static ELBOW: Kind = Kind {
     name: "elbow",
     parts: &[
         PartKind { name: "rear", center: [-0.25, 0.0, 0.0], half: [0.24; 3], mass: 0.5 },
@@ -39,10 +47,10 @@ static ELBOW: Kind = Kind {
 };
 
 /// A controller: each joint to and fro between ± its height, a second each. None higher than [`Square::MOST`].
-struct Square;
+pub struct Square;
 
 impl Square {
-    const MOST: f64 = 0.7;
+    pub const MOST: f64 = 0.7;
 }
 
 impl Component for Square {
@@ -66,7 +74,7 @@ impl Controller for Square {
 }
 
 /// A planner: expands nodes in the order in which they were added, and adds wherever a gait arrives.
-struct BreadthFirst;
+pub struct BreadthFirst;
 
 #[derive(Debug)]
 struct Growing {
@@ -110,7 +118,7 @@ impl Planner for Growing {
 }
 
 /// An objective: how far the tree's farthest node is from its root, times a factor.
-struct Reach;
+pub struct Reach;
 
 const FACTOR: Setting = Setting::real("factor", "", 1.0).within(0.1, 10.0);
 
@@ -159,7 +167,7 @@ impl Objective for Farthest {
 }
 
 /// A search: every candidate is drawn anew.
-struct Scatter;
+pub struct Scatter;
 
 const CANDIDATES: Setting = Setting::whole("candidates", 8).within(1.0, 100.0);
 
@@ -225,13 +233,22 @@ impl Search for Drawing {
 }
 
 /// A procedure: one round of three tasks, each of which multiplies the height of the settled pivot by its number.
-struct Heights;
+pub struct Heights {
+    pub name: &'static str,
+    pub revision: AtomicU32,
+}
+
+pub static HEIGHTS: Heights = Heights { name: "heights", revision: AtomicU32::new(1) };
 
 struct Asked;
 
 impl Component for Heights {
     fn name(&self) -> &'static str {
-        "heights"
+        self.name
+    }
+
+    fn revision(&self) -> u32 {
+        self.revision.load(Ordering::Relaxed)
     }
 }
 
@@ -241,7 +258,7 @@ impl ProcedureKind for Heights {
     }
 
     fn load(&self, _: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
-        if saved.is_empty() { Ok(Box::new(Asked)) } else { Err(BadState("it is not empty".to_owned())) }
+        if saved == b"asked" { Ok(Box::new(Asked)) } else { Err(BadState("it is not \"asked\"".to_owned())) }
     }
 
     fn run(&self, problem: &Job, tasks: &[(u32, Vec<u8>)], _: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
@@ -279,106 +296,10 @@ impl Procedure for Asked {
     }
 
     fn save(&self) -> Vec<u8> {
-        Vec::new()
+        b"asked".to_vec()
     }
 
     fn progress(&self) -> Progress {
         Progress { phase: "measuring".into(), ..Progress::default() }
     }
-}
-
-fn job(procedure: &str) -> String {
-    format!(
-        r#"
-        name = "added"
-        procedure = "{procedure}"
-        environment = "empty"
-        gaits = {{ count = 2, duration = 2.0, controller = "square" }}
-        planner = {{ iterations = 3, algorithm = "breadth-first" }}
-        fitness = {{ kind = "reach", factor = 2.0 }}
-        optimiser = {{ kind = "scatter", candidates = 12, generations = 3 }}
-        finish = {{ kind = "none" }}
-        [robot]
-        name = "snake"
-        pivot = "b/rear"
-        [[robot.module]]
-        name = "a"
-        kind = "elbow"
-        [[robot.module]]
-        name = "b"
-        kind = "elbow"
-        attach = {{ to = "a", port = "front" }}
-        "#
-    )
-}
-
-/// The result of a job on so many workers, all within this process.
-async fn result(job_toml: &str, workers: usize) -> GetResultResponse {
-    let folder = tempfile::tempdir().expect("a folder");
-    let store = coordinator::StoreUrl::Sqlite(folder.path().join("store.sqlite"));
-    let coordinator = coordinator::serve(coordinator::Config::embedded(store)).await.expect("it serves");
-    let url = format!("http://{}", coordinator.local_addr());
-    let (stop, stopped) = watch::channel(false);
-    let working: Vec<_> = (0..workers)
-        .map(|_| {
-            let (config, mut stopped) = (worker::Config::new(url.clone(), 1), stopped.clone());
-            tokio::spawn(worker::run(config, async move {
-                let _ = stopped.wait_for(|stop| *stop).await;
-            }))
-        })
-        .collect();
-    let mut client = JobServiceClient::connect(url).await.expect("it answers");
-    let request = SubmitJobRequest { request_id: "r".to_owned(), job_toml: job_toml.to_owned(), priority: 0 };
-    let id = client.submit_job(request).await.expect("the job is taken").into_inner().job.expect("a job").id;
-    let start = Instant::now();
-    loop {
-        let job =
-            client.get_job(GetJobRequest { id: id.clone() }).await.expect("a job").into_inner().job.expect("a job");
-        match job.state() {
-            JobState::Succeeded => break,
-            JobState::Failed => panic!("{}", job.reason),
-            _ => assert!(start.elapsed() < PATIENCE, "it does not end: {job:?}"),
-        }
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
-    let result = client.get_result(GetResultRequest { id }).await.expect("a result").into_inner();
-    stop.send(true).expect("workers run");
-    for worker in working {
-        worker.await.expect("it ends").expect("it ends well");
-    }
-    coordinator.shutdown().await.expect("it ends");
-    result
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
-async fn jobs_with_a_component_of_every_kind_run_like_any_other() {
-    let refused = Checked::from_toml(&job("heights")).expect_err("nobody has added anything").to_string();
-    assert!(refused.contains("unknown field `factor`"), "the objective is not known: {refused}");
-
-    Kind::registry().add(&ELBOW).unwrap();
-    <dyn Controller>::registry().add(&Square).unwrap();
-    <dyn PlannerKind>::registry().add(&BreadthFirst).unwrap();
-    <dyn ObjectiveKind>::registry().add(&Reach).unwrap();
-    <dyn SearchKind>::registry().add(&Scatter).unwrap();
-    <dyn ProcedureKind>::registry().add(&Heights).unwrap();
-
-    // Evolved with a kind of module, a controller, a planner, an objective and a search that were added.
-    let evolved = result(&job("evolve"), 1).await;
-    assert_eq!(evolved.result_digest, result(&job("evolve"), 3).await.result_digest, "bits go by no number of workers");
-    let report = evolved.artefacts.iter().find(|artefact| artefact.name == "report").expect("a report");
-    let report: serde_json::Value = serde_json::from_slice(&report.content).expect("the report is JSON");
-    let genome = report["winner"]["genome"].as_array().expect("a winner");
-    assert_eq!(genome.len(), 4, "two gaits of two joints: {report}");
-    assert!(genome.iter().all(|height| height.as_f64().is_some_and(|h| h <= Square::MOST)), "it can be carried out");
-    // Of 36 candidates some have a joint that is told to go too high: they have failed, and the job has not.
-    let failed = evolved.history.iter().flat_map(|row| row.values.iter().filter(|v| v.name == "failed"));
-    let failed: f64 = failed.filter_map(|value| value.value).sum();
-    assert!((1.0..36.0).contains(&failed), "{failed} failed");
-
-    // A procedure of another program.
-    let measured = result(&job("heights"), 2).await;
-    let settled = Job::from_toml(&job("heights")).expect("a valid job");
-    let height = f64::from(settled.start().pivot.translation.z);
-    let [artefact] = &measured.artefacts[..] else { panic!("{:?}", measured.artefacts) };
-    assert_eq!(artefact.content, [1.0, 2.0, 3.0].map(|factor| (height * factor).to_le_bytes()).concat());
 }

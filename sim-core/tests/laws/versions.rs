@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 fn locked() -> Vec<toml::Table> {
-    let lock: toml::Table = include_str!("../../Cargo.lock").parse().unwrap();
+    let lock: toml::Table = include_str!("../../../Cargo.lock").parse().unwrap();
     lock["package"].as_array().unwrap().iter().map(|p| p.as_table().unwrap().clone()).collect()
 }
 

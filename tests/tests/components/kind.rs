@@ -1,6 +1,6 @@
 //! A kind of module of another program, with two hinges: a robot file can use it once it is in the registry.
 
-use sim_core::base::math::{Vector, angle_between};
+use sim_core::base::math::{Vector, about, angle_between};
 use sim_core::base::registry::Registered;
 use sim_core::engines::engine;
 use sim_core::model::{FaceKind, HingeKind, Kind, PartKind, Robot, RobotSpec};
@@ -92,6 +92,6 @@ fn ends_stay_parallel(kind: EngineKind, robot: &Robot, angle: f32) {
     assert!(angle_between(poses[0].rotation, poses[2].rotation) < 0.03, "{kind:?}");
     // The pivot's frame is in the middle of the rear, on its axis.
     let seen = poses[0].rotation.inverse() * (poses[2].translation - poses[0].translation);
-    let expected = Vector::new(libm::cosf(angle), 0.0, -libm::sinf(angle));
+    let expected = about(Vector::Y, angle) * Vector::X;
     assert!((seen - expected).length() < 0.03, "{kind:?}: {seen} against {expected}");
 }
