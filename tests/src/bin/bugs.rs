@@ -335,6 +335,34 @@ mod tests {
         assert!(!list(root()).unwrap().is_empty());
     }
 
+    /// A filter that matches no test would only be found by the run that needs it.
+    #[test]
+    fn every_test_of_the_list_is_there() {
+        let mut names = String::new();
+        let mut open = vec![root().to_owned()];
+        while let Some(next) = open.pop() {
+            for entry in fs::read_dir(&next).unwrap() {
+                let path = entry.unwrap().path();
+                let name = path.file_name().unwrap().to_string_lossy().into_owned();
+                if path.is_dir() && name != "target" && !name.starts_with('.') {
+                    names += &format!("mod {name};\n");
+                    open.push(path);
+                } else if name.ends_with(".rs") {
+                    names += &format!("mod {};\n{}", name.trim_end_matches(".rs"), read(&path).unwrap());
+                }
+            }
+        }
+        let named = |word: &str| {
+            let of = |line: &str, what: &str| line.split_once(what).is_some_and(|(_, name)| name.contains(word));
+            names.lines().any(|line| of(line, "fn ") || of(line, "mod "))
+        };
+        for check in list(root()).unwrap().iter().flat_map(|bug| &bug.seen_by) {
+            let words = check.split_whitespace().filter(|word| !word.starts_with("--") && !word.starts_with("tests/"));
+            let missing: Vec<&str> = words.flat_map(|word| word.split("::")).filter(|word| !named(word)).collect();
+            assert!(missing.is_empty(), "{check}: there is no test, module or file named {missing:?}");
+        }
+    }
+
     #[test]
     fn every_bug_is_in_one_shard() {
         let wanted = |line: &str| Wanted::read(line.split_whitespace().map(str::to_owned));
