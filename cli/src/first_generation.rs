@@ -102,7 +102,7 @@ fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
     let environment = job.environment();
     let [width, depth] = environment.size;
     let number = console::score;
-    let fitness = &job.spec().fitness;
+    let fitness = job.fitness_spec();
     if fitness.kind.0.name() == Coverage.name() {
         let cell = fitness.settings.real(&objective::CELL);
         if length < cell {

@@ -1,4 +1,4 @@
-//! `evogait`: evolve gait sets for modular robots from the command line. A gRPC client of the coordinator, which it can
+//! `evogait`: evolve gait sets for modular robots, and plan with them, from the command line. A gRPC client of the coordinator, which it can
 //! start in its own process.
 //!
 //! The way through: [`main`] → `arguments` (what was typed → what is meant) → `commands` (one file each) → `output`.
@@ -12,6 +12,7 @@ mod doubts;
 pub mod draw;
 mod error;
 mod first_generation;
+mod gait_set;
 mod inputs;
 mod load;
 mod local;

@@ -1,14 +1,14 @@
 //! Job, robot and environment files: read, their references followed, and refused with the name of the file that is wrong.
 
 use crate::error::Error;
-use crate::inputs;
+use crate::{gait_set, inputs};
 use sim_core::base::error::Invalid;
 use sim_core::base::{limits, toml_file};
 use sim_core::exchange::{self, Import};
 use sim_core::job::{JobSpec, Reference};
-use sim_core::model::RobotSpec;
 use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
+use sim_core::model::{Robot, RobotSpec};
 use sim_core::problem::{Checked, Job};
 use sim_core::procedure::kinds;
 use std::fs::File;
@@ -33,7 +33,7 @@ struct Source {
     folder: Option<PathBuf>,
 }
 
-/// Reads a job, its robot and its environment, checks all of it, and lets the robot settle.
+/// Reads a job, its robot, its environment and its gaits, checks all of it, and lets the robot settle.
 pub fn job(file: &JobFile) -> Result<Job, Error> {
     read(file, Job::new)
 }
@@ -41,6 +41,22 @@ pub fn job(file: &JobFile) -> Result<Job, Error> {
 /// The same without a simulation: a robot that can't stand is not found out.
 pub fn checked(file: &JobFile) -> Result<Checked, Error> {
     read(file, Checked::new)
+}
+
+/// The same of a job that evolves; others are refused.
+pub fn evolving(file: &JobFile) -> Result<Job, Error> {
+    let job = job(file)?;
+    must_evolve(&job, &file.job).map(|()| job)
+}
+
+/// Refuses a job that evolves nothing, for what needs a search.
+pub fn must_evolve(job: &Checked, called: &str) -> Result<(), Error> {
+    if job.given_gaits().is_none() {
+        return Ok(());
+    }
+    Err(Error::Usage {
+        message: format!("{called} plans with gaits that are given: this command is for jobs that evolve"),
+    })
 }
 
 fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result<T, Error> {
@@ -62,6 +78,21 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
         let found = follow("environment", name, catalogue::environments(), &source)?;
         spec.environment = Reference::Inline(Box::new(parse(&found, Environment::from_toml)?));
         environment_label = found.label;
+    }
+    let gaits = spec.plan.as_ref().and_then(|plan| match &plan.gaits {
+        Reference::Named(path) => Some(path.clone()),
+        Reference::Inline(_) => None,
+    });
+    if let (Some(path), Reference::Inline(robot)) = (gaits, &spec.robot) {
+        let robot = spec.variant.as_ref().map_or_else(|| Ok((**robot).clone()), |variant| robot.variant(variant));
+        // A fault of the robot is told below, as for any job.
+        if let Ok(robot) = robot.and_then(|robot| Robot::compile(&robot)) {
+            let path = source.folder.as_ref().map_or_else(|| PathBuf::from(&path), |folder| folder.join(&path));
+            let gaits = gait_set::read(&path, &spec.gaits, &robot)?;
+            if let Some(plan) = &mut spec.plan {
+                plan.gaits = Reference::Inline(Box::new(gaits));
+            }
+        }
     }
     let file_of = |invalid: &Invalid| match part(invalid) {
         Part::Robot => robot_label.clone(),

@@ -176,6 +176,7 @@ impl Progress {
                         "search done: scoring its best on the reference setting, auditing its bests without reuse",
                     ),
                     "reporting" => self.say("winner chosen: scoring it on fresh seeds, tracing its gaits"),
+                    "tracing" => self.say("planned: tracing the best tree and its plan"),
                     _ => {}
                 }
             }

@@ -1,12 +1,74 @@
 //! A result in a few lines, for people.
 
 use crate::console::{self, count, score, score_with};
-use crate::output::{Candidate, ResultFile};
+use crate::output::{Candidate, Finished, PlanFile, ResultFile, Spread};
 use sim_core::base::score::Direction;
 use std::path::Path;
 
 /// What came out, where it is and what to do with it.
-pub fn text(result: &ResultFile, folder: &Path) -> String {
+pub fn text(finished: &Finished, folder: &Path) -> String {
+    match finished {
+        Finished::Evolved(result) => evolved(result, folder),
+        Finished::Planned(result) => planned(result, folder),
+    }
+}
+
+fn planned(result: &PlanFile, folder: &Path) -> String {
+    let spread = |spread: &Spread, unit: &str| match spread.deviation {
+        Some(deviation) => format!("{} ± {}", score(spread.mean), score_with(Some(deviation), unit)),
+        None => score_with(Some(spread.mean), unit),
+    };
+    let reached = result.reached.map_or_else(
+        || "the environment has no goal".to_owned(),
+        |reached| format!("{reached} of {} trees reached the goal", result.trees),
+    );
+    let mut lines = vec![format!("{}: {reached}", result.name)];
+    let told = [
+        ("distance to goal", &result.distance, "mu"),
+        ("coverage", &result.coverage, "%"),
+        ("gaits of a plan", &result.plan_gaits, ""),
+        ("length of a plan", &result.plan_length, "mu"),
+    ];
+    lines.extend(
+        told.iter().filter_map(|(what, value, unit)| Some(format!("  {what:18} {}", spread(value.as_ref()?, unit)))),
+    );
+    if let Some(best) = &result.best {
+        let gaits: Vec<String> = best.gaits.iter().map(u32::to_string).collect();
+        let distance =
+            best.distance.map_or_else(String::new, |d| format!(", {} from the goal", score_with(Some(d), "mu")));
+        lines.push(format!(
+            "  best plan          tree {}: {} gaits, {}{distance}",
+            best.tree,
+            best.gaits.len(),
+            console::seconds(best.gaits.len() as f64 * best.gait_seconds)
+        ));
+        lines.push(format!("                     gaits {}", gaits.join(" ")));
+    }
+    let stop = if result.stop_at_goal { "ending at the goal" } else { "to the last one" };
+    lines.push(format!(
+        "  trees              {} by {} of at most {} iterations, {stop}; {}",
+        result.trees, result.algorithm, result.iterations, result.engine
+    ));
+    let counts = &result.counts;
+    lines.push(format!(
+        "  took               {}: {} rollouts, {} of simulated time",
+        console::seconds(result.wall_seconds),
+        count(counts.rollouts),
+        console::seconds(counts.simulated_seconds)
+    ));
+    lines.push(format!("  result digest      {}", result.result_digest));
+    let (quoted, map) = (console::quoted(folder.display()), folder.join("map.png"));
+    lines.push(format!(
+        "  files              {}: result.json, plans.csv, plan.csv, paths.csv, plans.json, tree.json,",
+        folder.display()
+    ));
+    lines.push("                     gaits.json, trajectories/; pictures map, gaits (.svg, .png)".to_owned());
+    lines.push(format!("  next               look at {}", console::quoted(map.display())));
+    lines.push(format!("                     evogait verify {quoted}"));
+    lines.join("\n")
+}
+
+fn evolved(result: &ResultFile, folder: &Path) -> String {
     let mut lines = Vec::new();
     match &result.winner {
         None => lines.push(format!("{}: every evaluation failed, so there is no winner", result.name)),
@@ -40,6 +102,7 @@ pub fn text(result: &ResultFile, folder: &Path) -> String {
         lines.push(format!("  next               look at {}", console::quoted(map.display())));
         lines.push(format!("                     evogait replay {quoted} --gait 1"));
         lines.push(format!("                     evogait verify {quoted}"));
+        lines.push(format!("                     evogait plan {quoted} --environment reuse-2"));
     } else {
         lines.push(format!("  files              {folder}: result.json, history.csv, job.toml"));
         lines.push(

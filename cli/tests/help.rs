@@ -10,6 +10,7 @@ fn help_teaches() {
     insta::assert_snapshot!("evogait", run(folder.path(), &["--help"]).success());
     let commands = [
         "run",
+        "plan",
         "submit",
         "watch",
         "list",
@@ -23,6 +24,7 @@ fn help_teaches() {
         "workers",
         "demand",
         "health",
+        "compare",
         "replay",
         "verify",
         "validate",

@@ -10,6 +10,7 @@ use sim_core::model::environment::Block;
 use sim_core::physics::{Engine, Motion, Physics, Request, Rollout, Unsupported};
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::finish::total as total_counts;
+use sim_core::search::OptimiserSpec;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -60,16 +61,22 @@ pub struct Lanes {
 pub fn at_once(job: &Job, slots: u32) -> u32 {
     match job.candidates_at_once() {
         1 => 1,
-        least => job.spec().optimiser.population().div_ceil(slots).max(least),
+        least => {
+            let population = job.spec().optimiser.as_ref().map_or(least, OptimiserSpec::population);
+            population.div_ceil(slots).max(least)
+        }
     }
 }
 
-/// Evaluates a job's first candidates, generation 0 again and again with other trees if there are not enough. `each` is
+/// Evaluates a job's first candidates, or its given gaits: generation 0 again and again with other trees if there are not enough. `each` is
 /// called after every one. `together` candidates (at least 1) are evaluated at once: [`at_once`] gives a slot's.
 pub fn measure(job: &Job, together: u32, budget: Budget, each: &dyn Fn()) -> Cost {
     let started = Stopwatch::start();
     let mut cost = Cost::default();
-    let genotypes = job.optimiser().ask().genotypes;
+    let genotypes = match job.given_gaits() {
+        Some(gaits) => vec![gaits.clone(); together as usize],
+        None => job.optimiser().ask().genotypes,
+    };
     let candidates: Vec<(u32, &Genotype)> = (0..).zip(&genotypes).collect();
     let ranges = (0..)
         .flat_map(|generation| candidates.chunks(together as usize).map(move |candidates| (generation, candidates)));

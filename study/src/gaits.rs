@@ -34,7 +34,7 @@ pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, each: &dyn Fn()) -> Vec<
 
 /// Generations that [`evolved`] takes for `n` gaits if no gait comes twice.
 pub fn generations(job: &Job, n: u32) -> u64 {
-    let optimiser = &job.spec().optimiser;
+    let optimiser = job.optimiser_spec();
     let gaits_of_a_run = optimiser.population() * job.spec().gaits.count;
     u64::from(n.div_ceil(gaits_of_a_run)) * u64::from(optimiser.generations())
 }
@@ -44,7 +44,7 @@ fn last_generation(job: &Job, each: &dyn Fn()) -> Vec<Genotype> {
     let mut optimiser = job.optimiser();
     for generation in 0.. {
         let candidates: Vec<(u32, Genotype)> = (0..).zip(optimiser.ask().genotypes).collect();
-        if generation + 1 == job.spec().optimiser.generations() {
+        if generation + 1 == job.optimiser_spec().generations() {
             each();
             break;
         }

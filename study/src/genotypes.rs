@@ -35,9 +35,9 @@ pub fn searched<E>(
 ) -> Result<Vec<Vec<Genotype>>, E> {
     let mut optimiser = job.optimiser();
     let mut generations: Vec<Vec<Genotype>> = Vec::new();
-    for generation in 0..job.spec().optimiser.generations() {
+    for generation in 0..job.optimiser_spec().generations() {
         generations.push(optimiser.ask().genotypes);
-        if generation + 1 < job.spec().optimiser.generations() {
+        if generation + 1 < job.optimiser_spec().generations() {
             let candidates: Vec<(u32, Genotype)> = (0..).zip(optimiser.ask().genotypes).collect();
             let scores = score(generation, &candidates)?;
             optimiser.tell(&optimiser.ask().scored(&scores));

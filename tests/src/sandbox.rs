@@ -5,6 +5,7 @@ use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{
     GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState, Standing, SubmitJobRequest,
 };
+use sim_core::problem::Checked;
 use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::{BufRead as _, BufReader};
@@ -361,6 +362,20 @@ pub fn tiny_job(seed: u32, generations: u32) -> String {
          [gaits]\ncount = 2\nduration = 2.0\n[planner]\niterations = 10\n[fitness]\nkind = \"coverage\"\n\
          [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = {generations}\n\
          [physics]\nengine = \"rapier\"\n[finish]\narchive = 3\nseeds = 2\n"
+    )
+}
+
+/// A job that grows so many small trees to a goal with the first gaits of a tiny job's search.
+pub fn planning_job(seed: u32, trees: u32) -> String {
+    let evolving = Checked::from_toml(&tiny_job(seed, 1)).expect("a valid job");
+    let genotype = &evolving.optimiser().ask().genotypes[0];
+    let gaits: Vec<String> = genotype.gaits(2).map(|gait| format!("{gait:?}")).collect();
+    format!(
+        "name = \"plans-{seed}\"\nprocedure = \"plan\"\nseed = {seed}\nrobot = \"quadropod\"\nenvironment = \"empty-goal\"\n\
+         [gaits]\ncount = 2\nduration = 2.0\n[planner]\niterations = 10\n[physics]\nengine = \"rapier\"\n\
+         [plan]\nseeds = {trees}\n[plan.gaits]\njoints = {:?}\ngenome = [{}]\n",
+        evolving.robot().joint_names(),
+        gaits.join(", ")
     )
 }
 

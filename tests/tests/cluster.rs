@@ -1,6 +1,6 @@
 //! Coordinator and workers as processes of their own.
 
-use cluster_tests::sandbox::{Process, Sandbox, output_of, phase, program, tiny_job, value};
+use cluster_tests::sandbox::{Process, Sandbox, output_of, phase, planning_job, program, tiny_job, value};
 use proto::v1::job_event::Event;
 use proto::v1::{
     CancelJobRequest, JobEvent, JobState, ListWorkersRequest, RoundSealed, SubmitJobRequest, WatchJobRequest,
@@ -132,6 +132,42 @@ async fn kills_during_finish_change_no_bit() {
     let _worker = undisturbed.worker(1);
     let job = undisturbed.submit("r", &long_finish(14)).await;
     assert_eq!(undisturbed.result(&job.id).await.result_digest, digest);
+    drop(worker);
+}
+
+#[tokio::test]
+async fn plans_are_the_same_on_any_number_of_workers_and_after_kills() {
+    let job = planning_job(15, 14);
+    let mut digests = Vec::new();
+    for workers in [1, 2, 7] {
+        let mut sandbox = Sandbox::new();
+        let _coordinator = sandbox.coordinator();
+        let _workers: Vec<Process> = (0..workers).map(|_| sandbox.worker(1)).collect();
+        let id = sandbox.submit("r", &job).await.id;
+        digests.push(sandbox.result(&id).await.result_digest);
+    }
+    let mut sandbox = Sandbox::new();
+    let mut coordinator = sandbox.coordinator();
+    let mut worker = sandbox.worker(2);
+    let id = sandbox.submit("r", &job).await.id;
+    for (done, dies) in [(2, [true, false]), (5, [false, true]), (8, [true, true])] {
+        let before = sandbox.until(&id, |job| phase(job) == "planning" && job.tasks_done >= done).await;
+        if dies[0] {
+            coordinator.kill_9();
+            coordinator = sandbox.coordinator();
+        }
+        if dies[1] {
+            worker.kill_9();
+            worker = sandbox.worker(1);
+        }
+        assert!(sandbox.job(&id).await.tasks_done >= before.tasks_done, "what was told was stored");
+    }
+    let result = sandbox.result(&id).await;
+    digests.push(result.result_digest);
+    assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
+    let [artefact] = &result.artefacts[..] else { panic!("one report") };
+    let report: serde_json::Value = serde_json::from_slice(&artefact.content).expect("the report is JSON");
+    assert_eq!(report["plans"].as_array().map(Vec::len), Some(14));
     drop(worker);
 }
 

@@ -34,6 +34,7 @@ pub struct Resolved {
 #[derive(Debug)]
 pub enum Command {
     Run(Run),
+    Plan(Plan),
     Submit(Submit),
     Watch(OneJob),
     List(List),
@@ -47,6 +48,7 @@ pub enum Command {
     Workers { on: Url, json: bool },
     Demand { on: Url, json: bool },
     Health(Health),
+    Compare(Compare),
     Replay(Replay),
     Verify(Verify),
     Validate(Validate),
@@ -59,6 +61,36 @@ pub enum Command {
 #[derive(Debug)]
 pub struct Run {
     pub file: JobFile,
+    pub to: RunTo,
+}
+
+#[derive(Debug)]
+pub struct Plan {
+    pub of: PlanOf,
+    /// That of the run if it is not given; so for the others.
+    pub environment: Option<String>,
+    pub seeds: Option<u32>,
+    pub iterations: Option<u32>,
+    pub algorithm: Option<String>,
+    pub reuse_tolerance: Option<f64>,
+    /// Trees grow on when they have reached the goal.
+    pub whole_trees: bool,
+    pub seed: Option<u64>,
+    pub to: RunTo,
+}
+
+/// Whose gaits are planned with.
+#[derive(Debug)]
+pub enum PlanOf {
+    /// A run's folder.
+    Folder(PathBuf),
+    /// A coordinator's job.
+    Stored { id: String, on: Url },
+}
+
+/// Where a job runs, and where its result goes.
+#[derive(Debug)]
+pub struct RunTo {
     pub out: Option<PathBuf>,
     pub place: Place,
     pub json: bool,
@@ -158,6 +190,15 @@ pub struct Fetch {
     pub id: String,
     pub out: Option<PathBuf>,
     pub on: Url,
+    pub json: bool,
+}
+
+#[derive(Debug)]
+pub struct Compare {
+    /// At least two.
+    pub folders: Vec<PathBuf>,
+    /// Where the picture goes, if one is wanted.
+    pub out: Option<PathBuf>,
     pub json: bool,
 }
 

@@ -13,7 +13,8 @@ pub use coordinator::{
     Certs, CertsAction, CertsFolder, Fetch, Health, List, OnCoordinator, OneJob, Restart, Show, Shown, State, Submit,
 };
 pub use job::{
-    Evaluate, JobFile, Replay, Robot, RobotFormat, RobotScale, Run, Scenarios, ScenariosAction, Validate, Verify,
+    Compare, Evaluate, JobFile, Plan, Replay, Robot, RobotFormat, RobotScale, Run, RunTo, Scenarios, ScenariosAction,
+    Validate, Verify,
 };
 
 use clap::{Parser, Subcommand};
@@ -27,12 +28,14 @@ pub const COORDINATOR_VARIABLE: &str = "EVOGAIT_COORDINATOR";
 #[command(
     name = "evogait",
     version,
-    about = "Evolve sets of gaits for modular robots, scored by what a motion planner can do with them.",
+    about = "Evolve sets of gaits for modular robots, scored by what a motion planner can do with them, and plan with them.",
     after_help = "\
 Begin with:
   evogait scenarios                      what ships: robots, environments, jobs
   evogait run quadropod-empty            evolve a gait set on this machine
   evogait verify runs/quadropod-empty-*  recompute the result, compare its bits
+  evogait plan runs/quadropod-empty-* --environment reuse-2
+                                         plan elsewhere with the gaits it found
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.",
     propagate_version = true,
@@ -50,7 +53,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Evolve a gait set: the whole job on this machine, or on a coordinator's workers
+    /// Run a job file: the whole job on this machine, or on a coordinator's workers
     #[command(after_help = "\
 Examples:
   evogait run quadropod-empty
@@ -76,6 +79,30 @@ Files in the output folder:
                            pictures, each as .svg and .png
   store.sqlite             what a stopped run goes on from")]
     Run(Run),
+
+    /// Plan with the gaits of a run, in its environment or in another one
+    #[command(after_help = "\
+Examples:
+  evogait plan runs/quadropod-empty-3f2a9c01d4e5 --environment reuse-2
+  evogait plan runs/quadropod-empty-3f2a9c01d4e5 --environment my-map.toml --seeds 50
+  evogait plan RUN --environment reuse-3 --iterations 100 --whole-trees
+
+Writes a job file with procedure = \"plan\" and runs it: the winner's gaits are in
+it, so job.toml can be run again anywhere. A tree ends at the goal if the
+environment has one, unless --whole-trees is given. The result does not depend on
+the number of workers.
+
+Files in the output folder:
+  result.json              trees that reached the goal; distance to it, coverage,
+                           length of plans as mean and deviation; the best plan
+  job.toml                 the job with every setting; `evogait run` takes it
+  plans.csv, plans.json    a row a tree; all trees' plans, step by step
+  plan.csv                 the best plan: gait, when (s), where it leads (mu, rad)
+  paths.csv                that plan run in three ways: as the tree has it,
+                           simulated again, without stops
+  tree.json, gaits.json    the best tree; the gaits and where each leads
+  map, gaits               pictures, each as .svg and .png")]
+    Plan(Plan),
 
     /// Hand a job to a coordinator and return at once
     #[command(after_help = "\
@@ -178,6 +205,16 @@ Examples:
   evogait health --process 127.0.0.1:9464
 For probes of containers, and for scripts that wait for a coordinator.")]
     Health(Health),
+
+    /// Compare runs: settings that differ, scores, digests; draw their curves
+    #[command(after_help = "\
+Examples:
+  evogait compare runs/quadropod-empty-*
+  evogait compare runs/a runs/b --out curves.png
+  evogait compare runs/a runs/b --json | jq .settings
+
+Runs may evolve or plan. Curves are of runs that evolved for the same score.")]
+    Compare(Compare),
 
     /// Simulate a stored gait, or the best path of the stored tree, again
     #[command(after_help = "\

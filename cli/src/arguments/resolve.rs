@@ -1,8 +1,9 @@
 //! From what was typed to what is meant.
 
 use super::{
-    Bench, Certs, CertsAction, Command, Evaluate, EvaluateWhat, Fetch, Health, HealthOf, JobFile, List, OneJob, Place,
-    Replay, ReplayWhat, Resolved, Restart, Robot, RobotOutput, Run, Show, Submit, Validate, Verify, raw,
+    Bench, Certs, CertsAction, Command, Compare, Evaluate, EvaluateWhat, Fetch, Health, HealthOf, JobFile, List,
+    OneJob, Place, Plan, PlanOf, Replay, ReplayWhat, Resolved, Restart, Robot, RobotOutput, Run, RunTo, Show, Submit,
+    Validate, Verify, raw,
 };
 use crate::client::Url;
 use crate::error::Error;
@@ -21,18 +22,17 @@ pub fn parse() -> Result<Resolved, Error> {
 
 pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
     let command = match raw.command {
-        raw::Command::Run(run) => Command::Run(Run {
-            file: run.file.into(),
-            out: run.out,
-            place: match (run.workers, named_coordinator(run.coordinator)?) {
-                (Some(slots), _) => Place::Here { slots },
-                (None, None) => Place::Here { slots: cores() },
-                (None, Some((url, from))) => Place::There {
-                    url: Url::parse(&url, from, &credentials(run.shown)?)?,
-                    from_environment: from == raw::COORDINATOR_VARIABLE,
-                },
-            },
-            json: run.json,
+        raw::Command::Run(run) => Command::Run(Run { file: run.file.into(), to: run_to(run.to)? }),
+        raw::Command::Plan(plan) => Command::Plan(Plan {
+            of: plan_of(plan.run, &plan.to)?,
+            environment: plan.environment,
+            seeds: plan.seeds,
+            iterations: plan.iterations,
+            algorithm: plan.algorithm,
+            reuse_tolerance: plan.reuse_tolerance,
+            whole_trees: plan.whole_trees,
+            seed: plan.seed,
+            to: run_to(plan.to)?,
         }),
         raw::Command::Submit(submit) => Command::Submit(Submit {
             file: submit.file.into(),
@@ -71,6 +71,11 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             };
             Command::Health(Health { of, json })
         }
+        raw::Command::Compare(compare) => Command::Compare(Compare {
+            folders: compare.folders.into_iter().map(folder_of).collect(),
+            out: compare.out.map(picture).transpose()?,
+            json: compare.json,
+        }),
         raw::Command::Replay(replay) => Command::Replay(Replay {
             folder: folder_of(replay.folder),
             what: match replay.what.gait {
@@ -114,6 +119,36 @@ impl From<raw::JobFile> for JobFile {
     fn from(raw: raw::JobFile) -> Self {
         Self { job: raw.job, seed: raw.seed }
     }
+}
+
+fn run_to(raw: raw::RunTo) -> Result<RunTo, Error> {
+    let place = match (raw.workers, named_coordinator(raw.coordinator)?) {
+        (Some(slots), _) => Place::Here { slots },
+        (None, None) => Place::Here { slots: cores() },
+        (None, Some((url, from))) => Place::There {
+            url: Url::parse(&url, from, &credentials(raw.shown)?)?,
+            from_environment: from == raw::COORDINATOR_VARIABLE,
+        },
+    };
+    Ok(RunTo { out: raw.out, place, json: raw.json })
+}
+
+fn plan_of(run: String, to: &raw::RunTo) -> Result<PlanOf, Error> {
+    if !is_job_id(&run) {
+        return Ok(PlanOf::Folder(folder_of(run.into())));
+    }
+    let named = named_coordinator(to.coordinator.clone())?;
+    let (url, from) = named.unwrap_or_else(|| (raw::DEFAULT_COORDINATOR.to_owned(), "the default"));
+    Ok(PlanOf::Stored { id: run, on: Url::parse(&url, from, &credentials(to.shown.clone())?)? })
+}
+
+/// A file for a picture, by its ending.
+fn picture(path: PathBuf) -> Result<PathBuf, Error> {
+    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    if ending.is_some_and(|ending| ending == "svg" || ending == "png") {
+        return Ok(path);
+    }
+    Err(Error::Usage { message: format!("--out {}: a picture ends with .svg or .png", path.display()) })
 }
 
 fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {

@@ -39,12 +39,13 @@ struct View {
 /// Evaluates and tells.
 pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
     let (job, poisoned) = match &args.what {
-        EvaluateWhat::File(file) => (load::job(file)?, None),
+        EvaluateWhat::File(file) => (load::evolving(file)?, None),
         EvaluateWhat::Stored { id, on } => super::with_runtime(async {
             let mut client = Client::connect(on).await?;
             let (status, job_toml) = client.get(id).await?;
             let label = format!("job {id}");
-            let job = Job::from_toml(&job_toml).map_err(|source| Error::Invalid { file: label, source })?;
+            let job = Job::from_toml(&job_toml).map_err(|source| Error::Invalid { file: label.clone(), source })?;
+            load::must_evolve(&job, &label)?;
             if !quiet && job.engine_digest().0.as_slice() != status.engine_digest {
                 console::note("this build has another engine than the job ran on: the bits may differ from a worker's");
             }

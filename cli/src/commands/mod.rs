@@ -3,12 +3,14 @@
 mod bench;
 mod cancel;
 mod certs;
+mod compare;
 mod demand;
 mod evaluate;
 mod fetch;
 mod health;
 mod list;
 mod pause;
+mod plan;
 mod replay;
 mod restart;
 mod robot;
@@ -34,6 +36,7 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
     let quiet = resolved.quiet;
     match resolved.command {
         Command::Run(args) => run::run(args, quiet),
+        Command::Plan(args) => plan::run(args, quiet),
         Command::Submit(args) => submit::run(args, quiet),
         Command::Watch(args) => with_runtime(watch::run(args, quiet)),
         Command::List(args) => with_runtime(list::run(args)),
@@ -47,6 +50,7 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
         Command::Workers { on, json } => with_runtime(workers::run(on, json)),
         Command::Demand { on, json } => with_runtime(demand::run(on, json)),
         Command::Health(args) => with_runtime(health::run(args, quiet)),
+        Command::Compare(args) => compare::run(args),
         Command::Replay(args) => replay::run(args),
         Command::Verify(args) => verify::run(args, quiet),
         Command::Validate(args) => validate::run(args),

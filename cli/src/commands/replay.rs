@@ -36,7 +36,7 @@ fn replay_gait(stored: &Stored, gait: usize) -> Result<(String, String), Error> 
             format!("--gait {} is out of range: {} has gaits 1 to {count}", gait + 1, stored.folder.display());
         return Err(Error::Usage { message });
     }
-    let traces = report::gaits(&stored.job, &winner(stored)?);
+    let traces = report::gaits(&stored.job, &winner(stored)?.genotype);
     let trace = &traces[gait];
     let same = stored.report()?.gaits.get(gait).is_some_and(|kept| kept == trace);
     Ok((gait_text(stored, gait, trace, same), output::gait_csv(trace)))

@@ -1,38 +1,42 @@
 //! `evogait run`: a whole job, here or on a coordinator's workers.
 
-use crate::arguments::{Place, Run};
+use crate::arguments::{Place, Run, RunTo};
 use crate::client::{Client, Url};
 use crate::console;
 use crate::doubts;
 use crate::error::Error;
 use crate::first_generation::{self, Scores};
 use crate::local::Local;
-use crate::output::{self, Folder, JOB, ResultFile, STORE, Stored};
+use crate::output::{self, Finished, Folder, JOB, STORE};
 use crate::poison;
 use crate::progress::{Label, Progress};
 use crate::signals::Interrupt;
-use crate::values::{self, Generation};
+use crate::values;
 use crate::watch::{self, Watched};
 use crate::{load, summary};
 use proto::v1::{self, JobState};
 use sim_core::problem::Checked;
 use study::setting::Setting;
 
-/// Evolves, or says that it is done already.
+/// Runs a job file.
 pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
-    let job = load::checked(&args.file)?;
+    carry_out(&load::checked(&args.file)?, args.to, quiet)
+}
+
+/// Runs a job, or says that it is done already.
+pub fn carry_out(job: &Checked, to: RunTo, quiet: bool) -> Result<(), Error> {
     let digest = job.digest();
-    let path = args.out.unwrap_or_else(|| Folder::default_path(&job.spec().name, &digest));
+    let path = to.out.unwrap_or_else(|| Folder::default_path(&job.spec().name, &digest));
     let mut folder = Folder::open(&path, &digest)?;
     let result = if folder.is_done() {
         if !quiet {
             console::note(&format!("already done, in {}", path.display()));
         }
-        Stored::read(&path)?.result
+        output::finished(&path, job)?
     } else {
         let fresh = !folder.has_job();
         let job_toml = folder.keep_job(job.to_toml())?.to_owned();
-        match super::with_runtime(evolve(&job, job_toml, &folder, &args.place, quiet)) {
+        match super::with_runtime(wait_for(job, job_toml, &folder, &to.place, quiet)) {
             Ok(result) => result,
             Err(error) => {
                 if fresh && matches!(error, Error::Unprepared { .. }) {
@@ -42,7 +46,7 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
             }
         }
     };
-    if args.json {
+    if to.json {
         console::say_json(&result)
     } else if quiet {
         Ok(())
@@ -51,13 +55,13 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
     }
 }
 
-async fn evolve(
+async fn wait_for(
     job: &Checked,
     job_toml: String,
     folder: &Folder,
     place: &Place,
     quiet: bool,
-) -> Result<ResultFile, Error> {
+) -> Result<Finished, Error> {
     let interrupt = Interrupt::listen();
     match place {
         Place::There { url, from_environment } => {
@@ -100,30 +104,32 @@ async fn finish(
     url: &Url,
     quiet: bool,
     interrupt: &Interrupt,
-) -> Result<ResultFile, Error> {
-    let optimiser = &job.spec().optimiser;
+) -> Result<Finished, Error> {
     let mut client = Client::connect(url).await?;
     let request = v1::SubmitJobRequest { request_id: job.digest().to_string(), job_toml, priority: 0 };
     let (status, created) = client.submit(request).await?;
     if !quiet {
-        let how = if created { "evolving" } else { "going on with" };
+        let how = match (created, job.given_gaits()) {
+            (true, None) => "evolving",
+            (true, Some(_)) => "planning",
+            (false, _) => "going on with",
+        };
         console::note(&format!(
-            "{how} \"{}\" in {}: {} generations of {} candidates on {} ({})",
+            "{how} \"{}\" in {}: {} on {} ({})",
             status.name,
             folder.path().display(),
-            optimiser.generations(),
-            optimiser.population(),
+            amount(job),
             Setting::of(job),
             job.chosen()
         ));
         doubts::of(job).iter().for_each(|doubt| console::note(&format!("warning: {doubt}")));
     }
     let mut progress = Progress::new(&status, &Label::of_job(job), quiet);
-    let mut generations_done = values::progress(&status).done;
+    let mut progress_so_far = values::progress(&status);
     let watched = watch::watch(&mut client, &status.id, interrupt, |event| {
         progress.observe(event);
-        if let Some(sealed) = Generation::sealed(event) {
-            generations_done = sealed.generation + 1;
+        if let Some(job) = &event.job {
+            progress_so_far = values::progress(job);
         }
         if let Some(warning) = Scores::of_event(event).and_then(|scores| first_generation::warning(Some(job), &scores))
         {
@@ -134,9 +140,10 @@ async fn finish(
     .await;
     progress.finish();
     match watched? {
-        Watched::Interrupted => Err(Error::Interrupted {
-            hint: format!(" after {generations_done} of {} generations", optimiser.generations()),
-        }),
+        Watched::Interrupted => {
+            let v1::Progress { done, total, unit, .. } = progress_so_far;
+            Err(Error::Interrupted { hint: format!(" after {done} of {total} {unit}") })
+        }
         Watched::Ended(ended)
             if ended.state() == JobState::Failed && ended.poisoned.is_none() && unprepared(&ended) =>
         {
@@ -152,6 +159,17 @@ async fn finish(
             let answer = client.result(&ended.id).await?;
             output::write(folder, job, &answer, url)
         }
+    }
+}
+
+/// What there is to do, for people.
+fn amount(job: &Checked) -> String {
+    match &job.spec().plan {
+        None => {
+            let optimiser = job.optimiser_spec();
+            format!("{} generations of {} candidates", optimiser.generations(), optimiser.population())
+        }
+        Some(plan) => format!("{} trees of at most {} iterations", plan.seeds, job.spec().planner.iterations),
     }
 }
 

@@ -41,23 +41,26 @@ pub async fn run(args: Show) -> Result<(), Error> {
     let spec: Option<JobSpec> = toml::from_str(&job_toml).ok();
     // The text is resolved.
     let setting = spec.as_ref().and_then(|spec| Setting::of_resolved(&spec.physics));
+    let optimiser = spec.as_ref().and_then(|spec| spec.optimiser.as_ref());
     let candidates =
-        spec.as_ref().map_or_else(String::new, |spec| format!(", {} candidates each", spec.optimiser.population()));
-    let v1::Progress { done, total, values, .. } = values::progress(&job);
+        optimiser.map_or_else(String::new, |optimiser| format!(", {} candidates each", optimiser.population()));
+    let v1::Progress { done, total, unit, values, .. } = values::progress(&job);
     let counts = values::counts(&values);
     let because = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
     let best = number(&values, "best").map_or_else(
         || "none yet".to_owned(),
         |best| {
-            let (generation, candidate) = (count(&values, "best_generation"), count(&values, "best_candidate"));
             let score = console::score_with(Some(best), &label.unit);
-            format!("{} {score} (generation {generation}, candidate {candidate})", label.name)
+            let whose = number(&values, "best_generation").map_or_else(String::new, |generation| {
+                format!(" (generation {generation}, candidate {})", count(&values, "best_candidate"))
+            });
+            format!("{} {score}{whose}", label.name)
         },
     );
     let mut lines = vec![
         format!("{} ({})", job.name, job.id),
         format!("  state          {}{because}", watch::standing(&job)),
-        format!("  generations    {done} of {total}{candidates}"),
+        format!("  {unit:<13}  {done} of {total}{candidates}"),
         format!("  best           {best}"),
         format!(
             "  evaluations    {} ({} failed), {} rollouts, {} of simulated time",

@@ -9,6 +9,7 @@ use crate::load;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::problem::Job;
+use sim_core::search::OptimiserSpec;
 use std::time::Duration;
 use study::cost::{self, Budget};
 use study::setting::Setting;
@@ -37,8 +38,11 @@ struct View<'a> {
     gaits: u32,
     #[serde(rename = "genome_length")]
     genotype_length: usize,
-    population: u32,
-    generations: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    population: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    generations: Option<u32>,
+    /// Of candidates; of a job that plans, its trees.
     evaluations: u64,
     most_rollouts_per_evaluation: u64,
     estimate: Option<Estimate>,
@@ -66,14 +70,19 @@ struct Estimate {
     assumptions: &'static str,
 }
 
+const SAME_TREES: &str = "all trees cost as much as those timed; all cores are free; the traces are not counted";
 const ASSUMPTIONS: &str = "later generations cost as much as candidates of the first; all cores are free; a generation \
                            is shared evenly; the finish is not counted";
 
 /// Checks and tells.
 pub fn run(args: Validate) -> Result<(), Error> {
     let job = load::job(&args.file)?;
-    let optimiser = &job.spec().optimiser;
-    let evaluations = u64::from(optimiser.population()) * u64::from(optimiser.generations());
+    let optimiser = job.spec().optimiser.as_ref();
+    let evaluations = match (optimiser, &job.spec().plan) {
+        (Some(optimiser), _) => u64::from(optimiser.population()) * u64::from(optimiser.generations()),
+        (None, Some(plan)) => plan.seeds.into(),
+        (None, None) => 0,
+    };
     let (estimate, warning) = args.estimate.then(|| estimate(&job, evaluations)).unzip();
     let view = View {
         valid: true,
@@ -89,8 +98,8 @@ pub fn run(args: Validate) -> Result<(), Error> {
         seed: job.spec().seed,
         gaits: job.spec().gaits.count,
         genotype_length: job.space().longest(),
-        population: optimiser.population(),
-        generations: optimiser.generations(),
+        population: optimiser.map(OptimiserSpec::population),
+        generations: optimiser.map(OptimiserSpec::generations),
         evaluations,
         most_rollouts_per_evaluation: job.most_rollouts(),
         estimate,
@@ -102,13 +111,16 @@ pub fn run(args: Validate) -> Result<(), Error> {
 
 /// The cost, and a warning if all timed candidates of the first generation score the same.
 fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
-    let budget = Budget { evaluations: job.spec().optimiser.population(), time: MEASURE, first: GIVE_UP };
+    let population = job.spec().optimiser.as_ref().map_or(evaluations as u32, OptimiserSpec::population);
+    let budget = Budget { evaluations: population, time: MEASURE, first: GIVE_UP };
     let cost = cost::measure(job, cost::at_once(job, cores()), budget, &|| ());
     let measured = cost.evaluations.max(1);
     let seconds_per_evaluation = cost.total.wall / f64::from(measured);
     let core_seconds = seconds_per_evaluation * evaluations as f64;
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let warning = first_generation::warning(Some(job), &Scores::of_measured(&cost.scores, cost.counts));
+    let scores = Scores::of_measured(&cost.scores, cost.counts);
+    let evolves = job.given_gaits().is_none();
+    let warning = evolves.then(|| first_generation::warning(Some(job), &scores)).flatten();
     let estimate = Estimate {
         measured,
         seconds_per_evaluation,
@@ -116,7 +128,7 @@ fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
         core_seconds,
         cores,
         wall_seconds: core_seconds / cores as f64,
-        assumptions: ASSUMPTIONS,
+        assumptions: if evolves { ASSUMPTIONS } else { SAME_TREES },
     };
     (estimate, warning)
 }
@@ -126,14 +138,21 @@ fn text(view: &View) -> String {
         format!("{} is valid", view.name),
         format!("  robot          {}", view.robot),
         format!("  environment    {}", view.environment),
-        format!("  candidate      {} gaits, {} parameters", view.gaits, view.genotype_length),
         format!(
-            "  search         {} generations of {} candidates: {} evaluations, seed {}",
-            count(view.generations.into()),
-            view.population,
-            count(view.evaluations),
-            view.seed
+            "  {:<13}  {} gaits, {} parameters",
+            if view.population.is_some() { "candidate" } else { "given" },
+            view.gaits,
+            view.genotype_length
         ),
+        match view.generations.zip(view.population) {
+            Some((generations, population)) => format!(
+                "  search         {} generations of {population} candidates: {} evaluations, seed {}",
+                count(generations.into()),
+                count(view.evaluations),
+                view.seed
+            ),
+            None => format!("  plan           {} trees, seed {}", count(view.evaluations), view.seed),
+        },
         format!("  engine         {} ({})", view.setting, view.engine),
         format!("  evaluation     at most {} rollouts, with reuse far fewer", count(view.most_rollouts_per_evaluation)),
         format!("  job digest     {}", view.job_digest),

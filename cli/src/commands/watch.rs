@@ -80,10 +80,11 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             }
             let best = console::score_with(watch::best(&job), &label.unit);
             console::say(&format!(
-                "{}: the search's best {} is {best} after {} generations\n  next  evogait fetch {}",
+                "{}: the best {} is {best} after {} {}\n  next  evogait fetch {}",
                 job.name,
                 label.name,
                 values::progress(&job).done,
+                values::progress(&job).unit,
                 console::quoted(&job.id)
             ))
         }

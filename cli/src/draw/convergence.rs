@@ -41,11 +41,7 @@ pub fn convergence(history: &[HistoryRow], audited: &[[f64; 2]], title: &str, la
         .flat_map(|r| [r.min, r.lower_quartile, r.median, r.upper_quartile, r.max, r.best_so_far.unwrap_or(f64::NAN)])
         .chain(audited.iter().map(|[_, score]| *score));
     let found = Range::of(values);
-    let y = found.map_or(Range { low: 0.0, high: 1.0 }, |r| {
-        let padded = r.with_near_zero().padded(0.05);
-        // Scores that can't be negative need no room below 0.
-        if r.low >= 0.0 { Range { low: padded.low.max(0.0), ..padded } } else { padded }
-    });
+    let y = scores_axis(found);
     let generation = |r: &HistoryRow| f64::from(r.generation);
     let x = match (rows.first(), rows.last()) {
         (Some(first), Some(last)) if generation(last) > generation(first) => {
@@ -83,6 +79,15 @@ pub fn convergence(history: &[HistoryRow], audited: &[[f64; 2]], title: &str, la
     Picture::new(canvas.finish(WIDTH, HEIGHT), WIDTH as u32, HEIGHT as u32)
 }
 
+/// The axis of scores that span so much.
+pub(super) fn scores_axis(found: Option<Range>) -> Range {
+    found.map_or(Range { low: 0.0, high: 1.0 }, |r| {
+        let padded = r.with_near_zero().padded(0.05);
+        // Scores that can't be negative need no room below 0.
+        if r.low >= 0.0 { Range { low: padded.low.max(0.0), ..padded } } else { padded }
+    })
+}
+
 /// Every n-th row, and the last.
 fn thinned(history: &[HistoryRow]) -> Vec<&HistoryRow> {
     let every = history.len().div_ceil(MOST_ROWS).max(1);
@@ -96,7 +101,7 @@ fn cross([x, y]: [f64; 2]) -> [Vec<[f64; 2]>; 2] {
 }
 
 /// A value holds until the next one: a staircase.
-fn steps(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+pub(super) fn steps(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let mut stairs: Vec<[f64; 2]> = Vec::new();
     for [x, y] in points {
         if let Some(&[_, before]) = stairs.last() {

@@ -10,6 +10,7 @@
 mod axes;
 mod boxes;
 mod canvas;
+mod comparison;
 mod convergence;
 mod frontier;
 mod legend;
@@ -23,6 +24,7 @@ mod tests;
 mod traces;
 
 pub use boxes::gait_boxes;
+pub use comparison::comparison;
 pub use convergence::convergence;
 pub use frontier::{FrontierPoint, FrontierSet, frontier};
 pub use map::map;

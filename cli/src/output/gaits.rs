@@ -1,10 +1,9 @@
-//! gaits.json: the winner's gaits, each with its parameters by name and where it leads.
+//! gaits.json: the gaits of a winner or of a plan, each with its parameters by name and where it leads.
 
 use serde::Serialize;
 use sim_core::base::registry::Chosen;
 use sim_core::control::Controller;
 use sim_core::problem::Checked;
-use sim_core::procedure::evolve::report::Report;
 use sim_core::report::GaitTrace;
 use std::collections::BTreeMap;
 
@@ -49,11 +48,11 @@ pub fn trajectory_name(gait: usize) -> String {
     format!("trajectories/gait-{}.csv", gait + 1)
 }
 
-/// Takes the gaits out of a report.
-pub fn file(job: &Checked, report: &Report) -> GaitFile {
+/// The gaits of a report.
+pub fn file(job: &Checked, traces: &[GaitTrace]) -> GaitFile {
     let names = job.space().names();
     let mut names = names.iter();
-    let gaits = report.gaits.iter().enumerate().map(|(i, trace)| {
+    let gaits = traces.iter().enumerate().map(|(i, trace)| {
         let own = names.by_ref().take(trace.parameters.len());
         let prefix = format!("gait{}.", i + 1);
         Gait {

@@ -5,6 +5,7 @@ mod csv;
 mod folder;
 mod gaits;
 mod pictures;
+mod plans;
 mod result;
 mod stored;
 mod write;
@@ -13,9 +14,12 @@ pub use csv::{gait as gait_csv, mode as mode_word, paths as paths_csv};
 pub use folder::Folder;
 pub use gaits::displacement;
 pub use pictures::png;
+pub use plans::{PlanFile, Spread};
 pub use result::{Candidate, ResultFile};
-pub use stored::Stored;
+pub use stored::{Stored, StoredPlans, finished};
 pub use write::write;
+
+use serde::Serialize;
 
 /// The summary of all that was found; written last, so where it is, the rest is.
 pub const RESULT: &str = "result.json";
@@ -23,5 +27,17 @@ pub const RESULT: &str = "result.json";
 pub const JOB: &str = "job.toml";
 /// The report as the worker made it.
 pub const REPORT: &str = "report.json";
+/// The report of a job that planned, as the coordinator put it together.
+pub const PLANS: &str = "plans.json";
 /// The store of a run on this machine.
 pub const STORE: &str = "store.sqlite";
+
+/// What a job found, by what it does: the content of its result.json.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+pub enum Finished {
+    /// A gait set.
+    Evolved(Box<ResultFile>),
+    /// Plans with a gait set.
+    Planned(Box<PlanFile>),
+}

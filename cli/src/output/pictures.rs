@@ -7,6 +7,7 @@ use crate::values::Generation;
 use sim_core::base::score::mean;
 use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Audit, Report};
+use sim_core::procedure::plan::PlanReport;
 
 /// (file name, content) of every picture that a job has: without a report only that of its history.
 pub fn all(job: &Checked, history: &[Generation], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
@@ -21,10 +22,26 @@ pub fn all(job: &Checked, history: &[Generation], report: Option<&Report>) -> Re
         pictures.push(("gaits", draw::gait_traces(&report.gaits, name)));
         pictures.push(("primitives", draw::gait_boxes(&report.tree, report.gaits.len(), name)));
     }
+    files(&pictures)
+}
+
+/// The same of a job that planned: the best tree on its map, and the gaits.
+pub fn of_plans(job: &Checked, report: &PlanReport) -> Result<Vec<(String, Vec<u8>)>, Error> {
+    let name = &job.spec().name;
+    let score = report.plans.get(report.best as usize).and_then(|grown| Some(grown.as_ref()?.score));
+    let Label { name: label, unit } = Label::of_job(job);
+    let said = format!("tree {}, {label}: {}", report.best, crate::console::score_with(score, &unit));
+    files(&[
+        ("map", draw::map(job.environment(), &report.tree, name, &said)),
+        ("gaits", draw::gait_traces(&report.gaits, name)),
+    ])
+}
+
+fn files(pictures: &[(&str, Picture)]) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let mut files = Vec::new();
     for (name, picture) in pictures {
         files.push((format!("{name}.svg"), picture.svg().into_bytes()));
-        files.push((format!("{name}.png"), png(name, &picture)?));
+        files.push((format!("{name}.png"), png(name, picture)?));
     }
     Ok(files)
 }

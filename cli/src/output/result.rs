@@ -189,6 +189,38 @@ pub struct Counts {
     pub nodes: u64,
 }
 
+impl Counts {
+    /// As the coordinator tells them with the job.
+    pub(super) fn told(told: &[v1::Value]) -> Self {
+        let counts = values::counts(told);
+        Self {
+            evaluations: values::count(told, "evaluations"),
+            failed_evaluations: values::count(told, "failed"),
+            rollouts: counts.rollouts,
+            unstable: counts.unstable,
+            simulated_seconds: counts.simulated_ms as f64 / 1000.0,
+            edges: counts.edges,
+            rejected: counts.rejected,
+            nodes: counts.nodes,
+        }
+    }
+}
+
+impl Versions {
+    /// Those of this build.
+    pub(super) fn here() -> Self {
+        Self {
+            evogait: env!("CARGO_PKG_VERSION").to_owned(),
+            crates: NUMERIC_CRATES.iter().map(|(name, version)| (name.to_string(), version.to_string())).collect(),
+        }
+    }
+}
+
+/// s from the first task handed out to the end, pauses included.
+pub(super) fn wall_seconds(status: &v1::Job) -> f64 {
+    (status.ended_at_ms - status.started_at_ms).max(0) as f64 / 1000.0
+}
+
 /// Versions that the result may depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Versions {
@@ -243,7 +275,6 @@ impl ResultFile {
                 _ => None,
             };
         let told = values::progress(status).values;
-        let counts = values::counts(&told);
         let Label { name, unit } = Label::of_job(job);
         Self {
             format: FORMAT,
@@ -265,21 +296,9 @@ impl ResultFile {
             archive: report.map(archive).unwrap_or_default(),
             audits: report.and_then(|r| audits(r, job.direction())),
             finish: finish(report.map(|r| r.counts).unwrap_or_default()),
-            counts: Counts {
-                evaluations: values::count(&told, "evaluations"),
-                failed_evaluations: values::count(&told, "failed"),
-                rollouts: counts.rollouts,
-                unstable: counts.unstable,
-                simulated_seconds: counts.simulated_ms as f64 / 1000.0,
-                edges: counts.edges,
-                rejected: counts.rejected,
-                nodes: counts.nodes,
-            },
-            wall_seconds: (status.ended_at_ms - status.started_at_ms).max(0) as f64 / 1000.0,
-            versions: Versions {
-                evogait: env!("CARGO_PKG_VERSION").to_owned(),
-                crates: NUMERIC_CRATES.iter().map(|(name, version)| (name.to_string(), version.to_string())).collect(),
-            },
+            counts: Counts::told(&told),
+            wall_seconds: wall_seconds(status),
+            versions: Versions::here(),
         }
     }
 }
@@ -336,7 +355,7 @@ fn median(sorted: &[f64]) -> Option<f64> {
 }
 
 /// Sample standard deviation.
-fn deviation(scores: &[Option<f64>]) -> Option<f64> {
+pub(super) fn deviation(scores: &[Option<f64>]) -> Option<f64> {
     let mean = mean(scores)?;
     let present: Vec<f64> = scores.iter().flatten().copied().collect();
     let squares: f64 = present.iter().map(|s| (s - mean) * (s - mean)).sum();

@@ -1,16 +1,17 @@
-//! A finished output folder, read back.
+//! Finished output folders, read back.
 
-use super::{JOB, REPORT, RESULT, ResultFile};
+use super::{Finished, JOB, PLANS, PlanFile, REPORT, RESULT, ResultFile};
 use crate::error::Error;
 use crate::{inputs, load};
 use serde::de::DeserializeOwned;
 use sim_core::genotype::Misfit;
-use sim_core::problem::Job;
+use sim_core::problem::{Checked, Job};
 use sim_core::procedure::evolve::report::Report;
+use sim_core::procedure::plan::PlanReport;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Job and result of a finished run.
+/// Job and result of a finished run that evolved.
 pub struct Stored {
     /// The folder.
     pub folder: PathBuf,
@@ -27,10 +28,12 @@ impl Stored {
         if folder.join(JOB).is_file() && !result_path.exists() {
             return Err(Error::NotFinished { folder: folder.to_owned() });
         }
-        let result: ResultFile = read_json(&result_path)?;
+        let text = read_text(&result_path)?;
         let job_path = folder.join(JOB);
         let (job, _) = load::resolved(&job_path, Job::from_toml)?;
         inputs::record(&job_path);
+        load::must_evolve(&job, &folder.display().to_string())?;
+        let result: ResultFile = parse(&result_path, &text)?;
         let lengths = [&result.winner, &result.first].map(|c| c.as_ref().map(|c| c.genotype.len()));
         if let Some(reason) = wrong_genotype(&job, lengths.into_iter().flatten()) {
             return Err(Error::Damaged { path: result_path, reason });
@@ -64,8 +67,53 @@ fn wrong_genotype(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option
     })
 }
 
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
+fn read_text(path: &Path) -> Result<String, Error> {
     let text = fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
     inputs::record(path);
-    serde_json::from_str(&text).map_err(|e| Error::Damaged { path: path.to_owned(), reason: e.to_string() })
+    Ok(text)
+}
+
+fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, Error> {
+    serde_json::from_str(text).map_err(|e| Error::Damaged { path: path.to_owned(), reason: e.to_string() })
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
+    parse(path, &read_text(path)?)
+}
+
+/// Job, result and report of a finished run that planned.
+pub struct StoredPlans {
+    /// The job, compiled and settled by this build.
+    pub job: Job,
+    /// The result as it is stored.
+    pub result: PlanFile,
+    /// The report as it is stored.
+    pub report: PlanReport,
+}
+
+impl StoredPlans {
+    /// Those of a folder; `None` if its job evolves.
+    pub fn read(folder: &Path) -> Result<Option<Self>, Error> {
+        let job_path = folder.join(JOB);
+        let plans = |job: &Checked| job.given_gaits().is_some();
+        if !job_path.is_file() || !load::resolved(&job_path, Checked::from_toml).is_ok_and(|(job, _)| plans(&job)) {
+            return Ok(None);
+        }
+        let result_path = folder.join(RESULT);
+        if !result_path.exists() {
+            return Err(Error::NotFinished { folder: folder.to_owned() });
+        }
+        let (job, _) = load::resolved(&job_path, Job::from_toml)?;
+        inputs::record(&job_path);
+        let (result, report) = (read_json(&result_path)?, read_json(&folder.join(PLANS))?);
+        Ok(Some(Self { job, result, report }))
+    }
+}
+
+/// What the result.json of a finished run of a job says.
+pub fn finished(folder: &Path, job: &Checked) -> Result<Finished, Error> {
+    if job.given_gaits().is_some() {
+        return read_json(&folder.join(RESULT)).map(|plans| Finished::Planned(Box::new(plans)));
+    }
+    Ok(Finished::Evolved(Box::new(Stored::read(folder)?.result)))
 }

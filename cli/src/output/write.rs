@@ -1,40 +1,67 @@
 //! Everything that a finished job leaves behind, derived from the coordinator's answer alone.
 
 use super::result::Digests;
-use super::{Folder, JOB, REPORT, RESULT, ResultFile, atomic::Batch, csv, gaits, pictures};
+use super::{
+    Finished, Folder, JOB, PLANS, PlanFile, REPORT, RESULT, ResultFile, atomic::Batch, csv, gaits, pictures, plans,
+};
 use crate::client::Url;
 use crate::console;
 use crate::error::Error;
+use crate::gait_set::GAITS;
 use crate::values::Generation;
 use proto::{ConvertError, v1};
 use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::Report;
+use sim_core::procedure::plan::PlanReport;
+use sim_core::report::GaitTrace;
 
 /// Writes a result to its folder: all files or none, `result.json` last.
-pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, from: &Url) -> Result<ResultFile, Error> {
+pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, from: &Url) -> Result<Finished, Error> {
     let unreadable = |reason: String| Error::Answer { url: from.to_string(), reason };
     let status = answer.job.as_ref().ok_or_else(|| unreadable("a result without its job".to_owned()))?;
     let wrong = |e: ConvertError| unreadable(e.to_string());
-    let job_digest = proto::digest("the job digest", &status.job_digest).map_err(wrong)?;
-    let result_digest = proto::digest("the result digest", &answer.result_digest).map_err(wrong)?;
-    // That of the build that computed it, which need not be this one.
-    let engine_digest = proto::digest("the engine digest", &status.engine_digest).map_err(wrong)?;
-    let digests = Digests { job: job_digest, result: result_digest, engine: engine_digest };
-    let report_json = answer.artefacts.iter().find(|a| a.name == "report").map(|a| a.content.as_slice());
-    let report: Option<Report> = report_json
-        .map(|json| serde_json::from_slice(json).map_err(|e| unreadable(format!("the report: {e}"))))
-        .transpose()?;
-    let history: Vec<Generation> = answer.history.iter().filter_map(Generation::of).collect();
-    let result = ResultFile::new(job, status, digests, report.as_ref());
-
+    let digests = Digests {
+        job: proto::digest("the job digest", &status.job_digest).map_err(wrong)?,
+        result: proto::digest("the result digest", &answer.result_digest).map_err(wrong)?,
+        // That of the build that computed it, which need not be this one.
+        engine: proto::digest("the engine digest", &status.engine_digest).map_err(wrong)?,
+    };
+    let artefact = |name: &str| answer.artefacts.iter().find(|a| a.name == name).map(|a| a.content.as_slice());
     let mut batch = Batch::new(folder.path());
     if !folder.has_job() {
         batch.add(JOB, answer.job_toml.as_bytes())?;
     }
-    batch.add("history.csv", csv::history(&history).as_bytes())?;
-    if let (Some(report), Some(json)) = (&report, report_json) {
+    let finished = if job.given_gaits().is_some() {
+        let json = artefact("plans").ok_or_else(|| unreadable("a plan without its report".to_owned()))?;
+        let report = serde_json::from_slice(json).map_err(|e| unreadable(format!("the report: {e}")))?;
+        planned(&mut batch, job, &report, json)?;
+        Finished::Planned(Box::new(PlanFile::new(job, status, &digests, &report)))
+    } else {
+        let json = artefact("report");
+        let report: Option<Report> = json
+            .map(|json| serde_json::from_slice(json).map_err(|e| unreadable(format!("the report: {e}"))))
+            .transpose()?;
+        let history: Vec<Generation> = answer.history.iter().filter_map(Generation::of).collect();
+        let result = ResultFile::new(job, status, digests, report.as_ref());
+        evolved(&mut batch, job, &history, &result, report.as_ref().zip(json))?;
+        Finished::Evolved(Box::new(result))
+    };
+    batch.add(RESULT, console::json(&finished)?.as_bytes())?;
+    batch.commit()?;
+    Ok(finished)
+}
+
+/// The files of a job that evolved, but for its result.json.
+fn evolved(
+    batch: &mut Batch,
+    job: &Checked,
+    history: &[Generation],
+    result: &ResultFile,
+    report: Option<(&Report, &[u8])>,
+) -> Result<(), Error> {
+    batch.add("history.csv", csv::history(history).as_bytes())?;
+    if let Some((report, json)) = report {
         batch.add(REPORT, json)?;
-        batch.add("gaits.json", console::json(&gaits::file(job, report))?.as_bytes())?;
         batch.add("tree.json", console::json(&report.tree)?.as_bytes())?;
         if !result.archive.is_empty() {
             batch.add("archive.csv", csv::archive(&result.archive).as_bytes())?;
@@ -42,14 +69,33 @@ pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, fro
         if let Some(audits) = &result.audits {
             batch.add("audits.csv", csv::audits(&audits.bests).as_bytes())?;
         }
-        for (i, gait) in report.gaits.iter().enumerate() {
-            batch.add(&gaits::trajectory_name(i), csv::gait(gait).as_bytes())?;
-        }
+        gaits(batch, job, &report.gaits)?;
     }
-    for (name, content) in pictures::all(job, &history, report.as_ref())? {
+    for (name, content) in pictures::all(job, history, report.map(|(report, _)| report))? {
         batch.add(&name, &content)?;
     }
-    batch.add(RESULT, console::json(&result)?.as_bytes())?;
-    batch.commit()?;
-    Ok(result)
+    Ok(())
+}
+
+/// The files of a job that planned, but for its result.json.
+fn planned(batch: &mut Batch, job: &Checked, report: &PlanReport, json: &[u8]) -> Result<(), Error> {
+    batch.add(PLANS, json)?;
+    batch.add("plans.csv", plans::table(job, report).as_bytes())?;
+    batch.add("plan.csv", plans::best(job, report).as_bytes())?;
+    batch.add("paths.csv", csv::paths(&report.paths).as_bytes())?;
+    batch.add("tree.json", console::json(&report.tree)?.as_bytes())?;
+    gaits(batch, job, &report.gaits)?;
+    for (name, content) in pictures::of_plans(job, report)? {
+        batch.add(&name, &content)?;
+    }
+    Ok(())
+}
+
+/// gaits.json, and the trajectory of each gait.
+fn gaits(batch: &mut Batch, job: &Checked, traces: &[GaitTrace]) -> Result<(), Error> {
+    batch.add(GAITS, console::json(&gaits::file(job, traces))?.as_bytes())?;
+    for (i, gait) in traces.iter().enumerate() {
+        batch.add(&gaits::trajectory_name(i), csv::gait(gait).as_bytes())?;
+    }
+    Ok(())
 }

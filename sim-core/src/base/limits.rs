@@ -49,6 +49,10 @@ pub const MAX_SUBSTEPS_PER_SECOND: u32 = 100_000;
 pub const MAX_ARCHIVE: u32 = 1_000;
 /// Most fresh seeds a candidate of the finish is scored on.
 pub const MAX_FINISH_SEEDS: u32 = 1_000;
+/// Most trees of a job that plans.
+pub const MAX_PLAN_SEEDS: u32 = 1_000;
+/// Most iterations of all trees of a job that plans, which also is the longest that all its plans can be together.
+pub const MAX_PLAN_STEPS: u64 = 1_000_000;
 /// Most simulated variants of a transition.
 pub const MAX_VARIANTS: u32 = 16;
 /// Largest side of a map, mu.

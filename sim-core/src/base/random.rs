@@ -30,6 +30,8 @@ pub enum Purpose {
     Bootstrap = 8,
     /// q_rand of the planner when the finish scores candidates on the reference setting.
     Reference = 9,
+    /// q_rand of the planner in a job that plans with given gaits.
+    Plan = 10,
 }
 
 /// A stream of random numbers for one decision.

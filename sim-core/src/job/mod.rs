@@ -6,6 +6,7 @@ use crate::base::digest::Digest;
 use crate::base::registry::Registered;
 use crate::problem::Checked;
 use crate::procedure::{ProcedureKind, kinds};
+use crate::search::OptimiserSpec;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -39,8 +40,8 @@ impl Checked {
         let used = [
             ("controller", spec.gaits.controller.0.revision()),
             ("planner", spec.planner.algorithm.0.revision()),
-            ("fitness", spec.fitness.revision()),
-            ("optimiser", spec.optimiser.revision()),
+            ("fitness", self.fitness_spec().revision()),
+            ("optimiser", spec.optimiser.as_ref().map_or(1, OptimiserSpec::revision)),
             ("procedure", kinds::of(&spec).map_or(1, |kind| kind.revision())),
         ];
         let revisions = used.into_iter().filter(|(_, revision)| *revision > 1).collect();

@@ -6,7 +6,7 @@ use crate::base::registry::Component;
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
 use crate::model::Place;
-use crate::model::environment::Environment;
+use crate::model::environment::{Environment, Goal};
 use crate::plan::Tree;
 
 /// Least planar distance of a node's pivot to the environment's goal, mu. Minimised.
@@ -26,7 +26,7 @@ impl Configurable for Distance {
 
 impl ObjectiveKind for Distance {
     fn validate(&self, _: &Settings, environment: &Environment) -> Result<(), Invalid> {
-        goal_of(environment).map(|_| ())
+        goal_of("distance", environment).map(|_| ())
     }
 
     fn direction(&self) -> Direction {
@@ -42,7 +42,7 @@ impl ObjectiveKind for Distance {
     }
 
     fn prepare(&self, _: &Settings, environment: &Environment, _: f64) -> Result<Box<dyn Objective>, Invalid> {
-        let (x, y) = goal_of(environment)?;
+        let Goal { x, y, .. } = goal_of("distance", environment)?;
         Ok(Box::new(ToGoal(Place { x, y, ..Place::ORIGIN })))
     }
 }
@@ -58,14 +58,14 @@ impl Objective for ToGoal {
     }
 }
 
-/// The goal that a distance is measured to.
-fn goal_of(environment: &Environment) -> Result<(f64, f64), Invalid> {
-    match &environment.goal {
-        Some(goal) => Ok((goal.x, goal.y)),
+/// The goal that an objective of this kind looks at.
+pub(super) fn goal_of(kind: &str, environment: &Environment) -> Result<Goal, Invalid> {
+    match environment.goal {
+        Some(goal) => Ok(goal),
         None => Err(Invalid::Conflict {
             field: "fitness.kind".into(),
             reason: format!(
-                "distance needs a goal, and environment \"{}\" has none: add `goal = {{ x = …, y = … }}` to it",
+                "{kind} needs a goal, and environment \"{}\" has none: add `goal = {{ x = …, y = … }}` to it",
                 environment.name
             ),
         }),

@@ -2,9 +2,11 @@
 
 mod coverage;
 mod distance;
+mod path_length;
 
 pub use coverage::{CELL, Coverage};
 pub use distance::Distance;
+pub use path_length::{PathLength, UNREACHED};
 
 use crate::base::error::Invalid;
 use crate::base::registry::{Registered, Registry};
@@ -15,7 +17,7 @@ use crate::plan::Tree;
 use std::fmt::Debug;
 
 /// The objectives there are.
-static OBJECTIVES: Registry<dyn ObjectiveKind> = Registry::new(&[&Coverage, &Distance]);
+static OBJECTIVES: Registry<dyn ObjectiveKind> = Registry::new(&[&Coverage, &Distance, &PathLength]);
 
 /// An objective of an environment, ready to score trees.
 pub trait Objective: Debug + Send + Sync {

@@ -1,7 +1,7 @@
 //! A planner and the table of transitions it is fed from: grows one tree, saying which rollouts it lacks.
 
 use super::{
-    Ask, Planner, PlannerSettings, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches,
+    Arrival, Ask, Planner, PlannerSettings, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches,
 };
 use crate::base::math::{Pose, Vector, about_z};
 use crate::base::random::Stream;
@@ -59,6 +59,11 @@ impl Growth {
     /// The tree so far.
     pub fn tree(&self) -> &Tree {
         self.planner.tree()
+    }
+
+    /// Whether it ended at the goal of [`PlannerSettings::stop_at`].
+    pub fn at_goal(&self) -> bool {
+        self.planner.at_goal()
     }
 
     /// Edges tried and rejected, and nodes. Rollouts are counted where they are run.
@@ -133,24 +138,21 @@ impl Growth {
         TransitionKey { start: bound, gait }
     }
 
-    fn arrival(
-        &mut self,
-        setting: &Setting<'_>,
-        table: &Transitions,
-        node: usize,
-        key: TransitionKey,
-    ) -> Option<Place> {
+    fn arrival(&mut self, setting: &Setting<'_>, table: &Transitions, node: usize, key: TransitionKey) -> Arrival {
         self.counts.edges += 1;
         let frame = self.frame(table, node, key);
-        let transition = table.get(key)?;
-        let rejected = transition.rollout.outcome != Outcome::Completed
-            || leaves_map(setting.environment, &frame, transition)
-            || touches(setting.robot, &setting.environment.obstacles, &frame, transition);
-        if rejected {
-            self.counts.rejected += 1;
-            return None;
-        }
-        Some(frame.then(&transition.end))
+        let completed = table.get(key).filter(|transition| transition.rollout.outcome == Outcome::Completed);
+        let arrival = match completed {
+            None => Arrival::Lost,
+            Some(transition) => {
+                let blocked = leaves_map(setting.environment, &frame, transition)
+                    || touches(setting.robot, &setting.environment.obstacles, &frame, transition);
+                let place = frame.then(&transition.end);
+                if blocked { Arrival::Blocked(place) } else { Arrival::Free(place) }
+            }
+        };
+        self.counts.rejected += u64::from(arrival.free().is_none());
+        arrival
     }
 
     fn start_of(&self, table: &Transitions, node: usize) -> NodeStart {

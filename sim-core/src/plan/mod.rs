@@ -14,7 +14,7 @@ pub(crate) use grow::standing_at;
 pub use grow::{Growth, Setting};
 pub use metric::Metric;
 pub use nearest::Nearest;
-pub use planner::{Ask, Planner, PlannerKind, PlannerSettings};
+pub use planner::{Arrival, Ask, Planner, PlannerKind, PlannerSettings};
 pub use settings::PlannerSpec;
 pub(crate) use settings::validate_planner;
 pub use swept::{Extent, leaves_map, on_terrain, touches};
@@ -24,7 +24,8 @@ pub use tree::{Node, Tree};
 use crate::base::registry::{Registered, Registry};
 
 /// The planners that ship. Messages list them in this order; the first is the default.
-static PLANNERS: Registry<dyn PlannerKind> = Registry::new(&[&rrt_mp::FLOOD_FILL, &rrt_mp::ORIGINAL]);
+static PLANNERS: Registry<dyn PlannerKind> =
+    Registry::new(&[&rrt_mp::FLOOD_FILL, &rrt_mp::ORIGINAL, &rrt_mp::NEAREST_VALID]);
 
 impl Registered for dyn PlannerKind {
     fn registry() -> &'static Registry<Self> {

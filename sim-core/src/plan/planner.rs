@@ -17,8 +17,7 @@ pub struct PlannerSettings {
     pub metric: Metric,
     /// Width and height of the map that q_rand is drawn from, mu.
     pub map: [f64; 2],
-    /// Ends the growth once a node is as near to (x, y) as the radius (x, y, radius; mu). For planning jobs; it would cut
-    /// short the tree of a distance fitness.
+    /// Ends the growth once a node is as near to (x, y) as the radius (x, y, radius; mu).
     pub stop_at: Option<(f64, f64, f64)>,
 }
 
@@ -26,6 +25,35 @@ impl PlannerSettings {
     /// Starts the planner at a root. Everything random is drawn from `stream`.
     pub fn start(self, root: Place, stream: Stream) -> Box<dyn Planner> {
         self.algorithm.0.start(self, root, stream)
+    }
+}
+
+/// Where a gait leads from a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Arrival {
+    /// The robot gets here, and touches nothing on its way.
+    Free(Place),
+    /// It would get here, but touches an obstacle or leaves the map on its way.
+    Blocked(Place),
+    /// Nowhere: the rollout has no end.
+    Lost,
+}
+
+impl Arrival {
+    /// Where it may go.
+    pub fn free(self) -> Option<Place> {
+        match self {
+            Self::Free(place) => Some(place),
+            Self::Blocked(_) | Self::Lost => None,
+        }
+    }
+
+    /// Where it would get, whatever is in the way.
+    pub fn place(self) -> Option<Place> {
+        match self {
+            Self::Free(place) | Self::Blocked(place) => Some(place),
+            Self::Lost => None,
+        }
     }
 }
 
@@ -48,12 +76,12 @@ pub trait Planner: fmt::Debug + Send {
     /// (x, y; mu) of the map.
     fn ask(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Ask;
 
-    /// Takes where each gait arrives from the node asked for; `None` where the motion is rejected. A node that is added
-    /// to the tree has as its edge the node asked for, or one told before, and the index of a gait that arrived there.
+    /// Takes where each gait arrives from the node asked for. A node that is added to the tree has as its edge the node
+    /// asked for, or one told before, and the index of a gait that is free to arrive there.
     ///
     /// # Panics
     /// If nothing was asked for.
-    fn tell(&mut self, arrivals: Vec<Option<Place>>);
+    fn tell(&mut self, arrivals: Vec<Arrival>);
 
     /// The tree so far. Nodes are only ever added, at its end.
     fn tree(&self) -> &Tree;

@@ -27,6 +27,10 @@ pub struct PlannerSpec {
     /// as it can ever need.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_rollouts: Option<u64>,
+    /// Whether a tree's growth ends once a node is within the goal's radius. Not given: true in jobs that plan, if there is
+    /// a goal; else false, which is not written out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stop_at_goal: Option<bool>,
 }
 
 impl Default for PlannerSpec {
@@ -39,6 +43,7 @@ impl Default for PlannerSpec {
             variants: 1,
             repeats: 1,
             max_rollouts: None,
+            stop_at_goal: None,
         }
     }
 }

@@ -2,31 +2,36 @@
 
 mod budget;
 mod finish;
+mod plan;
 mod preparation;
 mod scene;
 mod spec;
 mod standing;
 
 pub use finish::{Finish, FinishKind, FinishSpec};
+pub use plan::{GaitSet, PLAN, PlanSpec};
 pub use preparation::{Job, Preparation, Unfit, Unprepared};
 pub use spec::{JobSpec, Reference};
 
 use crate::base::digest::Digest;
 use crate::base::error::{Faults, Invalid, name, whole_in_range};
+use crate::base::registry::Chosen as Registration;
 use crate::base::score::Direction;
+use crate::base::settings::Settings;
 use crate::base::{limits, toml_file};
 use crate::control::{Controller, space_of, validate_gaits, whole_steps};
 use crate::engines::known::Known;
 use crate::engines::{Chosen, Why, auto};
 use crate::engines::{Quiet, engine, engine_digest, engines_digest};
-use crate::genotype::Space;
+use crate::genotype::{Genotype, Space};
 use crate::model::environment::Environment;
 use crate::model::{Robot, RobotSpec, catalogue};
+use crate::objective::{Coverage, Distance, FitnessSpec, ObjectiveKind};
 use crate::physics::{Engine, Physics};
 use crate::physics::{EngineKind, PhysicsSpec};
 use crate::plan::validate_planner;
 use crate::plan::{Metric, PlannerSettings, Reuse};
-use crate::search::{self, Search};
+use crate::search::{self, OptimiserSpec, Search};
 use std::sync::Arc;
 
 /// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
@@ -43,6 +48,9 @@ struct Resolved {
     engine: Chosen,
     physics: Physics,
     space: Space,
+    fitness: FitnessSpec,
+    /// The given gaits of a job that plans.
+    given: Option<Genotype>,
     finish: Option<Finish>,
     /// The same job on the reference setting, without a finish of its own.
     reference: Option<Checked>,
@@ -66,8 +74,17 @@ impl Checked {
         faults.take(whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), ""));
         faults.take(validate_gaits(&spec.gaits));
         faults.take(validate_planner(&spec.planner));
-        faults.take(spec.optimiser.validate());
-        let finish = faults.take(spec.finish.resolve(spec.physics.scale));
+        faults.take(tables_of_procedure(&spec));
+        if let Some(optimiser) = &spec.optimiser {
+            faults.take(optimiser.validate());
+        }
+        if let Some(plan) = &spec.plan {
+            faults.take(plan.validate(spec.planner.iterations));
+        }
+        let finish = match spec.plan {
+            Some(_) => Some(None),
+            None => faults.take(spec.finish.clone().unwrap_or_default().resolve(spec.physics.scale)),
+        };
         let robot_spec = faults.take(resolve_robot(&spec));
         let environment = faults.take(resolve_environment(&spec.environment));
         let robot = robot_spec.as_ref().and_then(|robot_spec| faults.take(Robot::compile(robot_spec)));
@@ -96,24 +113,30 @@ impl Checked {
             faults.take(whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second));
         }
         let space = faults.take(space_of(&spec.gaits, &robot));
-        let length = space.as_ref().map_or(1, |space| space.longest() as u64);
-        let parameters = length * u64::from(spec.optimiser.population());
-        let most = limits::MAX_GENERATION_PARAMETERS as u64;
-        let field = "parameters of a generation (candidates × length of the genome)";
-        faults.take(whole_in_range(field, parameters, (1, most), ""));
         faults.take(budget::validate(&spec, &environment, &physics));
+        faults.take(resolve_stop_at_goal(&mut spec, &environment));
+        let mut given = None;
         if let Some(space) = &space {
-            faults.take(spec.optimiser.takes(space));
+            if let Some(optimiser) = &spec.optimiser {
+                let parameters = space.longest() as u64 * u64::from(optimiser.population());
+                let most = limits::MAX_GENERATION_PARAMETERS as u64;
+                let field = "parameters of a generation (candidates × length of the genome)";
+                faults.take(whole_in_range(field, parameters, (1, most), ""));
+                faults.take(optimiser.takes(space));
+            }
+            given = spec.plan.as_ref().and_then(|plan| faults.take(plan.genotype(&robot, &spec.gaits, space)));
         }
         faults.end()?;
         let Some(space) = space else { unreachable!("a space that is not there left a fault") };
-        spec.fitness.validate(&environment)?;
+        let fitness = spec.fitness.take().unwrap_or_else(|| default_fitness(&environment));
+        fitness.validate(&environment)?;
 
         spec.variant = None;
         spec.physics = physics.written_out(chosen.engine, &spec.physics);
         spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
         spec.environment = Reference::Inline(Box::new(environment.clone()));
-        spec.finish = Finish::written_out(finish.as_ref());
+        spec.fitness = Some(fitness.clone());
+        spec.finish = spec.plan.is_none().then(|| Finish::written_out(finish.as_ref()));
         let reference = finish.as_ref().map(|finish| on_reference(&spec, finish)).transpose()?;
         let checked = Self(Arc::new(Resolved {
             spec,
@@ -123,6 +146,8 @@ impl Checked {
             engine: chosen,
             physics,
             space,
+            fitness,
+            given,
             finish,
             reference,
         }));
@@ -221,16 +246,16 @@ impl Checked {
         self.0.spec.gaits.controller.0
     }
 
-    /// How trees are grown. The goal, if there is one, does not end a tree's growth: that would cut short the tree of a
-    /// distance fitness.
+    /// How trees are grown.
     pub fn planner(&self) -> PlannerSettings {
         let spec = &self.0.spec.planner;
+        let goal = self.0.environment.goal.filter(|_| spec.stop_at_goal == Some(true));
         PlannerSettings {
             algorithm: spec.algorithm,
             iterations: spec.iterations,
             metric: Metric { yaw_weight: spec.yaw_weight, height: !self.0.environment.is_flat() },
             map: self.0.environment.size,
-            stop_at: None,
+            stop_at: goal.map(|goal| (goal.x, goal.y, goal.radius)),
         }
     }
 
@@ -242,23 +267,93 @@ impl Checked {
 
     /// Whether larger or smaller scores are better.
     pub fn direction(&self) -> Direction {
-        self.0.spec.fitness.kind.0.direction()
+        self.0.fitness.kind.0.direction()
     }
 
     /// Name and unit of the score, such as ("coverage", "%").
     pub fn score_label(&self) -> (&'static str, &'static str) {
-        self.0.spec.fitness.kind.0.label()
+        self.0.fitness.kind.0.label()
     }
 
     /// Least and greatest score that an evaluation can have.
     pub fn score_range(&self) -> (f64, f64) {
-        self.0.spec.fitness.kind.0.range()
+        self.0.fitness.kind.0.range()
+    }
+
+    /// What a tree is worth, as the job says it or by default.
+    pub fn fitness_spec(&self) -> &FitnessSpec {
+        &self.0.fitness
+    }
+
+    /// The gaits that a job that plans is given, as a candidate of its space; `None` for a job that evolves them.
+    pub fn given_gaits(&self) -> Option<&Genotype> {
+        self.0.given.as_ref()
+    }
+
+    /// How candidates are searched for.
+    ///
+    /// # Panics
+    /// If the job has [given gaits](Self::given_gaits).
+    pub fn optimiser_spec(&self) -> &OptimiserSpec {
+        self.0.spec.optimiser.as_ref().expect("a job without given gaits evolves them")
     }
 
     /// A fresh search at generation 0.
+    ///
+    /// # Panics
+    /// If the job has [given gaits](Self::given_gaits).
     pub fn optimiser(&self) -> Box<dyn Search> {
-        search::build(&self.0.spec.optimiser, self.0.space.clone(), self.direction(), self.0.spec.seed)
+        search::build(self.optimiser_spec(), self.0.space.clone(), self.direction(), self.0.spec.seed)
     }
+}
+
+/// Refuses tables that a job's procedure has no use for, and jobs that lack one.
+fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
+    let plans = spec.procedure.as_deref() == Some(PLAN);
+    let what = spec.procedure.as_deref().map_or("a job without `procedure`, which evolves,".to_owned(), |name| {
+        format!("a job with procedure = \"{name}\"")
+    });
+    let conflict = |field: &str, reason: String| Err(Invalid::Conflict { field: field.to_owned(), reason });
+    // Whether the table is there, and whether it has to be; `None`: as you like.
+    for (table, there, wanted) in [
+        ("fitness", spec.fitness.is_some(), (!plans).then_some(true)),
+        ("optimiser", spec.optimiser.is_some(), Some(!plans)),
+        ("plan", spec.plan.is_some(), Some(plans)),
+        ("finish", spec.finish.is_some(), plans.then_some(false)),
+    ] {
+        match (there, wanted) {
+            (false, Some(true)) => return conflict(table, format!("{what} needs this table, and the file has none")),
+            (true, Some(false)) => return conflict(table, format!("{what} has no such table: leave it out")),
+            _ => {}
+        }
+    }
+    if plans && spec.planner.repeats != 1 {
+        let reason = "a job that plans grows one tree a seed: set plan.seeds instead".to_owned();
+        return conflict("planner.repeats", reason);
+    }
+    Ok(())
+}
+
+/// Settles whether trees end at the goal. Where they don't, a job that evolves says nothing of it.
+fn resolve_stop_at_goal(spec: &mut JobSpec, environment: &Environment) -> Result<(), Invalid> {
+    let (plans, goal) = (spec.plan.is_some(), environment.goal.is_some());
+    let stop = spec.planner.stop_at_goal.unwrap_or(plans && goal);
+    if stop && !goal {
+        let reason = format!(
+            "environment \"{}\" has no goal: add `goal = {{ x = …, y = … }}` to it, or set false",
+            environment.name
+        );
+        return Err(Invalid::Conflict { field: "planner.stop_at_goal".into(), reason });
+    }
+    spec.planner.stop_at_goal = (stop || plans).then_some(stop);
+    Ok(())
+}
+
+/// What a tree is worth if the job does not say: how near it comes to the goal, or where there is none what it covers.
+fn default_fitness(environment: &Environment) -> FitnessSpec {
+    let kind: Registration<dyn ObjectiveKind> =
+        if environment.goal.is_some() { Registration(&Distance) } else { Registration(&Coverage) };
+    FitnessSpec { kind, settings: Settings::defaults(kind.0.settings()) }
 }
 
 fn resolve_robot(spec: &JobSpec) -> Result<RobotSpec, Invalid> {
@@ -292,7 +387,8 @@ fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Res
 
 /// A job with other physics and without a finish.
 fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Checked, Invalid> {
-    let finish = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
+    let none = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
+    let finish = spec.plan.is_none().then_some(none);
     Checked::new(JobSpec { physics, finish, ..spec.clone() })
 }
 

@@ -214,7 +214,7 @@ impl Checked {
         let Settled { state: start, quiet } = settled;
         let ground = standing::ground_of_start(self.robot(), self.environment(), &start)?;
         let height = f64::from(start.pivot.translation.z) + ground;
-        let fitness = &self.spec().fitness;
+        let fitness = self.fitness_spec();
         let fitness = fitness.kind.0.prepare(&fitness.settings, self.environment(), height)?;
         Ok(Job(Arc::new(Prepared { checked: self, fitness, start, ground, quiet, reference })))
     }

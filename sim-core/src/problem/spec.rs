@@ -1,6 +1,6 @@
 //! The tables of a job file, each as its component reads it.
 
-use super::FinishSpec;
+use super::{FinishSpec, PlanSpec};
 use crate::control::GaitsSpec;
 use crate::model::RobotSpec;
 use crate::model::environment::Environment;
@@ -10,7 +10,7 @@ use crate::plan::PlannerSpec;
 use crate::search::OptimiserSpec;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
 
@@ -38,20 +38,33 @@ pub struct JobSpec {
     /// How a candidate's tree is grown.
     #[serde(default)]
     pub planner: PlannerSpec,
-    /// What the tree is worth.
-    pub fitness: FitnessSpec,
-    /// How candidates are searched for.
-    pub optimiser: OptimiserSpec,
+    /// What the tree is worth. Jobs that plan may leave it out: the distance to the goal, or coverage where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
+    pub fitness: Option<FitnessSpec>,
+    /// How candidates are searched for; in jobs that evolve.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
+    pub optimiser: Option<OptimiserSpec>,
+    /// Given gaits, and trees with them; in jobs that plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<PlanSpec>,
     /// Where they move.
     #[serde(default)]
     pub physics: PhysicsSpec,
-    /// What is done once the search is over.
-    #[serde(default)]
-    pub finish: FinishSpec,
+    /// What is done once the search is over; in jobs that evolve.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
+    pub finish: Option<FinishSpec>,
     /// The environment: a name that ships, a path, or the table itself.
     pub environment: Reference<Environment>,
     /// The robot: a name that ships, a path, or the table itself.
     pub robot: Reference<RobotSpec>,
+}
+
+/// Writes what is there without the mark of an option: a table that became optional keeps its digest.
+fn as_itself<T: Serialize, S: Serializer>(table: &Option<T>, serializer: S) -> Result<S::Ok, S::Error> {
+    match table {
+        Some(table) => table.serialize(serializer),
+        None => serializer.serialize_none(),
+    }
 }
 
 /// Something named, or something written out.

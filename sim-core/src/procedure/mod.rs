@@ -10,7 +10,10 @@
 pub mod bench;
 pub mod evolve;
 pub mod kinds;
+pub mod plan;
+mod possible;
 pub mod preparing;
+mod values;
 
 pub use bench::Bench;
 

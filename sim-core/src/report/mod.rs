@@ -2,8 +2,13 @@
 
 mod record;
 
+use crate::base::random::Stream;
 use crate::base::score::Counts;
 use crate::evaluate::{Stopped, Trial, grow, search_streams};
+use crate::genotype::Genotype;
+use crate::model::Place;
+use crate::model::environment::Environment;
+use crate::plan::Tree;
 use crate::problem::Job;
 use crate::search::Scored;
 use serde::{Deserialize, Serialize};
@@ -101,26 +106,40 @@ pub enum PathMode {
     Continuous,
 }
 
-/// A candidate's gaits, its tree and the tree's best path, with what that took. `stop` is asked now and then.
+/// A candidate's gaits, its tree and the tree's best path, with what that took: of trees with these streams the first.
+/// `stop` is asked now and then.
 ///
 /// # Panics
 /// If the genotype's length does not fit the job.
-pub fn traces(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(Traces, Counts), Stopped> {
-    let trial = grown(job, candidate, stop)?;
+pub fn traces(
+    job: &Job,
+    genotype: &Genotype,
+    streams: impl IntoIterator<Item = Stream>,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Traces, Counts), Stopped> {
+    let trial = grown(job, genotype, streams, stop)?;
     let mut counts = trial.counts();
     let tree = record::tree(job, &trial);
     let paths = record::paths(job, &trial, &tree.best_path, &mut counts);
-    let gaits = record::gaits(job, candidate, &trial.motions, &mut counts);
+    let gaits = record::gaits(job, genotype, &trial.motions, &mut counts);
     Ok((Traces { gaits, tree, paths }, counts))
+}
+
+/// The node that a tree's plan leads to: the nearest to the goal, or without a goal the farthest from the root.
+pub fn end_of_plan(environment: &Environment, tree: &Tree) -> usize {
+    match &environment.goal {
+        Some(goal) => tree.least(|p| p.planar_distance(&Place { x: goal.x, y: goal.y, ..*p })),
+        None => tree.least(|p| -p.planar_distance(tree.root())),
+    }
 }
 
 /// Each gait of a candidate, applied at the start: what [`Traces::gaits`] holds.
 ///
 /// # Panics
 /// If the genotype's length does not fit the job.
-pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
-    let trial = Trial::new(job, &candidate.genotype, job.spec().planner.reuse_tolerance, []);
-    record::gaits(job, candidate, &trial.motions, &mut Counts::default())
+pub fn gaits(job: &Job, genotype: &Genotype) -> Vec<GaitTrace> {
+    let trial = Trial::new(job, genotype, job.spec().planner.reuse_tolerance, []);
+    record::gaits(job, genotype, &trial.motions, &mut Counts::default())
 }
 
 /// A candidate's tree as the search scored it, and its best path run three ways: what [`Traces::tree`] and
@@ -129,16 +148,21 @@ pub fn gaits(job: &Job, candidate: &Scored) -> Vec<GaitTrace> {
 /// # Panics
 /// If the genotype's length does not fit the job.
 pub fn plan(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(TreeRecord, Vec<PathTrace>), Stopped> {
-    let trial = grown(job, candidate, stop)?;
+    let streams = search_streams(job, candidate.generation, candidate.candidate);
+    let trial = grown(job, &candidate.genotype, streams, stop)?;
     let tree = record::tree(job, &trial);
     let paths = record::paths(job, &trial, &tree.best_path, &mut Counts::default());
     Ok((tree, paths))
 }
 
-/// A candidate's trees as the search scored them.
-fn grown(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<Trial, Stopped> {
-    let streams = search_streams(job, candidate.generation, candidate.candidate);
-    let mut trials = [Trial::new(job, &candidate.genotype, job.spec().planner.reuse_tolerance, streams)];
+/// A candidate's trees, with these streams.
+fn grown(
+    job: &Job,
+    genotype: &Genotype,
+    streams: impl IntoIterator<Item = Stream>,
+    stop: &dyn Fn() -> bool,
+) -> Result<Trial, Stopped> {
+    let mut trials = [Trial::new(job, genotype, job.spec().planner.reuse_tolerance, streams)];
     grow(job, &mut trials, stop)?;
     let [trial] = trials;
     Ok(trial)

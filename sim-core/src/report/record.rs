@@ -1,15 +1,15 @@
 //! The winner's gaits, tree and best path, written down.
 
-use super::{GaitTrace, NodeRecord, PathMode, PathTrace, TraceSample, TreeRecord};
+use super::{GaitTrace, NodeRecord, PathMode, PathTrace, TraceSample, TreeRecord, end_of_plan};
 use crate::base::math::heading;
 use crate::base::score::Counts;
 use crate::evaluate::Trial;
+use crate::genotype::Genotype;
 use crate::model::environment::Block;
 use crate::model::{Place, State};
 use crate::physics::{Motion, Outcome, Request, Rollout};
 use crate::plan::standing_at;
 use crate::problem::Job;
-use crate::search::Scored;
 
 /// Seconds between two points of a recorded way, unless there are too many of them.
 const WAY_STEP: f32 = 1.0;
@@ -47,15 +47,11 @@ pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
             way: way.unwrap_or_default(),
         }
     });
-    let end = match &job.environment().goal {
-        Some(goal) => tree.least(|p| p.planar_distance(&Place { x: goal.x, y: goal.y, ..*p })),
-        None => tree.least(|p| -p.planar_distance(tree.root())),
-    };
-    TreeRecord { nodes: nodes.collect(), best_path: tree.path(end) }
+    TreeRecord { nodes: nodes.collect(), best_path: tree.path(end_of_plan(job.environment(), tree)) }
 }
 
 /// Each gait from the start, in the map.
-pub(super) fn gaits(job: &Job, winner: &Scored, motions: &[Motion], counts: &mut Counts) -> Vec<GaitTrace> {
+pub(super) fn gaits(job: &Job, genotype: &Genotype, motions: &[Motion], counts: &mut Counts) -> Vec<GaitTrace> {
     let root = job.root();
     let (start, terrain, frame) = from_place(job, job.start(), &root);
     let rollouts: Vec<Rollout> = motions.iter().map(|m| simulate(job, &start, m, terrain, counts)).collect();
@@ -83,7 +79,7 @@ pub(super) fn gaits(job: &Job, winner: &Scored, motions: &[Motion], counts: &mut
             unstable: (rollout.outcome != Outcome::Completed).then(|| rollout.outcome.to_string()),
         }
     };
-    winner.genotype.gaits(motions.len()).zip(motions).zip(&rollouts).map(trace).collect()
+    genotype.gaits(motions.len()).zip(motions).zip(&rollouts).map(trace).collect()
 }
 
 /// The path run three ways.

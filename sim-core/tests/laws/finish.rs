@@ -104,7 +104,7 @@ fn traces_hold_the_tree_that_the_search_scored() {
     let traces = traces.unwrap();
     assert!(scores.is_empty() && counts.rollouts > 0);
     assert_eq!((traces.gaits.len(), traces.paths.len()), (2, 3));
-    assert_eq!(traces.gaits, sim_core::report::gaits(&job, &scored));
+    assert_eq!(traces.gaits, sim_core::report::gaits(&job, &scored.genotype));
     let (tree, paths) = sim_core::report::plan(&job, &scored, &|| false).unwrap();
     assert_eq!((traces.tree, traces.paths), (tree, paths));
     // There is no reference to ask about.

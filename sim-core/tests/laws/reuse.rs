@@ -6,7 +6,7 @@ use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::genotype::Genotype;
 use sim_core::model::Place;
 use sim_core::physics::{Outcome, Rollout, Span, Trace};
-use sim_core::plan::{Ask, PlannerSettings, Reuse, StartId, TransitionKey, Transitions};
+use sim_core::plan::{Arrival, Ask, PlannerSettings, Reuse, StartId, TransitionKey, Transitions};
 use sim_core::problem::Job;
 use std::collections::BTreeSet;
 
@@ -103,7 +103,7 @@ fn variants_do_not_depend_on_who_shares_a_batch() {
 
 #[test]
 fn an_expanded_node_is_never_asked_for_again_nor_simulated_twice() {
-    for algorithm in ["flood-fill", "original"] {
+    for algorithm in ["flood-fill", "original", "nearest-valid"] {
         let own = job(&format!("algorithm = \"{algorithm}\"")).planner();
         let settings = PlannerSettings { iterations: 2000, map: [12.0, 12.0], ..own };
         let mut rrt = settings.start(Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
@@ -113,7 +113,7 @@ fn an_expanded_node_is_never_asked_for_again_nor_simulated_twice() {
             let from = rrt.tree().nodes[node].place;
             let step = |x: f64, y: f64| {
                 let to = from.then(&Place { x, y, ..Place::ORIGIN });
-                (to.x.abs() <= 6.0 && to.y.abs() <= 6.0).then_some(to)
+                if to.x.abs() <= 6.0 && to.y.abs() <= 6.0 { Arrival::Free(to) } else { Arrival::Blocked(to) }
             };
             rrt.tell(vec![step(1.0, 0.0), step(-1.0, 0.0), step(0.0, 1.0), step(0.0, -1.0)]);
         }

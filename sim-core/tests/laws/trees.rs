@@ -5,7 +5,7 @@ use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::genotype::Genotype;
 use sim_core::model::Place;
 use sim_core::physics::{Change, Event, Request};
-use sim_core::plan::{Ask, Planner, PlannerSettings};
+use sim_core::plan::{Arrival, Ask, Planner, PlannerSettings};
 use sim_core::problem::Job;
 
 /// A small job on short gaits; `more` replaces or adds settings of the planner.
@@ -126,14 +126,14 @@ fn edges_on_stairs_are_reproduced_in_place() {
 
 #[test]
 fn no_node_was_nearer_to_another_than_to_its_parent_when_added() {
-    for algorithm in ["flood-fill", "original"] {
+    for algorithm in ["flood-fill", "original", "nearest-valid"] {
         let job = job("empty", &format!("iterations = 60\nalgorithm = \"{algorithm}\""));
         let metric = job.planner().metric;
         let trial = trial(&job, 1);
         let nodes = &trial.tree().nodes;
         assert!(nodes.len() <= 1 + 3 * 60);
-        if algorithm == "original" {
-            assert!(nodes.len() <= 1 + 60, "the original planner adds one node an iteration");
+        if algorithm != "flood-fill" {
+            assert!(nodes.len() <= 1 + 60, "{algorithm} adds one node an iteration");
             continue;
         }
         for (i, node) in nodes.iter().enumerate().skip(1) {
@@ -242,7 +242,7 @@ fn stepper(stop_at: Option<(f64, f64, f64)>) -> Box<dyn Planner> {
     let mut rrt = settings.start(Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
     while let Ask::Expand(node) = rrt.ask(&|_, _| 0.0) {
         let from = rrt.tree().nodes[node].place;
-        let step = |x: f64, y: f64| Some(from.then(&Place { x, y, ..Place::ORIGIN }));
+        let step = |x: f64, y: f64| Arrival::Free(from.then(&Place { x, y, ..Place::ORIGIN }));
         rrt.tell(vec![step(1.0, 0.0), step(-1.0, 0.0), step(0.0, 1.0), step(0.0, -1.0)]);
     }
     rrt
@@ -263,4 +263,24 @@ fn a_planning_job_ends_at_its_goal_and_a_scored_tree_does_not() {
     let unreachable = stepper(Some((5.5, 2.5, 0.1)));
     assert!(!unreachable.at_goal());
     assert_eq!(unreachable.tree(), whole.tree());
+}
+
+#[test]
+fn the_original_planner_chooses_before_it_looks_for_obstacles() {
+    let nodes = |algorithm: &str, arrivals: [Arrival; 3]| {
+        let own = job("empty", &format!("iterations = 1\nalgorithm = \"{algorithm}\"")).planner();
+        let mut rrt = own.start(Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
+        assert_eq!(rrt.ask(&|_, _| 0.0), Ask::Expand(0));
+        rrt.tell(arrivals.to_vec());
+        assert_eq!(rrt.ask(&|_, _| 0.0), Ask::Done);
+        rrt.tree().nodes.iter().filter_map(|node| Some(node.edge?.1)).collect::<Vec<_>>()
+    };
+    let at = |x: f64| Place { x, ..Place::ORIGIN };
+    let free = [Arrival::Free(at(-1.0)), Arrival::Lost, Arrival::Free(at(1.0))];
+    let [chosen] = nodes("original", free)[..] else { panic!("one is added") };
+    assert_eq!(nodes("nearest-valid", free), [chosen], "where all are free both are the same");
+    let mut blocked = free;
+    blocked[chosen] = Arrival::Blocked(at(chosen as f64 - 1.0));
+    assert!(nodes("original", blocked).is_empty(), "what it chose can't be reached, so nothing is added");
+    assert_eq!(nodes("nearest-valid", blocked), [2 - chosen], "the other one is added");
 }

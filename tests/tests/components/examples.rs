@@ -10,7 +10,7 @@ use sim_core::genotype::Space;
 use sim_core::model::environment::Environment;
 use sim_core::model::{FaceKind, HingeKind, Kind, PartKind, Place};
 use sim_core::objective::{Objective, ObjectiveKind};
-use sim_core::plan::{Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Tree};
+use sim_core::plan::{Arrival, Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Tree};
 use sim_core::problem::{Checked, Job};
 use sim_core::procedure::{
     Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told,
@@ -101,9 +101,9 @@ impl Planner for Growing {
         if last { PlannerAsk::Done } else { PlannerAsk::Expand(self.expanded) }
     }
 
-    fn tell(&mut self, arrivals: Vec<Option<Place>>) {
-        for (gait, place) in arrivals.into_iter().enumerate() {
-            self.tree.nodes.extend(place.map(|place| Node { place, edge: Some((self.expanded, gait)) }));
+    fn tell(&mut self, arrivals: Vec<Arrival>) {
+        for (gait, arrival) in arrivals.into_iter().enumerate() {
+            self.tree.nodes.extend(arrival.free().map(|place| Node { place, edge: Some((self.expanded, gait)) }));
         }
         self.expanded += 1;
     }

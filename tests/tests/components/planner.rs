@@ -21,7 +21,10 @@ fn job(algorithm: &str) -> String {
 #[test]
 fn added_planner_is_used_by_a_job_file() {
     let refused = Checked::from_toml(&job("depth-first")).unwrap_err().to_string();
-    assert!(refused.contains("unknown variant `depth-first`, expected one of `flood-fill`, `original`"), "{refused}");
+    assert!(
+        refused.contains("unknown variant `depth-first`, expected one of `flood-fill`, `original`, `nearest-valid`"),
+        "{refused}"
+    );
 
     examples::add();
     let checked = Checked::from_toml(&job("breadth-first")).unwrap();

@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// What is shown to a coordinator, and whom it may be.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Shown {
     /// Certificate of the CA that signed the coordinator's, PEM; for https:// [default: $EVOGAIT_CA]
     #[arg(long, value_name = "FILE", display_order = 90)]

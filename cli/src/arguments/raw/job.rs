@@ -3,6 +3,7 @@
 use super::number::{length, seed, whole};
 use super::{OnCoordinator, Shown};
 use clap::{Args, Subcommand};
+use sim_core::base::limits::{MAX_ITERATIONS, MAX_PLAN_SEEDS};
 use sim_core::physics::Scale;
 use std::path::PathBuf;
 
@@ -22,6 +23,13 @@ pub struct Run {
     #[command(flatten)]
     pub file: JobFile,
 
+    #[command(flatten)]
+    pub to: RunTo,
+}
+
+/// Where a job runs, and where its result goes.
+#[derive(Debug, Args)]
+pub struct RunTo {
     /// Output folder [default: runs/NAME-DIGEST, with the first 12 digits of the job digest]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -40,6 +48,44 @@ pub struct Run {
     /// Print the result as JSON at the end
     #[arg(long, display_order = 99)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Plan {
+    /// Output folder of a run, its result.json, or the id of a job on a coordinator that has evolved
+    #[arg(value_name = "RUN")]
+    pub run: String,
+
+    /// Plan in this environment: a file, or the name of one that ships [default: the run's own]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub environment: Option<String>,
+
+    /// Trees, each with random numbers of its own [default: 20]
+    #[arg(long, value_name = "N", value_parser = whole(1..=MAX_PLAN_SEEDS))]
+    pub seeds: Option<u32>,
+
+    /// Most iterations of a tree, K_max [default: as in the run]
+    #[arg(long, value_name = "K", value_parser = whole(1..=MAX_ITERATIONS))]
+    pub iterations: Option<u32>,
+
+    /// flood-fill (Algorithm 1), original or nearest-valid [default: as in the run]
+    #[arg(long, value_name = "NAME")]
+    pub algorithm: Option<String>,
+
+    /// Reuse transitions to within so many rad (mu for height); 0 simulates every expansion [default: as in the run]
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    pub reuse_tolerance: Option<f64>,
+
+    /// Grow trees to their last iteration, also when they have reached the goal
+    #[arg(long)]
+    pub whole_trees: bool,
+
+    /// Seed that all random numbers follow from, 0 to 2⁶³ − 1 [default: the run's]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seed())]
+    pub seed: Option<u64>,
+
+    #[command(flatten)]
+    pub to: RunTo,
 }
 
 #[derive(Debug, Args)]
@@ -107,6 +153,21 @@ pub struct ReplayWhat {
     /// The best path of the tree
     #[arg(long)]
     pub plan: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// Output folders of runs, or their result.json
+    #[arg(value_name = "DIR", num_args = 2.., required = true)]
+    pub folders: Vec<PathBuf>,
+
+    /// Draw the runs' curves to this file, .svg or .png
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long, display_order = 99)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -87,6 +87,7 @@ impl Line {
 pub fn run(args: BenchDispatch, quiet: bool) -> Result<(), Error> {
     let slots = if args.slots.is_empty() { doublings(arguments::cores()) } else { args.slots.clone() };
     let job = load::checked(&args.file.clone().into())?;
+    load::must_evolve(&job, &args.file.job)?;
     if let Some(load) = args.line {
         let line = measure(&job, load, evaluations(&args, load), slots[0])?;
         return console::say_json(&line);
@@ -175,7 +176,7 @@ fn one_generation(job: &Checked, load: Load, evaluations: u32) -> Result<Checked
         spec.planner.reuse_tolerance = 0.0;
     }
     let swarm = format!("kind = \"pso\"\nparticles = {evaluations}\ngenerations = 1");
-    spec.optimiser = toml::from_str(&swarm).map_err(|e| refused(e.into()))?;
+    spec.optimiser = Some(toml::from_str(&swarm).map_err(|e| refused(e.into()))?);
     Checked::new(spec).map_err(refused)
 }
 
@@ -336,7 +337,7 @@ mod tests {
     fn what_is_dispatched_is_one_generation_of_the_job() {
         let job = Checked::from_toml(TRIVIAL).unwrap();
         let plain = one_generation(&job, Load::Plain, 7).unwrap();
-        assert_eq!((plain.spec().optimiser.population(), plain.spec().optimiser.generations()), (7, 1));
+        assert_eq!((plain.optimiser_spec().population(), plain.optimiser_spec().generations()), (7, 1));
         assert_eq!(plain.spec().planner.reuse_tolerance, 0.0);
         assert_eq!(plain.robot_spec(), job.robot_spec());
     }

@@ -39,7 +39,7 @@ struct View<'a> {
 
 /// Measures and tells.
 pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
-    let job = load::job(&args.file.into())?;
+    let job = load::evolving(&args.file.into())?;
     let budget = Budget { evaluations: args.evaluations, time: Duration::MAX, first: Duration::MAX };
     let progress = Pieces::new("evaluations", args.evaluations.into(), quiet);
     let at_once = cost::at_once(&job, cores());

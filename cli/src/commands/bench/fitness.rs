@@ -61,7 +61,7 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
 /// The job whose genotypes are scored, on its own setting.
 fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
     let job = match runs {
-        [] => load::job(&JobFile { job: args.job.clone(), seed: args.seed })?,
+        [] => load::evolving(&JobFile { job: args.job.clone(), seed: args.seed })?,
         [first, others @ ..] => {
             let but_seed = |job: &Job| JobSpec { seed: 0, ..job.spec().clone() };
             if let Some(other) = others.iter().find(|other| but_seed(&other.job) != but_seed(&first.job)) {

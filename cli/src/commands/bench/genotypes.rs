@@ -39,7 +39,7 @@ pub fn stored(folder: &Path) -> Result<Vec<Vec<Genotype>>, Error> {
         });
     }
     let unreadable = |reason: String| Error::read(&path, io::Error::other(reason));
-    let generations = job.spec().optimiser.generations();
+    let generations = job.optimiser_spec().generations();
     let scores = with_runtime(async {
         let read = async {
             let store = store::open(&StoreUrl::Sqlite(path.clone()), coordinator::limits::DEFAULT_TAKEOVER).await?;
@@ -56,7 +56,7 @@ pub fn stored(folder: &Path) -> Result<Vec<Vec<Genotype>>, Error> {
         };
         read.await.map_err(|e: StoreError| unreadable(e.to_string()))
     })?;
-    let population = job.spec().optimiser.population() as usize;
+    let population = job.optimiser_spec().population() as usize;
     searched(&job, |generation, _| match scores.get(generation as usize) {
         Some(scores) if scores.len() == population => Ok(scores.clone()),
         _ => Err(unreadable(format!("it lacks the scores of generation {generation}"))),

@@ -22,7 +22,7 @@ struct View<'a> {
 
 /// Measures and tells.
 pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
-    let job = load::job(&args.file.into())?;
+    let job = load::evolving(&args.file.into())?;
     if !job.environment().is_flat() {
         // Over terrain a node's transitions are its own: there are none to be known before.
         let message =
@@ -30,7 +30,7 @@ pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
         return Err(Error::Usage { message });
     }
     let progress =
-        Pieces::new("candidates tried", u64::from(args.candidates.min(job.spec().optimiser.population())), quiet);
+        Pieces::new("candidates tried", u64::from(args.candidates.min(job.optimiser_spec().population())), quiet);
     let (candidate, genotype) = planning::farthest(&job, args.candidates, &|| progress.one_done());
     drop(progress);
     let trees = planning::measure(&job, candidate, &genotype, args.iterations);

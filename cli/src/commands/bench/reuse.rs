@@ -53,7 +53,7 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     let population = args.genomes.div_ceil(2).max(LEAST_POPULATION);
     let (base, stored) = match &args.run {
         Some(folder) => (Stored::read(folder)?.job, Some(halves(&genotypes::stored(folder)?))),
-        None => (load::job(&JobFile { job: args.job.clone(), seed: args.seed })?, None),
+        None => (load::evolving(&JobFile { job: args.job.clone(), seed: args.seed })?, None),
     };
     let jobs = args.environments.iter().map(|name| in_environment(&args, &base, name));
     let jobs = jobs.collect::<Result<Vec<Job>, Error>>()?;

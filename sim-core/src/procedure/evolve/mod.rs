@@ -26,6 +26,7 @@ use crate::genotype::Genotype;
 use crate::problem::{Checked, Job};
 use crate::procedure::evolve::finish::{Done, Examination, Found, Plan, total};
 use crate::procedure::evolve::report::report;
+use crate::procedure::values::{counted, number};
 use crate::report::Traces;
 use crate::search::archive::Archive;
 use crate::search::{Ask, Batch, Evaluation, Scored, Search};
@@ -106,11 +107,11 @@ impl Evolve {
 
     /// How many generations are scored.
     fn generations(&self) -> u32 {
-        self.job.spec().optimiser.generations()
+        self.job.optimiser_spec().generations()
     }
 
     fn population(&self) -> u32 {
-        self.job.spec().optimiser.population()
+        self.job.optimiser_spec().population()
     }
 
     /// Evaluations of the search so far.
@@ -346,10 +347,10 @@ impl Procedure for Evolve {
             of_best("best", unit, |best| best.score),
             of_best("best_generation", "", |best| f64::from(best.generation)),
             of_best("best_candidate", "", |best| f64::from(best.candidate)),
-            statistics::number("evaluations", self.evaluations()),
-            statistics::number("failed", self.failed),
+            number("evaluations", self.evaluations()),
+            number("failed", self.failed),
         ];
-        values.extend(statistics::counted(&self.counts));
+        values.extend(counted(&self.counts));
         Progress {
             phase: self.phase().into(),
             unit: "generations".into(),

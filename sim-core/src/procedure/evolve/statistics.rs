@@ -1,6 +1,7 @@
 //! The distribution of a generation's scores in seven numbers.
 
 use crate::base::score::Counts;
+use crate::procedure::values::{counted, number};
 use crate::procedure::{Row, Value};
 
 /// The series of the rows.
@@ -31,24 +32,6 @@ pub(super) fn row(
     ];
     values.extend(counted(&counts));
     Row { series: SERIES.into(), index: generation, values }
-}
-
-/// What evaluations took, a value each.
-pub(super) fn counted(counts: &Counts) -> [Value; 6] {
-    let milliseconds = Value { unit: "ms".into(), ..number("simulated_ms", counts.simulated_ms) };
-    [
-        number("rollouts", counts.rollouts),
-        number("unstable", counts.unstable),
-        milliseconds,
-        number("edges", counts.edges),
-        number("rejected", counts.rejected),
-        number("nodes", counts.nodes),
-    ]
-}
-
-/// A whole number with a name.
-pub(super) fn number(name: &'static str, value: u64) -> Value {
-    Value { name: name.into(), unit: "".into(), value: Some(value as f64) }
 }
 
 fn quantile(sorted: &[f64], q: f64) -> Option<f64> {

@@ -13,7 +13,7 @@ mod random;
 
 use chaos::Chaos;
 use cluster_tests::postgres::new_database_by_tcp;
-use cluster_tests::sandbox::{Sandbox, tiny_job};
+use cluster_tests::sandbox::{Sandbox, planning_job, tiny_job};
 use coordinators::Coordinators;
 use follow::{Expected, follow};
 use proto::v1::GetJobRequest;
@@ -44,8 +44,11 @@ async fn main() -> ExitCode {
     }
 }
 
-/// A job whose evaluations cost time rather than cores: workers are told to be slow.
+/// A job whose evaluations cost time rather than cores: workers are told to be slow. The last one plans, the others evolve.
 fn job(number: u32) -> String {
+    if number + 1 == JOBS {
+        return planning_job(100 + number, 400).replace("engine = \"rapier\"", "engine = \"lockstep\"");
+    }
     let job = tiny_job(100 + number, 60).replace("engine = \"rapier\"", "engine = \"lockstep\"");
     job.replace("particles = 5", "particles = 12").replace("iterations = 10", "iterations = 5")
 }

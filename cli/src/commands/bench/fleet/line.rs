@@ -272,7 +272,7 @@ fn variant(job: &Checked, population: u32, number: u32) -> Result<Checked, Error
     spec.physics.engine = EngineChoice::Rapier;
     let generations = sim_core::base::limits::MAX_GENERATIONS;
     let swarm = format!("kind = \"pso\"\nparticles = {population}\ngenerations = {generations}");
-    spec.optimiser = toml::from_str(&swarm).map_err(|e: toml::de::Error| refused(e.into()))?;
+    spec.optimiser = Some(toml::from_str(&swarm).map_err(|e: toml::de::Error| refused(e.into()))?);
     Checked::new(spec).map_err(refused)
 }
 
@@ -288,8 +288,8 @@ mod tests {
         let [a, b] = [0, 1].map(|number| variant(&job, 7, number).unwrap());
         assert_eq!((a.spec().seed, b.spec().seed), (5, 6));
         assert_ne!(a.digest(), b.digest());
-        assert_eq!((a.spec().optimiser.population(), a.candidates_at_once()), (7, 1));
-        assert_eq!(a.spec().optimiser.generations(), sim_core::base::limits::MAX_GENERATIONS);
+        assert_eq!((a.optimiser_spec().population(), a.candidates_at_once()), (7, 1));
+        assert_eq!(a.optimiser_spec().generations(), sim_core::base::limits::MAX_GENERATIONS);
         let same = JobSpec { seed: 5, ..b.spec().clone() };
         assert_eq!(Checked::new(same).unwrap().digest(), a.digest());
     }

@@ -47,6 +47,7 @@ pub fn run(args: BenchFleet, quiet: bool) -> Result<(), Error> {
         return super::super::with_runtime(host::serve(folder));
     }
     let job = load::checked(&args.file.clone().into())?;
+    load::must_evolve(&job, &args.file.job)?;
     let planned: Vec<(u32, u32)> =
         args.workers.iter().flat_map(|workers| args.jobs.iter().map(move |jobs| (*workers, *jobs))).collect();
     let progress = Pieces::new("lines", planned.len() as u64, quiet);

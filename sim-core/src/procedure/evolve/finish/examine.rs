@@ -97,7 +97,7 @@ pub fn examine(job: &Job, examination: &Examination, stop: &dyn Fn() -> bool) ->
         }
         Question::WithoutReuse => trees(job, candidate, 0.0, search(), stop),
         Question::Traces => {
-            let (traces, counts) = report::traces(job, candidate, stop)?;
+            let (traces, counts) = report::traces(job, &candidate.genotype, search(), stop)?;
             Ok(Answer { counts, traces: Some(traces), ..Answer::default() })
         }
     }

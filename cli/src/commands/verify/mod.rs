@@ -1,9 +1,11 @@
 //! `evogait verify`: computes a stored result again and compares bits.
 
+mod plans;
+
 use crate::arguments::Verify;
 use crate::console;
 use crate::error::Error;
-use crate::output::{ResultFile, Stored};
+use crate::output::{PlanFile, ResultFile, Stored, StoredPlans};
 use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::base::score::mean;
@@ -38,14 +40,24 @@ struct Check {
 
 /// Recomputes, compares, tells.
 pub fn run(args: Verify, quiet: bool) -> Result<(), Error> {
-    let stored = Stored::read(&args.folder)?;
-    let checks = checks(&stored, args.full)?;
-    let here = stored.job.engine_digest();
+    let (checks, made, here) = match StoredPlans::read(&args.folder)? {
+        Some(stored) => {
+            let PlanFile { job_digest, engine_digest, versions, .. } = &stored.result;
+            let made = Made { job: *job_digest, engine: *engine_digest, version: versions.evogait.clone() };
+            (plans::checks(&stored, args.full)?, made, stored.job.engine_digest())
+        }
+        None => {
+            let stored = Stored::read(&args.folder)?;
+            let ResultFile { job_digest, engine_digest, versions, .. } = &stored.result;
+            let made = Made { job: *job_digest, engine: *engine_digest, version: versions.evogait.clone() };
+            (checks(&stored, args.full)?, made, stored.job.engine_digest())
+        }
+    };
     let view = View {
         verified: checks.iter().all(|check| check.same),
         folder: args.folder.display().to_string(),
-        job_digest: stored.result.job_digest,
-        engine_digest: stored.result.engine_digest,
+        job_digest: made.job,
+        engine_digest: made.engine,
         engine_digest_here: here,
         checks,
     };
@@ -56,7 +68,7 @@ pub fn run(args: Verify, quiet: bool) -> Result<(), Error> {
     }
     match view.checks.iter().find(|check| !check.same) {
         None => Ok(()),
-        Some(check) => Err(Error::Different { folder: args.folder, difference: explain(check, &stored.result, &here) }),
+        Some(check) => Err(Error::Different { folder: args.folder, difference: explain(check, &made, &here) }),
     }
 }
 
@@ -109,25 +121,33 @@ fn report_again(job: &Job, kept: &Report) -> Result<Report, Error> {
 
 /// Answers by index, on all cores.
 fn examine_all(job: &Job, examinations: &[Examination]) -> Result<Vec<Answer>, Error> {
+    each(examinations.len(), |index| {
+        examine(job, &examinations[index], &|| false).map_err(|_| Error::Interrupted { hint: String::new() })
+    })
+}
+
+/// Does so many pieces of work on all cores; results by index.
+fn each<T: Send>(count: usize, work: impl Fn(usize) -> Result<T, Error> + Sync) -> Result<Vec<T>, Error> {
     let next = AtomicUsize::new(0);
-    let answers: Mutex<Vec<(usize, Answer)>> = Mutex::default();
-    let work = || {
+    let done: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::new());
+    let thread = || {
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(examination) = examinations.get(index) else { return Ok(()) };
-            let answer =
-                examine(job, examination, &|| false).map_err(|_| Error::Interrupted { hint: String::new() })?;
-            answers.lock().unwrap_or_else(PoisonError::into_inner).push((index, answer));
+            if index >= count {
+                return Ok(());
+            }
+            let result = work(index)?;
+            done.lock().unwrap_or_else(PoisonError::into_inner).push((index, result));
         }
     };
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(examinations.len());
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count);
     std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        let threads: Vec<_> = (0..cores).map(|_| scope.spawn(thread)).collect();
         threads.into_iter().try_for_each(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     })?;
-    let mut answers = answers.into_inner().unwrap_or_else(PoisonError::into_inner);
-    answers.sort_by_key(|(index, _)| *index);
-    Ok(answers.into_iter().map(|(_, answer)| answer).collect())
+    let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+    done.sort_by_key(|(index, _)| *index);
+    Ok(done.into_iter().map(|(_, result)| result).collect())
 }
 
 fn compare_reports(kept: &Report, made: &Report) -> Vec<Check> {
@@ -166,16 +186,23 @@ fn same<T: Serialize>(what: &'static str, kept: &T, made: &T) -> Check {
     Check { what, same: text(kept) == text(made), difference: None }
 }
 
-fn explain(check: &Check, result: &ResultFile, here: &Digest) -> String {
+/// What made a result.
+struct Made {
+    job: Digest,
+    engine: Digest,
+    version: String,
+}
+
+fn explain(check: &Check, made: &Made, here: &Digest) -> String {
     let mut text = format!("{} differs", check.what);
     if let Some(difference) = &check.difference {
         text += &format!(" ({difference})");
     }
-    if result.engine_digest != *here {
+    if made.engine != *here {
         text += &format!(
             "; engine {} of evogait {} made it, this is engine {} of evogait {}: verify with that version",
-            result.engine_digest.short(),
-            result.versions.evogait,
+            made.engine.short(),
+            made.version,
             here.short(),
             env!("CARGO_PKG_VERSION")
         );

@@ -1,0 +1,34 @@
+//! The report of a job that planned: put together by the coordinator, stored with the job, drawn by the command line.
+
+use super::{Grown, Tried};
+use crate::base::score::Counts;
+use crate::report::{GaitTrace, PathTrace, Traces, TreeRecord};
+use serde::{Deserialize, Serialize};
+
+/// The report. Lengths in mu, angles in rad, times in s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanReport {
+    /// What came of each tree, by seed; `null` where the evaluation failed.
+    pub plans: Vec<Option<Grown>>,
+    /// The seed of the tree with the best score, from 0.
+    pub best: u32,
+    /// Each gait, applied at the start.
+    pub gaits: Vec<GaitTrace>,
+    /// The best tree.
+    pub tree: TreeRecord,
+    /// Its plan, run in three ways.
+    pub paths: Vec<PathTrace>,
+    /// What all trees took.
+    pub counts: Counts,
+    /// What the traces took.
+    pub trace_counts: Counts,
+}
+
+impl PlanReport {
+    pub(super) fn new(tried: &[Tried], best: u32, Traces { gaits, tree, paths }: Traces, trace_counts: Counts) -> Self {
+        let mut counts = Counts::default();
+        tried.iter().for_each(|one| counts += one.counts);
+        let plans = tried.iter().map(|one| one.grown.clone()).collect();
+        Self { plans, best, gaits, tree, paths, counts, trace_counts }
+    }
+}

@@ -1,0 +1,117 @@
+//! Tasks of a job that plans and their results, as bytes.
+
+use super::Tried;
+use crate::base::encoding::{self, Unreadable};
+use crate::base::random::{Purpose, Stream};
+use crate::base::score::Counts;
+use crate::problem::Job;
+use crate::report::Traces;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// First byte of an encoded task.
+const TASK: u8 = 0xB2;
+/// First byte of an encoded result.
+const RESULT: u8 = 0xC2;
+
+/// One piece of work of a round.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Task {
+    /// A tree has to be grown.
+    Grow {
+        /// Which of the job's trees, from 0.
+        seed: u32,
+    },
+    /// A tree has to be grown again and written down.
+    Trace {
+        /// Which one.
+        seed: u32,
+    },
+}
+
+/// Outcome of a task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum TaskResult {
+    /// That of [`Task::Grow`].
+    Grown(Tried),
+    /// That of [`Task::Trace`].
+    Traced {
+        /// The gaits, the tree, and its plan run in three ways.
+        traces: Traces,
+        /// What it took.
+        counts: Counts,
+    },
+}
+
+/// A tree in short. Lengths in mu, angles in rad.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Grown {
+    /// Its score by the job's fitness.
+    pub score: f64,
+    /// Whether a node is within the goal's radius; false without a goal.
+    pub reached: bool,
+    /// Least planar distance of a node to the goal; `None` without a goal.
+    pub distance: Option<f64>,
+    /// Share of the map's cells that hold a node, percent, in cells as the job's fitness has them or of 2 mu; `None` where
+    /// the map has too many of them.
+    pub coverage: Option<f64>,
+    /// The plan: the gaits from the root to the node nearest to the goal, or without a goal to the farthest from the root.
+    pub plan: Vec<Step>,
+}
+
+/// A gait of a plan, and where it leads.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// The gait, from 0.
+    pub gait: u32,
+    /// Where the pivot arrives.
+    pub x: f64,
+    /// Where the pivot arrives.
+    pub y: f64,
+    /// Height of the pivot.
+    pub z: f64,
+    /// Heading, in (−π, π].
+    pub yaw: f64,
+}
+
+/// The random numbers of a tree.
+pub fn stream(job: &Job, seed: u32) -> Stream {
+    Stream::new(job.spec().seed, Purpose::Plan, 0, 0, seed)
+}
+
+impl Task {
+    /// The bytes it is sent as.
+    pub fn encode(&self) -> Vec<u8> {
+        encoding::encode(TASK, self)
+    }
+
+    /// Reads it from exactly those bytes.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
+        encoding::decode(TASK, bytes)
+    }
+}
+
+impl TaskResult {
+    /// The bytes it is sent as.
+    pub fn encode(&self) -> Vec<u8> {
+        encoding::encode(RESULT, self)
+    }
+
+    /// Reads it from exactly those bytes.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
+        encoding::decode(RESULT, bytes)
+    }
+}
+
+impl fmt::Display for TaskResult {
+    /// Such as "score 12.5 (bits 4029000000000000), a plan of 4 gaits", "failed" or "traces".
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Grown(Tried { grown: Some(Grown { score, plan, .. }), .. }) => {
+                write!(f, "score {score} (bits {:016x}), a plan of {} gaits", score.to_bits(), plan.len())
+            }
+            Self::Grown(Tried { grown: None, .. }) => f.write_str("failed"),
+            Self::Traced { .. } => f.write_str("traces"),
+        }
+    }
+}

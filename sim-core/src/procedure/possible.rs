@@ -1,0 +1,162 @@
+//! What counts and records of a task can be: bounds that follow from the job alone.
+
+use crate::base::score::Counts;
+use crate::genotype::Genotype;
+use crate::problem::Checked;
+use crate::report::{GaitTrace, PathMode, PathTrace, Traces, TreeRecord};
+
+/// Longest text that says why a gait was unstable, in bytes.
+const MAX_UNSTABLE: usize = 1024;
+/// A time may exceed the gait's duration by so much, s: rounding.
+const ROUNDING: f64 = 1e-3;
+
+/// A count that the job's budget rules out.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("its count of {what}, {found}, is impossible: at most {most} is allowed")]
+pub struct Uncountable {
+    /// What is counted.
+    pub what: &'static str,
+    /// The count.
+    pub found: u64,
+    /// Most possible.
+    pub most: u64,
+}
+
+/// Bounds of what a task can take.
+pub(super) struct Most {
+    rollouts: u64,
+    /// Longest simulated time, ms.
+    simulated_ms: u64,
+    edges: u64,
+    nodes: u64,
+}
+
+impl Most {
+    /// Those of so many trees, on the job's setting or on that of its reference.
+    pub(super) fn of_trees(job: &Checked, on: &Checked, trees: u32, as_in_search: bool) -> Self {
+        let planner = &job.spec().planner;
+        let rollouts = on.rollout_budget(trees, as_in_search);
+        let edges = u64::from(planner.iterations) * u64::from(job.spec().gaits.count) * u64::from(trees);
+        let nodes = edges + u64::from(trees);
+        Self { rollouts, simulated_ms: simulated(job, rollouts), edges, nodes }
+    }
+
+    /// The same for a task that records its first tree, too: the tree's path twice, once as a rollout of its own, and each
+    /// gait.
+    pub(super) fn with_traces(self, job: &Checked) -> Self {
+        let gaits = u64::from(job.spec().gaits.count);
+        let path = u64::from(job.spec().planner.iterations) * gaits;
+        Self {
+            rollouts: self.rollouts + path + 1 + gaits,
+            simulated_ms: simulated(job, self.rollouts + 2 * path + gaits),
+            ..self
+        }
+    }
+}
+
+/// Simulated time of so many rollouts, ms.
+fn simulated(job: &Checked, rollouts: u64) -> u64 {
+    rollouts.saturating_mul(libm::ceil(job.spec().gaits.duration * 1000.0) as u64)
+}
+
+/// Refuses counts that the bounds rule out.
+pub(super) fn counted(counts: &Counts, most: &Most) -> Result<(), Uncountable> {
+    for (what, found, most) in [
+        ("rollouts", counts.rollouts, most.rollouts),
+        ("unstable rollouts", counts.unstable, counts.rollouts),
+        ("simulated milliseconds", counts.simulated_ms, most.simulated_ms),
+        ("edges", counts.edges, most.edges),
+        ("rejected edges", counts.rejected, counts.edges),
+        ("nodes", counts.nodes, most.nodes),
+    ] {
+        if found > most {
+            return Err(Uncountable { what, found, most });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses records that do not belong to the job's robot and to these gaits.
+pub(super) fn traces_of(job: &Checked, genotype: &Genotype, traces: &Traces) -> Result<(), String> {
+    let gaits = job.spec().gaits.count as usize;
+    if traces.gaits.len() != gaits {
+        return Err(format!("{} gaits instead of {gaits}", traces.gaits.len()));
+    }
+    let joints = job.robot().joint_names();
+    for (i, (gait, parameters)) in traces.gaits.iter().zip(genotype.gaits(gaits)).enumerate() {
+        gait_of(job, gait, parameters, &joints).map_err(|reason| format!("gait {i}: {reason}"))?;
+    }
+    tree_of(job, &traces.tree)?;
+    let modes: Vec<PathMode> = traces.paths.iter().map(|path| path.mode).collect();
+    if modes != [PathMode::Tree, PathMode::Resimulated, PathMode::Continuous] {
+        return Err(format!("paths {modes:?} instead of all three ways in their order"));
+    }
+    let sound = |path: &&PathTrace| path.end_error >= 0.0 && path.end_error.is_finite() && is_way(&path.way);
+    match traces.paths.iter().find(|path| !sound(path)) {
+        Some(path) => Err(format!("path {:?} has no way of finite points, or no finite error", path.mode)),
+        None => Ok(()),
+    }
+}
+
+fn gait_of(job: &Checked, gait: &GaitTrace, parameters: &[f64], joints: &[String]) -> Result<(), String> {
+    let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    if bits(&gait.parameters) != bits(parameters) {
+        return Err("its parameters are not those of the genome".to_owned());
+    }
+    if gait.joints != joints {
+        return Err(format!("its joints are not the robot's {}", joints.len()));
+    }
+    if gait.unstable.as_ref().is_some_and(|reason| reason.is_empty() || reason.len() > MAX_UNSTABLE) {
+        return Err(format!("its reason to be unstable must have 1 to {MAX_UNSTABLE} bytes"));
+    }
+    if gait.samples.is_empty() {
+        return Err("it has no samples".to_owned());
+    }
+    let duration = job.spec().gaits.duration + ROUNDING;
+    let mut before = None;
+    for (i, sample) in gait.samples.iter().enumerate() {
+        let lengths = [sample.targets.len(), sample.angles.len()];
+        if lengths != [joints.len(); 2] {
+            return Err(format!("sample {i} has {lengths:?} targets and angles instead of {} each", joints.len()));
+        }
+        let angles = sample.targets.iter().chain(&sample.angles).all(|v| v.is_finite());
+        let pose = sample.position.iter().chain(&sample.rotation).chain([&sample.yaw]).all(|v| v.is_finite());
+        if !angles || !pose {
+            return Err(format!("sample {i} has a number that is not finite"));
+        }
+        let later = before.map_or(sample.time == 0.0, |before| sample.time > before);
+        if !later || sample.time > duration {
+            return Err(format!("sample {i} is at {} s: samples go from 0 to the gait's end", sample.time));
+        }
+        before = Some(sample.time);
+    }
+    Ok(())
+}
+
+fn tree_of(job: &Checked, tree: &TreeRecord) -> Result<(), String> {
+    let gaits = job.spec().gaits.count as usize;
+    let most = job.spec().planner.iterations as usize * gaits + 1;
+    if tree.nodes.is_empty() || tree.nodes.len() > most {
+        return Err(format!("its tree has {} nodes: 1 to {most} are allowed", tree.nodes.len()));
+    }
+    for (i, node) in tree.nodes.iter().enumerate() {
+        let hangs = match (node.parent, node.gait) {
+            (None, None) => i == 0,
+            (Some(parent), Some(gait)) => parent < i && gait < gaits,
+            _ => false,
+        };
+        let finite = [node.x, node.y, node.z, node.yaw].iter().all(|v| v.is_finite());
+        if !hangs || !finite || !node.way.iter().flatten().all(|v| v.is_finite()) {
+            return Err(format!("node {i} of its tree has no such parent or gait, or a number that is not finite"));
+        }
+    }
+    let on_path = |pair: &[usize]| tree.nodes.get(pair[1]).is_some_and(|node| node.parent == Some(pair[0]));
+    if tree.best_path.first() != Some(&0) || !tree.best_path.windows(2).all(on_path) {
+        return Err("its best path does not lead from the root along the tree's edges".to_owned());
+    }
+    Ok(())
+}
+
+fn is_way(way: &[[f64; 2]]) -> bool {
+    !way.is_empty() && way.iter().flatten().all(|v| v.is_finite())
+}

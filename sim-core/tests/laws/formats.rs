@@ -1,0 +1,96 @@
+//! docs/formats.md says what the code says: every key, and the defaults.
+
+use sim_core::base::registry::Registered;
+use sim_core::objective::ObjectiveKind;
+use sim_core::problem::Checked;
+use sim_core::search::SearchKind;
+
+const PAGE: &str = include_str!("../../../docs/formats.md");
+
+/// The page's blocks of TOML.
+fn blocks() -> Vec<&'static str> {
+    PAGE.split("```toml\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect()
+}
+
+/// A block as a file, its gaits written out.
+fn file(block: &str) -> String {
+    let evolving = "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\ngaits = { count = 3 }\n\
+                    fitness = { kind = \"coverage\" }\noptimiser = { kind = \"pso\" }";
+    let evolving = Checked::from_toml(evolving).unwrap();
+    let genotype = &evolving.optimiser().ask().genotypes[0];
+    let gaits: Vec<String> = genotype.gaits(3).map(|gait| format!("{gait:?}")).collect();
+    let joints = evolving.robot().joint_names();
+    let set = format!("gaits = {{ joints = {joints:?}, genome = [{}] }}", gaits.join(", "));
+    let line = |line: &str| if line.starts_with("gaits = \"runs/") { set.clone() } else { line.to_owned() };
+    block.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Whether a line gives a key.
+fn is_setting(line: &str) -> bool {
+    line.contains(" = ") && !line.starts_with('#')
+}
+
+#[test]
+fn each_key_of_the_page_stands_with_its_default() {
+    for block in &blocks()[..2] {
+        let digest = |text: &str| Checked::from_toml(text).unwrap_or_else(|e| panic!("{e}\n{text}")).digest();
+        let whole = file(block);
+        let expected = digest(&whole);
+        let (mut tried, mut needed) = (0, 0);
+        for (i, line) in block.lines().enumerate().filter(|(_, line)| is_setting(line)) {
+            let without: Vec<&str> = whole.lines().enumerate().filter(|(j, _)| *j != i).map(|(_, line)| line).collect();
+            let without = without.join("\n");
+            if line.contains("# needed") {
+                let key = line.split(" = ").next().unwrap();
+                assert!(key == "procedure" || Checked::from_toml(&without).is_err(), "{line}");
+                needed += 1;
+            } else {
+                assert_eq!(digest(&without), expected, "this is not the default: {line}");
+                tried += 1;
+            }
+        }
+        assert!(tried > 10 && needed > 4, "{tried} defaults, {needed} needed");
+    }
+}
+
+#[test]
+fn the_page_has_every_key() {
+    let evolve = file(blocks()[0]);
+    let plan = file(blocks()[1]);
+    let mut keys: Vec<String> = Vec::new();
+    for (text, table) in [
+        (&evolve, ""),
+        (&evolve, "[gaits]"),
+        (&evolve, "[planner]"),
+        (&evolve, "[physics]"),
+        (&evolve, "[finish]"),
+        (&plan, "[plan]"),
+    ] {
+        // The error about a key that there is not lists those that there are.
+        let wrong = match table {
+            "" => format!("qqqqqqqq = 1\n{text}"),
+            table => text.replace(&format!("{table}\n"), &format!("{table}\nqqqqqqqq = 1\n")),
+        };
+        let said = Checked::from_toml(&wrong).unwrap_err().to_string();
+        let known = said.split_once("expected").unwrap_or_else(|| panic!("{table}: {said}")).1;
+        let known = known.lines().next().unwrap_or_default();
+        keys.extend(known.split('`').skip(1).step_by(2).map(str::to_owned));
+    }
+    for kind in <dyn ObjectiveKind>::registry().all() {
+        keys.push(format!("\"{}\"", kind.name()));
+        keys.extend(kind.settings().iter().map(|setting| setting.name.to_owned()));
+    }
+    for kind in <dyn SearchKind>::registry().all() {
+        keys.push(format!("\"{}\"", kind.name()));
+        keys.extend(kind.settings().iter().map(|setting| setting.name.to_owned()));
+    }
+    assert!(keys.len() > 40, "{keys:?}");
+    let code: String = blocks().concat();
+    for key in keys.iter().filter(|key| *key != "particles") {
+        let tables = ["gaits", "planner", "fitness", "optimiser", "plan", "physics", "finish"];
+        let stands = code.contains(&format!("{key} = "))
+            || key.starts_with('"') && code.contains(key.as_str())
+            || tables.contains(&key.as_str()) && code.contains(&format!("[{key}]"));
+        assert!(stands, "docs/formats.md lacks {key}");
+    }
+}
