@@ -1,7 +1,7 @@
 //! Every parser as a function of bytes: what `fuzz/` feeds, and what the recorded inputs in `fuzz/regressions` are run
 //! through. A parser may refuse; it may not panic, hang or take memory without bound.
 
-use crate::sandbox::tiny_job;
+use crate::sandbox::{planning_job, tiny_job};
 use prost::Message;
 use proto::{credentials::Token, dial::Addresses, v1};
 use sim_core::base::limits::MAX_TOML_LENGTH;
@@ -13,9 +13,9 @@ use sim_core::model::environment::Environment;
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::physics::{Physics, Scale};
 use sim_core::problem::{Checked, Job, Preparation};
-use sim_core::procedure::evolve::{Task, TaskResult};
 use sim_core::procedure::preparing::Outcome;
 use sim_core::procedure::{self, Bench, Hooks, Procedure};
+use sim_core::procedure::{evolve, plan};
 use std::sync::{Arc, LazyLock};
 
 /// A parser.
@@ -47,7 +47,10 @@ pub const PARSERS: &[(&str, Parser)] = &[
 pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
     let shipped = |entries: &[Entry]| entries.iter().map(|entry| entry.toml.as_bytes().to_vec()).collect();
     match parser {
-        "job" | "job-spec" => shipped(catalogue::jobs()),
+        "job" | "job-spec" => {
+            let planning = planning_job(1, 2).into_bytes();
+            catalogue::jobs().iter().map(|entry| entry.toml.as_bytes().to_vec()).chain([planning]).collect()
+        }
         "robot" => shipped(catalogue::robots()),
         "environment" => shipped(catalogue::environments()),
         "fidelity" => vec![Known::shipped().to_toml().into_bytes()],
@@ -112,10 +115,10 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
             .map(|(kind, message)| [&[kind], message.as_slice()].concat())
             .into()
         }
-        "task" => EXAMPLE.tasks.clone(),
-        "task-result" => EXAMPLE.results.clone(),
-        "preparation" => vec![EXAMPLE.outcome.clone(), EXAMPLE.preparation.clone()],
-        "state" => EXAMPLE.states.clone(),
+        "task" => EXAMPLES.iter().flat_map(|example| example.tasks.clone()).collect(),
+        "task-result" => EXAMPLES.iter().flat_map(|example| example.results.clone()).collect(),
+        "preparation" => EXAMPLES.iter().flat_map(|e| [e.outcome.clone(), e.preparation.clone()]).collect(),
+        "state" => EXAMPLES.iter().flat_map(|example| example.states.clone()).collect(),
         // A version byte, then MessagePack by field name: results and the worker that delivered them.
         "blob" => vec![b"\x02\x82\xa7results\x91\xc4\x01\x07\xa6finder\x82\xa6worker\xa1w\xa4host\xa1h".to_vec()],
         "store-url" => {
@@ -207,16 +210,18 @@ struct Example {
     preparation: Vec<u8>,
     /// The result of round 0.
     outcome: Vec<u8>,
-    /// Its search, before the first generation.
-    searching: Vec<u8>,
-    /// Before round 0 and before the first generation.
+    /// Before round 1.
+    prepared: Vec<u8>,
+    /// Before round 0 and before round 1.
     states: Vec<Vec<u8>>,
-    /// Of the first generation.
+    /// Of round 1.
     tasks: Vec<Vec<u8>>,
     results: Vec<Vec<u8>>,
 }
 
-static EXAMPLE: LazyLock<Example> = LazyLock::new(|| Example::of(&tiny_job(1, 2)));
+/// One a procedure.
+static EXAMPLES: LazyLock<[Example; 2]> =
+    LazyLock::new(|| [tiny_job(1, 2), planning_job(1, 2)].map(|job_toml| Example::of(&job_toml)));
 
 /// Lets everything run to its end.
 struct Patient;
@@ -239,9 +244,9 @@ impl Example {
         let tasks: Vec<Vec<u8>> = (0..round.tasks).map(|index| procedure.task(index)).collect();
         let numbered: Vec<(u32, Vec<u8>)> = (0..).zip(tasks.clone()).collect();
         let results = bench.run(round.number, &round.shared, &numbered, &Patient).expect("it runs");
-        let searching = procedure.save();
-        let states = vec![before, searching.clone()];
-        Self { problem, preparation: round.shared.to_vec(), outcome, searching, states, tasks, results }
+        let prepared = procedure.save();
+        let states = vec![before, prepared.clone()];
+        Self { problem, preparation: round.shared.to_vec(), outcome, prepared, states, tasks, results }
     }
 
     fn procedure(&self, saved: &[u8]) -> Option<Box<dyn Procedure>> {
@@ -249,22 +254,27 @@ impl Example {
     }
 }
 
-/// A task of a search, as a worker reads it.
+/// A task, as a worker reads it.
 fn task(bytes: &[u8]) {
-    if let Ok(task) = Task::decode(bytes) {
-        assert_eq!(task.encode(), bytes, "a task has one encoding");
+    let evolves = evolve::Task::decode(bytes).map(|task| task.encode());
+    let plans = plan::Task::decode(bytes).map(|task| task.encode());
+    for encoded in [evolves, plans].into_iter().flatten() {
+        assert_eq!(encoded, bytes, "a task has one encoding");
     }
 }
 
 /// A result of a task, as a coordinator reads and checks it.
 fn task_result(bytes: &[u8]) {
-    let decoded = TaskResult::decode(bytes);
-    let searching = EXAMPLE.procedure(&EXAMPLE.searching).expect("what was saved can be loaded");
-    let checked = searching.check(0, bytes);
-    let _ = searching.show(bytes);
-    match decoded {
-        Ok(result) => assert_eq!(result.encode(), bytes, "a result has one encoding"),
-        Err(_) => assert!(checked.is_err(), "what can't be read is refused"),
+    let evolved = evolve::TaskResult::decode(bytes).map(|result| result.encode());
+    let planned = plan::TaskResult::decode(bytes).map(|result| result.encode());
+    for (example, decoded) in EXAMPLES.iter().zip([evolved, planned]) {
+        let procedure = example.procedure(&example.prepared).expect("what was saved can be loaded");
+        let checked = procedure.check(0, bytes);
+        let _ = procedure.show(bytes);
+        match decoded {
+            Ok(encoded) => assert_eq!(encoded, bytes, "a result has one encoding"),
+            Err(_) => assert!(checked.is_err(), "what can't be read is refused"),
+        }
     }
 }
 
@@ -273,20 +283,24 @@ fn preparation(bytes: &[u8]) {
     if let Ok(outcome) = Outcome::decode(bytes) {
         assert_eq!(outcome.encode(), bytes, "an outcome has one encoding");
     }
-    if let Ok(preparation) = Preparation::decode(bytes) {
-        assert_eq!(preparation.encode(), bytes, "a preparation has one encoding");
-        let _ = EXAMPLE.problem.takes(&preparation);
+    let decoded = Preparation::decode(bytes);
+    for example in EXAMPLES.iter() {
+        if let Ok(preparation) = &decoded {
+            assert_eq!(preparation.encode(), bytes, "a preparation has one encoding");
+            let _ = example.problem.takes(preparation);
+        }
+        let preparing = procedure::start(&example.problem).expect("a valid job");
+        let _ = (preparing.check(0, bytes), preparing.show(bytes));
     }
-    let preparing = procedure::start(&EXAMPLE.problem).expect("a valid job");
-    let _ = (preparing.check(0, bytes), preparing.show(bytes));
 }
 
 /// A saved state of a job, and the round that it is in.
 fn state(bytes: &[u8]) {
-    if let Some(mut procedure) = EXAMPLE.procedure(bytes) {
+    for example in EXAMPLES.iter() {
+        let Some(mut procedure) = example.procedure(bytes) else { continue };
         let round = procedure.round();
         let _ = (procedure.task(round.tasks - 1), procedure.describe(0), procedure.progress(), procedure.save());
-        let result: Arc<[u8]> = EXAMPLE.results[0].clone().into();
+        let result: Arc<[u8]> = example.results[0].clone().into();
         if (0..round.tasks).all(|index| procedure.check(index, &result).is_ok()) {
             let _ = procedure.tell(&vec![result; round.tasks as usize]);
         }
