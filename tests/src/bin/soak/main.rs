@@ -47,7 +47,7 @@ async fn main() -> ExitCode {
 /// A job whose evaluations cost time rather than cores: workers are told to be slow. The last one plans, the others evolve.
 fn job(number: u32) -> String {
     if number + 1 == JOBS {
-        return planning_job(100 + number, 400).replace("engine = \"rapier\"", "engine = \"lockstep\"");
+        return planning_job(100 + number, 1000).replace("engine = \"rapier\"", "engine = \"lockstep\"");
     }
     let job = tiny_job(100 + number, 60).replace("engine = \"rapier\"", "engine = \"lockstep\"");
     job.replace("particles = 5", "particles = 12").replace("iterations = 10", "iterations = 5")
