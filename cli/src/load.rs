@@ -85,7 +85,7 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
     });
     if let (Some(path), Reference::Inline(robot)) = (gaits, &spec.robot) {
         let robot = spec.variant.as_ref().map_or_else(|| Ok((**robot).clone()), |variant| robot.variant(variant));
-        // A fault of the robot is told below, as for any job.
+        // Errors of the robot are reported below, as for any job.
         if let Ok(robot) = robot.and_then(|robot| Robot::compile(&robot)) {
             let path = source.folder.as_ref().map_or_else(|| PathBuf::from(&path), |folder| folder.join(&path));
             let gaits = gait_set::read(&path, &spec.gaits, &robot)?;

@@ -23,7 +23,7 @@ fn json(path: &Path) -> serde_json::Value {
 }
 
 #[test]
-fn a_plan_leaves_its_files_and_is_the_same_on_any_number_of_workers() {
+fn plan_writes_its_files_with_same_bits_on_any_workers() {
     let folder = evolved();
     let path = folder.path();
     let planned = run(path, &["plan", "out", "--environment", "reuse-2", "--seeds", "5", "--out", "plans", "--json"]);
@@ -116,7 +116,7 @@ fn a_job_file_names_a_run_and_another_robot_is_refused() {
     let none = run(path, &["run", "none.toml"]);
     assert_eq!((none.code, none.err.contains("can't read nowhere")), (1, true), "{}", none.err);
 
-    // What is for jobs that evolve says so, and a run's file is never replaced.
+    // Commands for jobs that evolve refuse a job that plans.
     for command in [
         &["evaluate", "good.toml", "--genome", "1"][..],
         &["bench", "evaluate", "good.toml"],

@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Tables of a job file that are told by their name instead of key by key.
+/// Tables of a job file that are compared by name instead of key by key.
 const NAMED: [&str; 2] = ["robot", "environment"];
 
 /// A finished run.
@@ -28,7 +28,7 @@ struct View {
     runs: Vec<String>,
     /// Settings that are not the same in all runs, each run's in turn; `null` where a run has none.
     settings: BTreeMap<String, Vec<Option<String>>>,
-    /// What came out, each run's in turn; `null` where a run has no such number.
+    /// Results by name, one value a run; `null` where a run has none.
     results: Vec<(&'static str, Vec<Option<String>>)>,
     /// Whether all runs are of the same job, and then whether their results have the same bits.
     same_job: bool,
@@ -130,7 +130,7 @@ fn digests(run: &Read) -> (String, String) {
     }
 }
 
-/// What came of a run, in the order in which it is told.
+/// Results of a run by their place in the table.
 fn numbers(run: &Read) -> BTreeMap<usize, (&'static str, String)> {
     let mut told: Vec<(usize, &'static str, Option<String>)> = Vec::new();
     match &run.result {

@@ -162,7 +162,7 @@ async fn finish(
     }
 }
 
-/// What there is to do, for people.
+/// Size of a job, as text for the user.
 fn amount(job: &Checked) -> String {
     match &job.spec().plan {
         None => {

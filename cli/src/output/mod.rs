@@ -32,7 +32,7 @@ pub const PLANS: &str = "plans.json";
 /// The store of a run on this machine.
 pub const STORE: &str = "store.sqlite";
 
-/// What a job found, by what it does: the content of its result.json.
+/// Content of a result.json, by procedure.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Finished {

@@ -15,7 +15,7 @@ use study::setting::Setting;
 /// Version of the file's layout.
 const FORMAT: u32 = 1;
 
-/// What came of planning, in a file. Lengths in mu, times in s. Numbers are written so that they read back to the same bits.
+/// Result of a job that planned. Lengths in mu, times in s. Numbers keep their bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlanFile {
     /// Version of this layout.
@@ -60,7 +60,7 @@ pub struct PlanFile {
     pub counts: Counts,
     /// s from the first task handed out to the end, pauses included.
     pub wall_seconds: f64,
-    /// What wrote this.
+    /// Versions of the program and crates that wrote the file.
     pub versions: Versions,
 }
 

@@ -110,7 +110,7 @@ impl StoredPlans {
     }
 }
 
-/// What the result.json of a finished run of a job says.
+/// Reads the result.json of a finished run.
 pub fn finished(folder: &Path, job: &Checked) -> Result<Finished, Error> {
     if job.given_gaits().is_some() {
         return read_json(&folder.join(RESULT)).map(|plans| Finished::Planned(Box::new(plans)));

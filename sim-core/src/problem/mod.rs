@@ -280,7 +280,7 @@ impl Checked {
         self.0.fitness.kind.0.range()
     }
 
-    /// What a tree is worth, as the job says it or by default.
+    /// The job's fitness table, or the default one.
     pub fn fitness_spec(&self) -> &FitnessSpec {
         &self.0.fitness
     }

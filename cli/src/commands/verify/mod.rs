@@ -186,7 +186,7 @@ fn same<T: Serialize>(what: &'static str, kept: &T, made: &T) -> Check {
     Check { what, same: text(kept) == text(made), difference: None }
 }
 
-/// What made a result.
+/// Job, engine and version behind a result.
 struct Made {
     job: Digest,
     engine: Digest,
