@@ -268,7 +268,7 @@ pub fn of_robot(
 mod tests {
     use super::*;
     use sim_core::physics::lockstep::LockstepEngine;
-    use sim_core::physics::{Scale, Span, Trace};
+    use sim_core::physics::{Effort, Scale, Span, Trace};
 
     fn physics() -> Physics {
         Physics { steps_per_second: 200, substeps: 2, ..Physics::of_scale(Scale::Paper) }
@@ -314,7 +314,15 @@ mod tests {
             trace.push(0.05 * i as f32, &state);
         }
         let swept: Vec<Span> = Vec::new();
-        Rollout { end: state, end_speed: 0.0, trace, swept, outcome: Outcome::Completed, simulated_ms: 1000 }
+        Rollout {
+            end: state,
+            end_speed: 0.0,
+            trace,
+            swept,
+            outcome: Outcome::Completed,
+            simulated_ms: 1000,
+            effort: Effort::default(),
+        }
     }
 
     #[test]

@@ -15,5 +15,5 @@ pub use rapier::RapierEngine;
 pub use settings::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Scale};
 pub use settle::{LONGEST_SETTLING, Unsettled, settle, settle_until};
 pub(crate) use settle::{canonical, settle_still};
-pub use trace::{Bound, Outcome, Rollout, Span, Trace};
+pub use trace::{Bound, Effort, Outcome, Rollout, Span, Trace};
 pub(crate) use trace::{sample_every, spans};

@@ -26,6 +26,32 @@ pub struct Rollout {
     pub outcome: Outcome,
     /// Simulated time, ms.
     pub simulated_ms: u64,
+    /// What the motors did.
+    pub effort: Effort,
+}
+
+/// Mechanical work of a robot's motors over a rollout, kg·mu²/s²: torque times turn, summed over joints and steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Effort {
+    /// With its sign: motors that brake take energy back.
+    pub work: f64,
+    /// Without the signs: what motors cost that can't store what they take back.
+    pub turnover: f64,
+}
+
+impl Effort {
+    /// Adds the work of one joint in one step.
+    pub(crate) fn add(&mut self, work: f64) {
+        self.work += work;
+        self.turnover += work.abs();
+    }
+}
+
+impl std::ops::AddAssign for Effort {
+    fn add_assign(&mut self, other: Self) {
+        self.work += other.work;
+        self.turnover += other.turnover;
+    }
 }
 
 /// How a rollout ended.
@@ -63,6 +89,7 @@ impl Rollout {
             swept: spans(&[robot.bounds(start)]),
             outcome: Outcome::Refused { time: 0.0, event: None, reason },
             simulated_ms: 0,
+            effort: Effort::default(),
         }
     }
 }

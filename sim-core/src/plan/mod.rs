@@ -17,7 +17,7 @@ pub use nearest::Nearest;
 pub use planner::{Arrival, Ask, Planner, PlannerKind, PlannerSettings};
 pub use settings::PlannerSpec;
 pub(crate) use settings::validate_planner;
-pub use swept::{Extent, leaves_map, on_terrain, touches};
+pub use swept::{Extent, first_touch, goes_outside, leaves_map, on_terrain, touches};
 pub use transitions::{Reuse, StartId, Transition, TransitionKey, Transitions};
 pub use tree::{Node, Tree};
 

@@ -85,9 +85,14 @@ fn middle(boxes: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> ([f64; 2], [f64;
 
 /// Whether the pivot leaves the map on a transition laid out from `place`.
 pub fn leaves_map(environment: &Environment, place: &Place, transition: &Transition) -> bool {
-    let (plane, trace) = (place.plane(), &transition.rollout.trace);
+    goes_outside(environment, place, &transition.rollout, &transition.extent)
+}
+
+/// Whether the pivot leaves the map on a rollout laid out from `place`.
+pub fn goes_outside(environment: &Environment, place: &Place, rollout: &Rollout, extent: &Extent) -> bool {
+    let (plane, trace) = (place.plane(), &rollout.trace);
     // From the end: who leaves the map is most often out there still.
-    !transition.extent.stays_inside(environment, &plane)
+    !extent.stays_inside(environment, &plane)
         && (0..trace.len()).rev().any(|i| {
             let p = trace.pivot(i).translation;
             let (x, y) = plane.point(p.x.into(), p.y.into());
@@ -97,21 +102,32 @@ pub fn leaves_map(environment: &Environment, place: &Place, transition: &Transit
 
 /// Whether any part of the robot touches an obstacle on a transition laid out from `place`.
 pub fn touches(robot: &Robot, obstacles: &[Block], place: &Place, transition: &Transition) -> bool {
-    let (plane, extent, rollout) = (place.plane(), &transition.extent, &transition.rollout);
+    first_touch(robot, obstacles, place, &transition.rollout, &transition.extent).is_some()
+}
+
+/// The first sample of a rollout laid out from `place` at which any part of the robot touches an obstacle.
+pub fn first_touch(
+    robot: &Robot,
+    obstacles: &[Block],
+    place: &Place,
+    rollout: &Rollout,
+    extent: &Extent,
+) -> Option<usize> {
+    let plane = place.plane();
     let [lowest, highest] = extent.heights;
     let near = obstacles.iter().filter(|b| lowest <= b.top && highest >= b.base && extent.may_cover(b, &plane));
     let near: Vec<Solid<'_>> = near.map(Solid::of).collect();
     if near.is_empty() {
-        return false;
+        return None;
     }
     let frame = place.frame();
-    rollout.swept.iter().any(|span| {
+    rollout.swept.iter().find_map(|span| {
         let nearer: Vec<&Solid<'_>> = near.iter().filter(|solid| is_near(solid.block, span, &plane)).collect();
-        !nearer.is_empty()
-            && (span.first..=span.last).any(|i| {
-                let poses = robot.body_poses(&rollout.trace.state(i));
-                nearer.iter().any(|solid| solid.meets(robot, &frame, &poses))
-            })
+        let touched = |&i: &usize| {
+            let poses = robot.body_poses(&rollout.trace.state(i));
+            nearer.iter().any(|solid| solid.meets(robot, &frame, &poses))
+        };
+        if nearer.is_empty() { None } else { (span.first..=span.last).find(touched) }
     })
 }
 
@@ -147,7 +163,7 @@ mod tests {
     use super::*;
     use crate::base::random::{Purpose, Stream};
     use crate::model::state_touches;
-    use crate::physics::{Outcome, Trace};
+    use crate::physics::{Effort, Outcome, Trace};
     use crate::plan::{Reuse, StartId, TransitionKey, Transitions};
 
     /// A robot drawn along a random way with random joints.
@@ -176,6 +192,7 @@ mod tests {
             swept: [0, 10, 20, 30].map(span).to_vec(),
             outcome: Outcome::Completed,
             simulated_ms: 2000,
+            effort: Effort::default(),
         };
         let key = TransitionKey { start: StartId(0), gait: 0 };
         let mut table = Transitions::new(1, Reuse { tolerance: 0.0, variants: 1 }, &robot.neutral());

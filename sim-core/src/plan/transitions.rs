@@ -193,6 +193,7 @@ mod tests {
     use super::*;
     use crate::base::math::{Pose, Rotation, Vector, about, about_z};
     use crate::base::random::{Purpose, Stream};
+    use crate::physics::Effort;
     use crate::plan::grow::laid_out;
     use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -293,6 +294,7 @@ mod tests {
             swept: Vec::new(),
             outcome: Outcome::Completed,
             simulated_ms: 0,
+            effort: Effort::default(),
         };
         let transition =
             Transition { end: Place::ORIGIN, extent: Extent::of(&rollout), rollout, end_start, end_member };

@@ -5,7 +5,7 @@ use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::genotype::Genotype;
 use sim_core::model::Place;
-use sim_core::physics::{Outcome, Rollout, Span, Trace};
+use sim_core::physics::{Effort, Outcome, Rollout, Span, Trace};
 use sim_core::plan::{Arrival, Ask, PlannerSettings, Reuse, StartId, TransitionKey, Transitions};
 use sim_core::problem::Job;
 use std::collections::BTreeSet;
@@ -155,7 +155,10 @@ fn staggered(reuse: Reuse) -> Vec<Place> {
             let (low, high) = job.robot().bounds(&start);
             let swept = vec![Span { first: 0, last: 1, low, high: high + Vector::X }];
             let outcome = Outcome::Completed;
-            table.insert(key, Rollout { end, end_speed: 0.0, trace, swept, outcome, simulated_ms: 1000 });
+            table.insert(
+                key,
+                Rollout { end, end_speed: 0.0, trace, swept, outcome, simulated_ms: 1000, effort: Effort::default() },
+            );
         }
         let transition = table.get(key).unwrap();
         start = table.start_of_node(transition, way.len());

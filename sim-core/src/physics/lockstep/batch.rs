@@ -7,7 +7,7 @@ use super::model::Model;
 use super::step::Stepper;
 use crate::base::math::{Pose, Rotation, Vector};
 use crate::model::{State, Twist, Velocities};
-use crate::physics::{Bound, Course, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
+use crate::physics::{Bound, Course, Effort, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
 use fearless_simd::prelude::*;
 
 /// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes. `stop` is
@@ -48,6 +48,8 @@ struct Lane {
     velocities: Velocities,
     /// The first bound that it left, and the step at whose end it had.
     broken: Option<(u32, Bound)>,
+    /// What its motors had done then; that of all steps if it left none.
+    effort: Effort,
 }
 
 /// Simulates up to a lane each, all of the same number of steps.
@@ -65,8 +67,10 @@ fn roll<S: Simd, G: Surface<S>>(
     let every = sample_every(rate);
     let joints = model.hinges.len();
     let mut motion = start(simd, model, requests);
-    let lane =
-        || Lane { trace: Trace::new(joints), boxes: Vec::new(), velocities: velocities(&motion, 0), broken: None };
+    let lane = || {
+        let (trace, velocities) = (Trace::new(joints), velocities(&motion, 0));
+        Lane { trace, boxes: Vec::new(), velocities, broken: None, effort: Effort::default() }
+    };
     let mut lanes: Vec<Lane> = requests.iter().map(|_| lane()).collect();
     stepper.unlock();
     let mut targets = vec![all(simd, 0.0); joints];
@@ -98,7 +102,7 @@ fn roll<S: Simd, G: Surface<S>>(
         speeds = stepper.extremes.0;
         check(simd, model, done, stepper, &mut ledger, &mut lanes);
         if done < steps {
-            ledger.post(stepper.work);
+            ledger.post(stepper.work, stepper.turnover);
         }
         if lanes.iter().all(|lane| lane.broken.is_some()) {
             break;
@@ -130,6 +134,7 @@ fn roll<S: Simd, G: Surface<S>>(
             trace: lane.trace,
             outcome,
             simulated_ms: ms(done),
+            effort: lane.broken.map_or_else(|| ledger.effort(i), |_| lane.effort),
         }
     };
     Some(lanes.into_iter().zip(requests).enumerate().map(|(i, pair)| outcome(pair, i)).collect())
@@ -206,18 +211,26 @@ struct Ledger<S: Simd> {
     start: Option<Lanes<S>>,
     given: Lanes<S>,
     turnover: Lanes<S>,
+    /// Without the signs of what each motor gave.
+    of_each: Lanes<S>,
 }
 
 impl<S: Simd> Ledger<S> {
     #[inline(always)]
     fn new(simd: S) -> Self {
-        Self { start: None, given: all(simd, 0.0), turnover: all(simd, 0.0) }
+        let zero = all(simd, 0.0);
+        Self { start: None, given: zero, turnover: zero, of_each: zero }
     }
 
     #[inline(always)]
-    fn post(&mut self, work: Lanes<S>) {
+    fn post(&mut self, work: Lanes<S>, of_each: Lanes<S>) {
         self.given += work;
         self.turnover += work.abs();
+        self.of_each += of_each;
+    }
+
+    fn effort(&self, lane: usize) -> Effort {
+        Effort { work: self.given[lane].into(), turnover: self.of_each[lane].into() }
     }
 }
 
@@ -254,5 +267,6 @@ fn check<S: Simd, G: Surface<S>>(
         ];
         let left = bounds.into_iter().find(|(sound, _)| !sound.test(i));
         lane.broken = left.map(|(_, bound)| (step, bound));
+        lane.effort = ledger.effort(i);
     }
 }

@@ -44,6 +44,8 @@ pub(super) struct Stepper<'a, S: Simd, G: Surface<S>> {
     pub potential: Lanes<S>,
     /// What the motors gave in the last step, kg·mu²/s².
     pub work: Lanes<S>,
+    /// The same without the signs of what each motor gave.
+    pub turnover: Lanes<S>,
     /// The greatest squared speed of a body's origin at the step's start, mu²/s², and the height of the lowest centre of
     /// mass, mu.
     pub extremes: (Lanes<S>, Lanes<S>),
@@ -72,6 +74,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
             energy: all(simd, 0.0),
             potential: all(simd, 0.0),
             work: all(simd, 0.0),
+            turnover: all(simd, 0.0),
             extremes: (all(simd, 0.0), all(simd, 0.0)),
         }
     }
@@ -204,13 +207,16 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                 self.next.base = self.impulses[0];
                 self.system.solve(simd, model, &mut self.next);
                 // An impulse works at the mean of the rates before and after it.
-                let mut work = all(simd, 0.0);
+                let (mut work, mut turnover) = (all(simd, 0.0), all(simd, 0.0));
                 for i in 0..model.hinges.len() {
                     let after = self.next.rates[i];
                     let impulse = fnma::<S>(self.motors[i].stiffening, after, self.motors[i].impulse);
-                    work = fma::<S>(impulse, after + motion.velocity.rates[i], work);
+                    let twice = after + motion.velocity.rates[i];
+                    work = fma::<S>(impulse, twice, work);
+                    turnover += (impulse * twice).abs();
                 }
                 self.work = work * all(simd, 0.5);
+                self.turnover = turnover * all(simd, 0.5);
             },
         )
     }

@@ -50,6 +50,12 @@ impl Motion {
         self
     }
 
+    /// The same motion with these targets, of as many joints and as long.
+    pub fn with_targets(mut self, targets: Targets) -> Self {
+        self.targets = targets;
+        self
+    }
+
     /// The same motion with these tracks.
     pub fn with_tracks(mut self, tracks: Vec<Track>) -> Self {
         self.tracks = tracks;

@@ -55,6 +55,41 @@ impl Targets {
         self
     }
 
+    /// A table of the targets at given instants, rad by joint, from the first at time 0 on: linear between them, held at the end
+    /// until `duration`, s.
+    pub fn between(instants: &[(f64, Vec<f64>)], duration: f64) -> Self {
+        let joints = instants.first().map_or(0, |(_, targets)| targets.len());
+        let mut signals = vec![Vec::new(); joints];
+        let mut next = 1;
+        for tick in 0..Self::ticks(duration) {
+            let time = tick as f64 * TICK;
+            while next < instants.len() && instants[next].0 <= time {
+                next += 1;
+            }
+            let (from, to) = (&instants[next - 1], &instants[next.min(instants.len() - 1)]);
+            let share = if to.0 > from.0 { (time - from.0) / (to.0 - from.0) } else { 0.0 };
+            for (signal, (a, b)) in signals.iter_mut().zip(from.1.iter().zip(&to.1)) {
+                signal.push(a + (b - a) * share);
+            }
+        }
+        Self::new(&signals, duration)
+    }
+
+    /// The table with noise: every `every` ticks each joint's target is moved by what is drawn for it, rad, in between linearly.
+    pub fn with_noise(mut self, every: usize, mut draw: impl FnMut() -> f64) -> Self {
+        let joints = self.joints.max(1);
+        let knots = (self.rows.len() / joints).div_ceil(every) + 1;
+        let drawn: Vec<f64> = (0..knots * joints).map(|_| draw()).collect();
+        for (tick, row) in self.rows.chunks_exact_mut(joints).enumerate() {
+            let (knot, share) = (tick / every, (tick % every) as f64 / every as f64);
+            for (joint, target) in row.iter_mut().enumerate() {
+                let [a, b] = [knot, knot + 1].map(|knot| drawn[knot * joints + joint]);
+                *target = (f64::from(*target) + a + (b - a) * share) as f32;
+            }
+        }
+        self
+    }
+
     /// All joints at 0 for `duration` s: standing.
     pub fn zero(joints: usize, duration: f64) -> Self {
         Self { joints, duration, rows: vec![0.0; joints * Self::ticks(duration)] }
@@ -125,6 +160,29 @@ mod tests {
         assert_eq!(at(0.0), 0.0);
         assert!((at(1.5 * TICK) - 0.15).abs() < 1e-6);
         assert!((at(1.0) - 0.4).abs() < 1e-6);
+    }
+
+    #[test]
+    fn targets_between_instants_are_linear_and_held_at_the_end() {
+        let instants = [(0.0, vec![0.0, 1.0]), (0.01, vec![0.2, 1.0]), (0.02, vec![0.2, 0.0])];
+        let table = Targets::between(&instants, 0.03);
+        let rows: Vec<&[f32]> = table.rows().collect();
+        let expected =
+            [[0.0, 1.0], [0.1, 1.0], [0.2, 1.0], [0.2, 0.5], [0.2, 0.0], [0.2, 0.0], [0.2, 0.0f32]].map(|row| row);
+        assert_eq!(rows.len(), expected.len());
+        for (row, expected) in rows.iter().zip(&expected) {
+            assert!(row.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{rows:?}");
+        }
+    }
+
+    #[test]
+    fn noise_is_as_drawn_at_its_knots_and_linear_between() {
+        let mut drawn = [0.1, -0.2, 0.3, 0.4, 0.0, 0.0].into_iter();
+        let table = Targets::zero(2, 4.0 * TICK).with_noise(4, || drawn.next().unwrap());
+        let rows: Vec<&[f32]> = table.rows().collect();
+        for (tick, expected) in [(0, [0.1, -0.2]), (2, [0.2, 0.1]), (4, [0.3, 0.4f32])] {
+            assert!(rows[tick].iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-6), "{tick}: {:?}", rows[tick]);
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@
 mod joints;
 
 use super::{
-    Bound, Course, Engine, Motion, Outcome, Physics, Request, Rollout, Trace, Unsupported, sample_every, spans,
+    Bound, Course, Effort, Engine, Motion, Outcome, Physics, Request, Rollout, Trace, Unsupported, sample_every, spans,
 };
 use crate::base::math::{Pose, Vector, about_z, angle_about};
 use crate::model::environment::Block;
@@ -131,6 +131,8 @@ impl<'a> Simulation<'a> {
         let mut state = request.start.clone();
         trace.push(0.0, &state);
         boxes.push(self.robot.bounds(&state));
+        let mut effort = Effort::default();
+        let mut joints = self.joint_motions();
         let mut done = 0;
         while done < steps {
             if stop() {
@@ -146,6 +148,9 @@ impl<'a> Simulation<'a> {
                 outcome = Outcome::Unstable { time: time as f32, bound };
                 break;
             }
+            let after = self.joint_motions();
+            self.works(&targets, &joints, &after).for_each(|work| effort.add(work));
+            joints = after;
             if done % every == 0 || done == steps {
                 state = self.state();
                 trace.push(time as f32, &state);
@@ -164,6 +169,27 @@ impl<'a> Simulation<'a> {
             swept: spans(&boxes),
             outcome,
             simulated_ms: u64::from(done) * 1000 / u64::from(rate),
+            effort,
+        })
+    }
+
+    /// Angle, rad, and rate, rad/s, of every joint.
+    fn joint_motions(&self) -> Vec<(f32, f32)> {
+        let motion = |(i, hinge): (usize, &Hinge)| (self.angle(i), self.rate(i, hinge));
+        self.robot.hinges.iter().enumerate().map(motion).collect()
+    }
+
+    /// Work of every motor in a step. rapier tells no torques of multibody joints, so all follow from the motor's law, at the mean
+    /// of those at the step's ends. Motors act on the angle one substep ahead, which damps them as much more.
+    fn works(&self, targets: &[f32], before: &[(f32, f32)], after: &[(f32, f32)]) -> impl Iterator<Item = f64> {
+        let ends = before.iter().zip(after);
+        let (stiffness, substeps) = (self.physics.stiffness, self.physics.substeps);
+        let damping = self.physics.damping + stiffness / (self.physics.steps_per_second * substeps) as f32;
+        self.robot.hinges.iter().zip(targets).zip(ends).map(move |((hinge, target), (before, after))| {
+            let most = hinge.torque_or(self.physics.max_torque);
+            let torque =
+                |&(angle, rate): &(f32, f32)| (stiffness * (target - angle) - damping * rate).clamp(-most, most);
+            f64::from(0.5 * (torque(before) + torque(after))) * f64::from(after.0 - before.0)
         })
     }
 
@@ -195,14 +221,18 @@ impl<'a> Simulation<'a> {
 
     fn velocities(&self) -> Velocities {
         let angular = |body: usize| self.world.bodies[self.bodies[body]].angvel();
-        let rate = |(i, hinge): (usize, &Hinge)| {
-            let axis = self.pose(hinge.parent).rotation * hinge.axis;
-            (angular(i + 1) - angular(hinge.parent)).dot(axis)
-        };
         let arm = self.pose(0).rotation * self.robot.bodies[0].center_of_mass;
         let linear = self.world.bodies[self.bodies[0]].linvel() - angular(0).cross(arm);
         let pivot = Twist { angular: angular(0), linear };
-        Velocities { pivot, rates: self.robot.hinges.iter().enumerate().map(rate).collect() }
+        let rates = self.robot.hinges.iter().enumerate().map(|(i, hinge)| self.rate(i, hinge));
+        Velocities { pivot, rates: rates.collect() }
+    }
+
+    /// Rate of a joint, rad/s.
+    fn rate(&self, joint: usize, hinge: &Hinge) -> f32 {
+        let angular = |body: usize| self.world.bodies[self.bodies[body]].angvel();
+        let axis = self.pose(hinge.parent).rotation * hinge.axis;
+        (angular(joint + 1) - angular(hinge.parent)).dot(axis)
     }
 
     fn top_speed(&self) -> f32 {
