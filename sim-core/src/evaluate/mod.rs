@@ -4,6 +4,10 @@
 //! engine simulates all of them in one batch, and they go on. A candidate has a table of transitions of its own, so what
 //! it scores does not depend on whom it shares a batch with.
 
+mod execute;
+
+pub use execute::{Executed, Stage, Standing, way};
+
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Counts;
 use crate::control::{Controller, GaitsSpec, Infeasible, Run};

@@ -19,4 +19,5 @@ pub use kind::{FaceKind, HingeKind, Kind, PartKind, QUARTER_TURNS};
 pub use place::{Place, Plane};
 pub use pose::{Connection, Face, Phase, State, Twist, Velocities};
 pub use spec::*;
+pub use touch::bodies_touching;
 pub(crate) use touch::{Solid, state_touches};

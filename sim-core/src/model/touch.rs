@@ -1,7 +1,7 @@
 //! Exact tests between a robot's shapes and the blocks of an environment.
 
 use super::environment::Block;
-use super::{Place, Robot, State};
+use super::{Body, CollisionBox, CollisionCapsule, Place, Robot, State};
 use crate::base::math::{Pose, Vector, about_z};
 use rapier3d::parry::query::details::{intersection_test_cuboid_cuboid, intersection_test_support_map_support_map};
 use rapier3d::parry::shape::{Capsule, Cuboid};
@@ -9,6 +9,32 @@ use rapier3d::parry::shape::{Capsule, Cuboid};
 /// Whether the robot, in this configuration of the frame at `place`, touches a block.
 pub(crate) fn state_touches(robot: &Robot, block: &Block, place: &Place, state: &State) -> bool {
     Solid::of(block).meets(robot, &place.frame(), &robot.body_poses(state))
+}
+
+/// A body that is nearer to the ground or to terrain touches it, mu: engines let robots sink in by about as much, and lift
+/// them by as much.
+const TOUCH: f32 = 0.01;
+
+/// Of each body whether it touches the ground at z = 0 or terrain, in this configuration of the map.
+pub fn bodies_touching(robot: &Robot, terrain: &[Block], state: &State) -> Vec<bool> {
+    let solids: Vec<Solid<'_>> = terrain.iter().map(Solid::of).collect();
+    let touching = |(body, pose): (&Body, Pose)| {
+        let box_touches = |part: &CollisionBox| {
+            let at = pose * part.pose;
+            let up = at.rotation.inverse() * Vector::Z;
+            let lowest = at.translation.z - part.half.dot(up.abs());
+            let grown = Cuboid::new(part.half + Vector::splat(TOUCH));
+            lowest <= TOUCH || solids.iter().any(|solid| solid.meets_box(&at, &grown))
+        };
+        let capsule_touches = |part: &CollisionCapsule| {
+            let lowest = part.ends.map(|end| (pose * end).z).into_iter().fold(f32::INFINITY, f32::min) - part.radius;
+            let [a, b] = part.ends;
+            let grown = Capsule::new(a, b, part.radius + TOUCH);
+            lowest <= TOUCH || solids.iter().any(|solid| solid.meets_capsule(&pose, &grown))
+        };
+        body.boxes.iter().any(box_touches) || body.capsules.iter().any(capsule_touches)
+    };
+    robot.bodies.iter().zip(robot.body_poses(state)).map(touching).collect()
 }
 
 /// A block, ready to be met.
@@ -35,17 +61,20 @@ impl<'a> Solid<'a> {
     /// Whether a robot with bodies at these poses of a frame touches it.
     pub fn meets(&self, robot: &Robot, frame: &Pose, poses: &[Pose]) -> bool {
         poses.iter().zip(&robot.bodies).any(|(pose, body)| {
-            let touched = body.boxes.iter().any(|part| {
-                let part_pose = *frame * *pose * part.pose;
-                intersection_test_cuboid_cuboid(&self.pose.inv_mul(&part_pose), &self.cuboid, &Cuboid::new(part.half))
-            });
-            touched || {
-                let pose = self.pose.inv_mul(&(*frame * *pose));
-                body.capsules.iter().any(|part| {
-                    let [a, b] = part.ends;
-                    intersection_test_support_map_support_map(&pose, &self.cuboid, &Capsule::new(a, b, part.radius))
-                })
-            }
+            let of_box = |part: &CollisionBox| self.meets_box(&(*frame * *pose * part.pose), &Cuboid::new(part.half));
+            let of_capsule = |part: &CollisionCapsule| {
+                let [a, b] = part.ends;
+                self.meets_capsule(&(*frame * *pose), &Capsule::new(a, b, part.radius))
+            };
+            body.boxes.iter().any(of_box) || body.capsules.iter().any(of_capsule)
         })
+    }
+
+    fn meets_box(&self, pose: &Pose, part: &Cuboid) -> bool {
+        intersection_test_cuboid_cuboid(&self.pose.inv_mul(pose), &self.cuboid, part)
+    }
+
+    fn meets_capsule(&self, pose: &Pose, part: &Capsule) -> bool {
+        intersection_test_support_map_support_map(&self.pose.inv_mul(pose), &self.cuboid, part)
     }
 }

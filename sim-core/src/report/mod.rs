@@ -2,6 +2,8 @@
 
 mod record;
 
+pub use record::{sample, stride};
+
 use crate::base::random::Stream;
 use crate::base::score::Counts;
 use crate::evaluate::{Stopped, Trial, grow, search_streams};

@@ -3,12 +3,10 @@
 use super::{GaitTrace, NodeRecord, PathMode, PathTrace, TraceSample, TreeRecord, end_of_plan};
 use crate::base::math::heading;
 use crate::base::score::Counts;
-use crate::evaluate::Trial;
+use crate::evaluate::{Executed, Stage, Standing, Trial, way};
 use crate::genotype::Genotype;
-use crate::model::environment::Block;
-use crate::model::{Place, State};
-use crate::physics::{Motion, Outcome, Request, Rollout};
-use crate::plan::standing_at;
+use crate::model::Place;
+use crate::physics::{Motion, Outcome};
 use crate::problem::Job;
 
 /// Seconds between two points of a recorded way, unless there are too many of them.
@@ -30,7 +28,7 @@ fn way_step(ways: usize, duration: f64) -> f32 {
 pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
     let growth = &trial.growths[0];
     let tree = growth.tree();
-    let step = way_step(tree.nodes.len(), job.spec().gaits.duration);
+    let step = way_step(tree.nodes.len(), job.gaits().duration);
     let nodes = tree.nodes.iter().enumerate().map(|(i, node)| {
         let way = growth.transition_to(i).zip(node.edge).and_then(|(key, (parent, _))| {
             let transition = trial.table.get(key)?;
@@ -52,34 +50,41 @@ pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
 
 /// Each gait from the start, in the map.
 pub(super) fn gaits(job: &Job, genotype: &Genotype, motions: &[Motion], counts: &mut Counts) -> Vec<GaitTrace> {
-    let root = job.root();
-    let (start, terrain, frame) = from_place(job, job.start(), &root);
-    let rollouts: Vec<Rollout> = motions.iter().map(|m| simulate(job, &start, m, terrain, counts)).collect();
-    let stride = rollouts.iter().map(|r| r.trace.len()).sum::<usize>().div_ceil(MAX_SAMPLES).max(1);
-    let trace = |((parameters, motion), rollout): ((&[f64], &Motion), &Rollout)| {
-        let sample = |i: usize| {
-            let mut commanded = vec![0.0; motion.targets().joints()];
-            let time = f64::from(rollout.trace.time(i));
-            motion.targets().at(time, &mut commanded);
-            let state = laid_out_in(&frame, &rollout.trace.state(i));
-            let (p, q) = (state.pivot.translation, state.pivot.rotation);
-            TraceSample {
-                time,
-                targets: commanded,
-                angles: state.joints,
-                position: [p.x.into(), p.y.into(), p.z.into()],
-                rotation: [q.x.into(), q.y.into(), q.z.into(), q.w.into()],
-                yaw: heading(q),
-            }
-        };
+    let (stage, start) = (Stage::of(job), Standing::at_start(job));
+    let executed: Vec<Executed> = motions.iter().map(|motion| execute(&stage, &start, motion, counts)).collect();
+    let stride = stride(&executed);
+    let trace = |((parameters, motion), executed): ((&[f64], &Motion), &Executed)| {
+        let rollout = &executed.rollout;
         GaitTrace {
             parameters: parameters.to_vec(),
             joints: job.robot().joint_names(),
-            samples: (0..rollout.trace.len()).step_by(stride).map(sample).collect(),
+            samples: (0..rollout.trace.len()).step_by(stride).map(|i| sample(executed, motion, i)).collect(),
             unstable: (rollout.outcome != Outcome::Completed).then(|| rollout.outcome.to_string()),
         }
     };
-    genotype.gaits(motions.len()).zip(motions).zip(&rollouts).map(trace).collect()
+    genotype.gaits(motions.len()).zip(motions).zip(&executed).map(trace).collect()
+}
+
+/// Samples of these motions between two that are recorded, so that together they have at most [`MAX_SAMPLES`].
+pub fn stride<'a>(executed: impl IntoIterator<Item = &'a Executed>) -> usize {
+    executed.into_iter().map(|one| one.rollout.trace.len()).sum::<usize>().div_ceil(MAX_SAMPLES).max(1)
+}
+
+/// A moment of a motion that was carried out, in the map.
+pub fn sample(executed: &Executed, motion: &Motion, i: usize) -> TraceSample {
+    let mut commanded = vec![0.0; motion.targets().joints()];
+    let time = f64::from(executed.rollout.trace.time(i));
+    motion.targets().at(time, &mut commanded);
+    let state = executed.state(i);
+    let (p, q) = (state.pivot.translation, state.pivot.rotation);
+    TraceSample {
+        time,
+        targets: commanded,
+        angles: state.joints,
+        position: [p.x.into(), p.y.into(), p.z.into()],
+        rotation: [q.x.into(), q.y.into(), q.z.into(), q.w.into()],
+        yaw: heading(q),
+    }
 }
 
 /// The path run three ways.
@@ -92,7 +97,7 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
         PathTrace { mode, way, end_error }
     };
 
-    let step = way_step(path.len(), job.spec().gaits.duration);
+    let step = way_step(path.len(), job.gaits().duration);
     let root = job.root();
     let mut recorded = vec![[root.x, root.y]];
     for &node in path {
@@ -105,21 +110,18 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
     }
 
     let mut resimulated = vec![[root.x, root.y]];
-    let (mut place, mut state) = (root, job.start().clone());
+    let stage = Stage::of(job);
+    let mut at = Standing::at_start(job);
     for &gait in &gaits {
-        let (start, terrain, frame) = from_place(job, &state, &place);
-        let rollout = simulate(job, &start, &trial.motions[gait], terrain, counts);
-        resimulated.extend(way(&rollout, &frame, step));
-        let (p, yaw) = (rollout.end.pivot.translation, heading(rollout.end.pivot.rotation));
-        place = frame.then(&Place { x: p.x.into(), y: p.y.into(), z: p.z.into(), yaw });
-        state = rollout.end.at_rest();
+        let executed = execute(&stage, &at, &trial.motions[gait], counts);
+        resimulated.extend(executed.way(step));
+        at = executed.end();
     }
 
     let mut continuous = vec![[root.x, root.y]];
     if !gaits.is_empty() {
         let chain = Motion::chain(&gaits.iter().map(|&g| &trial.motions[g]).collect::<Vec<_>>());
-        let (start, terrain, frame) = from_place(job, job.start(), &root);
-        continuous.extend(way(&simulate(job, &start, &chain, terrain, counts), &frame, step));
+        continuous.extend(execute(&stage, &Standing::at_start(job), &chain, counts).way(step));
     }
     vec![
         trace(PathMode::Tree, recorded),
@@ -128,45 +130,13 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
     ]
 }
 
-/// How to simulate from a configuration at a place: on flat ground in the canonical frame, laid out afterwards; among
-/// terrain in the map itself. Returns the start, the terrain and the frame of the rollout.
-fn from_place<'a>(job: &'a Job, state: &State, place: &Place) -> (State, &'a [Block], Place) {
-    if job.environment().is_flat() {
-        (crate::physics::canonical(state.clone()), &[], *place)
-    } else {
-        (standing_at(state, place), &job.environment().terrain, Place::ORIGIN)
-    }
-}
-
-fn simulate(job: &Job, start: &State, motion: &Motion, terrain: &[Block], counts: &mut Counts) -> Rollout {
-    let request = Request { start, motion };
-    let rollout = job.engine().run(job.robot(), job.physics(), terrain, &[request]).swap_remove(0);
+/// Carries a motion out and counts what it took.
+fn execute(stage: &Stage<'_>, from: &Standing, motion: &Motion, counts: &mut Counts) -> Executed {
+    let executed = stage.execute(from, motion);
     counts.rollouts += 1;
-    counts.unstable += u64::from(rollout.outcome != Outcome::Completed);
-    counts.simulated_ms += rollout.simulated_ms;
-    rollout
-}
-
-/// The pivot's way, laid out, about one point every `step` s, ends included.
-fn way(rollout: &Rollout, frame: &Place, step: f32) -> Vec<[f64; 2]> {
-    let last = rollout.trace.len() - 1;
-    let mut due = 0.0;
-    let mut points = Vec::new();
-    for i in 0..=last {
-        if rollout.trace.time(i) >= due || i == last {
-            let p = rollout.trace.pivot(i).translation;
-            let (x, y) = frame.point(p.x.into(), p.y.into());
-            points.push([x, y]);
-            due += step;
-        }
-    }
-    points
-}
-
-/// A configuration of a frame, in the map.
-fn laid_out_in(frame: &Place, state: &State) -> State {
-    let pivot = frame.frame() * state.pivot;
-    State::new(pivot, state.joints.clone())
+    counts.unstable += u64::from(executed.rollout.outcome != Outcome::Completed);
+    counts.simulated_ms += executed.rollout.simulated_ms;
+    executed
 }
 
 #[cfg(test)]
