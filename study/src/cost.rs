@@ -10,6 +10,8 @@ use sim_core::model::environment::Block;
 use sim_core::physics::{Engine, Motion, Physics, Request, Rollout, Unsupported};
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::finish::total as total_counts;
+use sim_core::procedure::simulate::{self, Task, TaskResult};
+use sim_core::procedure::{Hooks, ProcedureKind as _};
 use sim_core::search::OptimiserSpec;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -96,6 +98,37 @@ pub fn measure(job: &Job, together: u32, budget: Budget, each: &dyn Fn()) -> Cos
             Err(Stopped) => return cost,
         }
         candidates.iter().for_each(|_| each());
+        if started.elapsed() > budget.time {
+            break;
+        }
+    }
+    cost
+}
+
+/// Carries out runs of a job that simulates, one after the other on one thread: that with nothing varied, then repeats, until the
+/// budget is spent.
+pub fn measure_runs(job: &Job, budget: Budget) -> Cost {
+    struct Until<'a>(&'a Stopwatch, Duration);
+    impl Hooks for Until<'_> {
+        fn stop(&self) -> bool {
+            self.0.elapsed() > self.1
+        }
+    }
+    let started = Stopwatch::start();
+    let mut cost = Cost::default();
+    let tasks = std::iter::once(Task::Unvaried).chain((0..).map(|repeat| Task::Repeat { repeat }));
+    for task in tasks.take(budget.evaluations as usize) {
+        let limit = if cost.evaluations == 0 { budget.first } else { budget.time };
+        let (done, spent) = timed(|| simulate::Kind.run(job, &[(0, task.encode())], &Until(&started, limit)));
+        let Ok(results) = done else {
+            let given_up = cost.evaluations == 0;
+            return Cost { given_up, total: if given_up { spent } else { cost.total }, ..cost };
+        };
+        if let Ok(result) = TaskResult::decode(&results.concat()) {
+            cost.counts += *result.runs().1;
+        }
+        cost.evaluations += 1;
+        cost.total += spent;
         if started.elapsed() > budget.time {
             break;
         }

@@ -60,7 +60,7 @@ pub fn measure(
     off: bool,
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Measured>, Stopped> {
-    let gaits = job.spec().gaits.count as usize;
+    let gaits = job.gaits().count as usize;
     let trial = |(index, genotype): (u32, &&Genotype)| {
         let streams = (0..trees).map(|tree| Stream::new(job.spec().seed, Purpose::Rescore, 0, index, tree));
         let mut trial = Trial::with_reuse(job, genotype, job.reuse(), streams);

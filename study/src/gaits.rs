@@ -35,7 +35,7 @@ pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, each: &dyn Fn()) -> Vec<
 /// Generations that [`evolved`] takes for `n` gaits if no gait comes twice.
 pub fn generations(job: &Job, n: u32) -> u64 {
     let optimiser = job.optimiser_spec();
-    let gaits_of_a_run = optimiser.population() * job.spec().gaits.count;
+    let gaits_of_a_run = optimiser.population() * job.gaits().count;
     u64::from(n.div_ceil(gaits_of_a_run)) * u64::from(optimiser.generations())
 }
 
@@ -59,13 +59,13 @@ fn last_generation(job: &Job, each: &dyn Fn()) -> Vec<Genotype> {
 /// Space of one gait, with the job's bounds.
 fn space(job: &Job) -> Space {
     let Space { mut genes, length } = job.space().clone();
-    genes.truncate(genes.len() / job.spec().gaits.count as usize);
+    genes.truncate(genes.len() / job.gaits().count as usize);
     Space { genes, length }
 }
 
 /// The gaits of a candidate.
 pub fn of_set(job: &Job, candidate: &Genotype) -> impl Iterator<Item = Genotype> {
-    candidate.gaits(job.spec().gaits.count as usize).map(|gait| gait.to_vec().into())
+    candidate.gaits(job.gaits().count as usize).map(|gait| gait.to_vec().into())
 }
 
 /// Compiles gaits to motions of the job's duration.
@@ -73,7 +73,7 @@ pub fn of_set(job: &Job, candidate: &Genotype) -> impl Iterator<Item = Genotype>
 /// # Errors
 /// If the controller can't execute one of them.
 pub fn compiled(job: &Job, gaits: &[Genotype]) -> Result<Vec<Motion>, Infeasible> {
-    let run = Run::new(job.robot(), job.spec().gaits.duration);
+    let run = Run::new(job.robot(), job.gaits().duration);
     gaits.iter().map(|gait| job.controller().compile(&run, gait.numbers())).collect()
 }
 

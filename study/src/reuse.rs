@@ -183,7 +183,7 @@ pub fn rows(job: &Job, columns: &[Column], measured: &[Vec<Measured>]) -> Vec<Ro
     let scores = |column: usize| measured.iter().map(|m| m[column].score).collect::<Vec<f64>>();
     let rollouts =
         |column: usize| measured.iter().map(|m| m[column].rollouts as f64).sum::<f64>() / measured.len() as f64;
-    let literal = f64::from(job.spec().planner.iterations) * f64::from(job.spec().gaits.count);
+    let literal = f64::from(job.spec().planner.iterations) * f64::from(job.gaits().count);
     let (plain, plain_rollouts) = (scores(0), rollouts(0));
     let row = |(i, column): (usize, &Column)| {
         let own = scores(i);

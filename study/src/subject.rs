@@ -57,10 +57,9 @@ impl Subject {
         }
         spec.variant.clone_from(&self.variant);
         spec.seed = seed;
-        spec.gaits.duration = duration;
         spec.physics.scale = self.scale;
         setting.write(&mut spec.physics);
-        Job::new(spec)
+        Job::new(spec.lasting(duration))
     }
 
     /// Jobs of short evolutions with `setting`, with the seeds from `seed` on: for [`crate::gaits::evolved`].

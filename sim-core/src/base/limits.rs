@@ -53,6 +53,12 @@ pub const MAX_FINISH_SEEDS: u32 = 1_000;
 pub const MAX_PLAN_SEEDS: u32 = 1_000;
 /// Most iterations of all trees of a job that plans, which also is the longest that all its plans can be together.
 pub const MAX_PLAN_STEPS: u64 = 1_000_000;
+/// Most repeats of a job that simulates.
+pub const MAX_SIMULATIONS: u32 = 1_000;
+/// Most gaits in turn of a job that simulates.
+pub const MAX_MOTION_STEPS: usize = 1_000;
+/// Most times that a repeat plans anew.
+pub const MAX_REPLANS: u32 = 1_000;
 /// Most simulated variants of a transition.
 pub const MAX_VARIANTS: u32 = 16;
 /// Largest side of a map, mu.

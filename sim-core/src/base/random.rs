@@ -32,6 +32,10 @@ pub enum Purpose {
     Reference = 9,
     /// q_rand of the planner in a job that plans with given gaits.
     Plan = 10,
+    /// What varies from repeat to repeat of a simulated motion, a stream a quantity.
+    Vary = 11,
+    /// q_rand of the planner where a simulated plan is made anew.
+    Replan = 12,
 }
 
 /// A stream of random numbers for one decision.

@@ -1,4 +1,4 @@
-//! Order statistics.
+//! Order statistics, and intervals of shares.
 
 /// The `p`-quantile, p from 0 to 1, linear between order statistics: definition 7 of Hyndman and Fan, Sample quantiles in
 /// statistical packages (1996), which is the default of R and NumPy. `None` without values, or if one is NaN.
@@ -20,9 +20,37 @@ pub fn median(values: &[f64]) -> Option<f64> {
     quantile(values, 0.5)
 }
 
+/// The 95 % score interval of a share, of which `successes` of `n` were seen: Wilson, Probable inference, the law of
+/// succession, and statistical inference (1927). From 0 to 1; all of it for n = 0.
+pub fn share_interval(successes: u32, n: u32) -> (f64, f64) {
+    /// The 97.5 % quantile of the standard normal distribution.
+    const Z: f64 = 1.959963984540054;
+    if n == 0 {
+        return (0.0, 1.0);
+    }
+    let (n, share) = (f64::from(n), f64::from(successes) / f64::from(n));
+    let middle = share + Z * Z / (2.0 * n);
+    let half = Z * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
+    let scale = 1.0 + Z * Z / n;
+    (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn intervals_of_shares_are_those_published() {
+        // Newcombe, Interval estimation for the difference between independent proportions (1998), Table I of its companion
+        // "Two-sided confidence intervals for the single proportion": 81/263, 15/148, 0/20, 1/29, by the score method.
+        for (successes, n, low, high) in
+            [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)]
+        {
+            let (below, above) = share_interval(successes, n);
+            assert!((below - low).abs() < 5e-5 && (above - high).abs() < 5e-5, "{successes}/{n}: {below} to {above}");
+        }
+        assert_eq!((share_interval(0, 0), share_interval(5, 5).1), ((0.0, 1.0), 1.0));
+    }
 
     #[test]
     fn quantiles_are_those_of_definition_7() {

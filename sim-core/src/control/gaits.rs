@@ -27,6 +27,13 @@ pub struct GaitsSpec {
     pub bounds: BTreeMap<String, (f64, f64)>,
 }
 
+impl GaitsSpec {
+    /// That of a motion that is not made of gaits and lasts so long, s.
+    pub(crate) fn of_motion(duration: f64) -> Self {
+        Self { count: 1, duration, controller: Chosen::default(), bounds: BTreeMap::new() }
+    }
+}
+
 fn paper_duration() -> f64 {
     30.0
 }

@@ -4,6 +4,7 @@ pub use crate::problem::{JobSpec, Reference};
 
 use crate::base::digest::Digest;
 use crate::base::registry::Registered;
+use crate::objective::FitnessSpec;
 use crate::problem::Checked;
 use crate::procedure::{ProcedureKind, kinds};
 use crate::search::OptimiserSpec;
@@ -38,9 +39,9 @@ impl Checked {
         let unless_named = <dyn ProcedureKind>::registry().default().name();
         spec.procedure.take_if(|name| name == unless_named);
         let used = [
-            ("controller", spec.gaits.controller.0.revision()),
+            ("controller", spec.gaits.as_ref().map_or(1, |gaits| gaits.controller.0.revision())),
             ("planner", spec.planner.algorithm.0.revision()),
-            ("fitness", self.fitness_spec().revision()),
+            ("fitness", spec.fitness.as_ref().map_or(1, FitnessSpec::revision)),
             ("optimiser", spec.optimiser.as_ref().map_or(1, OptimiserSpec::revision)),
             ("procedure", kinds::of(&spec).map_or(1, |kind| kind.revision())),
         ];

@@ -3,9 +3,10 @@
 //! A tree of K iterations with k gaits asks for K·k rollouts at most, and over terrain for twice as many: first in the
 //! canonical frame, then in place. Reuse makes that far fewer, which a job can count on by `planner.max_rollouts`.
 
-use super::{Checked, JobSpec};
+use super::{Checked, JobSpec, SimulateSpec};
 use crate::base::error::{Invalid, whole_in_range};
 use crate::base::limits::{MAX_EVALUATION_STEPS, MAX_PREPARATION, MAX_SUBSTEPS_PER_SECOND};
+use crate::control::GaitsSpec;
 use crate::model::Robot;
 use crate::model::environment::Environment;
 use crate::physics::{JointKind, LONGEST_SETTLING, Physics};
@@ -18,7 +19,13 @@ impl Checked {
 
     /// Physics steps of a rollout, each with all of its substeps.
     pub fn steps_per_rollout(&self) -> u64 {
-        steps_per_rollout(&self.0.spec, &self.0.physics)
+        steps_per_rollout(&self.0.gaits, &self.0.physics)
+    }
+
+    /// Rollouts of a given motion at most, carried out in all of the job's ways, without those of planning anew; 0 for a job
+    /// without one.
+    pub fn motion_rollouts(&self) -> u64 {
+        self.0.spec.simulate.as_ref().map_or(0, |simulate| motion_rollouts(simulate, &self.0.spec))
     }
 
     /// Rollouts that so many trees of a candidate may simulate; one that needs more has failed. `as_in_search`: whether
@@ -39,17 +46,57 @@ impl Checked {
     }
 
     fn rollouts_of(&self, trees: u32) -> u64 {
-        most_rollouts(&self.0.spec, &self.0.environment, trees)
+        most_rollouts(&self.0.spec, &self.0.gaits, &self.0.environment, trees)
     }
 }
 
-fn most_rollouts(spec: &JobSpec, environment: &Environment, trees: u32) -> u64 {
+fn most_rollouts(spec: &JobSpec, gaits: &GaitsSpec, environment: &Environment, trees: u32) -> u64 {
     let ways = if environment.is_flat() { 1 } else { 2 };
-    ways * u64::from(spec.planner.iterations) * u64::from(spec.gaits.count) * u64::from(trees)
+    ways * u64::from(spec.planner.iterations) * u64::from(gaits.count) * u64::from(trees)
 }
 
-fn steps_per_rollout(spec: &JobSpec, physics: &Physics) -> u64 {
-    u64::from(physics.steps(spec.gaits.duration)) * u64::from(physics.substeps)
+fn steps_per_rollout(gaits: &GaitsSpec, physics: &Physics) -> u64 {
+    u64::from(physics.steps(gaits.duration)) * u64::from(physics.substeps)
+}
+
+fn motion_rollouts(simulate: &SimulateSpec, spec: &JobSpec) -> u64 {
+    let steps = simulate.steps.as_ref().map_or(1, |steps| steps.len() as u64);
+    let anew = simulate.replan.as_ref().map_or(0, |replan| u64::from(replan.most) * u64::from(spec.planner.iterations));
+    let ways = simulate.ways.as_ref().map_or(1, |ways| ways.len() as u64);
+    steps * ways + anew
+}
+
+/// Refuses motions that could take longer than anybody wants to wait.
+pub(super) fn validate_motion(
+    spec: &JobSpec,
+    gaits: &GaitsSpec,
+    physics: &Physics,
+    planning: Option<&Checked>,
+) -> Result<(), Invalid> {
+    validate_substeps(physics)?;
+    let Some(simulate) = &spec.simulate else { return Ok(()) };
+    let own = motion_rollouts(simulate, spec).saturating_mul(steps_per_rollout(gaits, physics));
+    let of_planning = simulate.replan.as_ref().zip(planning).map_or(0, |(replan, planning)| {
+        let each = planning.rollout_budget(1, true).saturating_mul(planning.steps_per_rollout());
+        each.saturating_mul(replan.most.into())
+    });
+    let steps = own.saturating_add(of_planning);
+    if steps <= MAX_EVALUATION_STEPS {
+        return Ok(());
+    }
+    Err(Invalid::Conflict {
+        field: "simulate".into(),
+        reason: format!(
+            "one repeat could take {steps} physics steps (with their substeps): at most {MAX_EVALUATION_STEPS} are allowed; \
+             take fewer steps, a shorter motion, fewer simulate.replan.most or planner.iterations, or coarser physics"
+        ),
+    })
+}
+
+fn validate_substeps(physics: &Physics) -> Result<(), Invalid> {
+    let substeps = u64::from(physics.steps_per_second) * u64::from(physics.substeps);
+    let most = u64::from(MAX_SUBSTEPS_PER_SECOND);
+    whole_in_range("physics.steps_per_second * physics.substeps", substeps, (1, most), "")
 }
 
 /// Most body-substeps that a robot takes to settle on one setting, so weighted that each takes much the same time on every
@@ -85,19 +132,22 @@ pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
 }
 
 /// Refuses jobs whose evaluations could take longer than anybody wants to wait.
-pub(super) fn validate(spec: &JobSpec, environment: &Environment, physics: &Physics) -> Result<(), Invalid> {
-    let substeps = u64::from(physics.steps_per_second) * u64::from(physics.substeps);
-    let most = u64::from(MAX_SUBSTEPS_PER_SECOND);
-    whole_in_range("physics.steps_per_second * physics.substeps", substeps, (1, most), "")?;
-    let each = steps_per_rollout(spec, physics);
+pub(super) fn validate(
+    spec: &JobSpec,
+    gaits: &GaitsSpec,
+    environment: &Environment,
+    physics: &Physics,
+) -> Result<(), Invalid> {
+    validate_substeps(physics)?;
+    let each = steps_per_rollout(gaits, physics);
     let rollouts = match spec.planner.max_rollouts {
         Some(most) => {
             // The first expansion takes one rollout a gait.
-            let least = u64::from(spec.gaits.count);
+            let least = u64::from(gaits.count);
             whole_in_range("planner.max_rollouts", most, (least, MAX_EVALUATION_STEPS), "")?;
             most
         }
-        None => most_rollouts(spec, environment, spec.planner.repeats),
+        None => most_rollouts(spec, gaits, environment, spec.planner.repeats),
     };
     match rollouts.checked_mul(each) {
         Some(steps) if steps <= MAX_EVALUATION_STEPS => Ok(()),

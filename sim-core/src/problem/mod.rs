@@ -5,12 +5,14 @@ mod finish;
 mod plan;
 mod preparation;
 mod scene;
+mod simulate;
 mod spec;
 mod standing;
 
 pub use finish::{Finish, FinishKind, FinishSpec};
 pub use plan::{GaitSet, PLAN, PlanSpec};
 pub use preparation::{Job, Preparation, Unfit, Unprepared};
+pub use simulate::{ReplanSpec, SIMULATE, SimulateSpec, TargetTable, VarySpec, Way};
 pub use spec::{JobSpec, Reference};
 
 use crate::base::digest::Digest;
@@ -19,7 +21,7 @@ use crate::base::registry::Chosen as Registration;
 use crate::base::score::Direction;
 use crate::base::settings::Settings;
 use crate::base::{limits, toml_file};
-use crate::control::{Controller, space_of, validate_gaits, whole_steps};
+use crate::control::{Controller, GaitsSpec, space_of, validate_gaits, whole_steps};
 use crate::engines::known::Known;
 use crate::engines::{Chosen, Why, auto};
 use crate::engines::{Quiet, engine, engine_digest, engines_digest};
@@ -30,7 +32,7 @@ use crate::objective::{Coverage, Distance, FitnessSpec, ObjectiveKind};
 use crate::physics::{Engine, Physics};
 use crate::physics::{EngineKind, PhysicsSpec};
 use crate::plan::validate_planner;
-use crate::plan::{Metric, PlannerSettings, Reuse};
+use crate::plan::{Metric, PlannerSettings, PlannerSpec, Reuse};
 use crate::search::{self, OptimiserSpec, Search};
 use std::sync::Arc;
 
@@ -47,12 +49,14 @@ struct Resolved {
     robot: Robot,
     engine: Chosen,
     physics: Physics,
+    /// As the file says; of a motion that is not made of gaits, as long as it lasts.
+    gaits: GaitsSpec,
     space: Space,
     fitness: FitnessSpec,
-    /// The given gaits of a job that plans.
+    /// The gaits of a job that is given them.
     given: Option<Genotype>,
     finish: Option<Finish>,
-    /// The same job on the reference setting, without a finish of its own.
+    /// The same job on the reference setting, without a finish of its own; of a job that simulates, the one that plans anew.
     reference: Option<Checked>,
 }
 
@@ -72,7 +76,7 @@ impl Checked {
         let most = limits::MAX_DESCRIPTION_LENGTH as u64;
         faults.take(whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes"));
         faults.take(whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), ""));
-        faults.take(validate_gaits(&spec.gaits));
+        faults.take(spec.gaits.as_ref().map_or(Ok(()), validate_gaits));
         faults.take(validate_planner(&spec.planner));
         faults.take(tables_of_procedure(&spec));
         if let Some(optimiser) = &spec.optimiser {
@@ -81,9 +85,13 @@ impl Checked {
         if let Some(plan) = &spec.plan {
             faults.take(plan.validate(spec.planner.iterations));
         }
-        let finish = match spec.plan {
-            Some(_) => Some(None),
-            None => faults.take(spec.finish.clone().unwrap_or_default().resolve(spec.physics.scale)),
+        if let Some(simulate) = &mut spec.simulate {
+            faults.take(simulate.resolve());
+        }
+        let evolves = Does::of(&spec) == Does::Evolve;
+        let finish = match evolves {
+            false => Some(None),
+            true => faults.take(spec.finish.clone().unwrap_or_default().resolve(spec.physics.scale)),
         };
         let robot_spec = faults.take(resolve_robot(&spec));
         let environment = faults.take(resolve_environment(&spec.environment));
@@ -108,13 +116,22 @@ impl Checked {
         };
 
         let mut faults = Faults::default();
-        faults.take(whole_steps("gaits.duration", &spec.gaits, physics.steps_per_second));
+        let gaits = spec.gaits.clone().unwrap_or_else(|| {
+            let duration = spec.simulate.as_ref().and_then(SimulateSpec::duration).unwrap_or_default();
+            GaitsSpec::of_motion(simulate::whole_time(duration, physics.steps_per_second))
+        });
+        faults.take(whole_steps("gaits.duration", &gaits, physics.steps_per_second));
         if let Some(finish) = &finish {
-            faults.take(whole_steps("finish.steps_per_second", &spec.gaits, finish.steps_per_second));
+            faults.take(whole_steps("finish.steps_per_second", &gaits, finish.steps_per_second));
         }
-        let space = faults.take(space_of(&spec.gaits, &robot));
-        faults.take(budget::validate(&spec, &environment, &physics));
-        faults.take(resolve_stop_at_goal(&mut spec, &environment));
+        let space = faults.take(space_of(&gaits, &robot));
+        match &spec.simulate {
+            Some(simulate) => faults.take(simulate.fits(&robot, &environment, gaits.count)),
+            None => {
+                faults.take(resolve_stop_at_goal(&mut spec, &environment));
+                faults.take(budget::validate(&spec, &gaits, &environment, &physics))
+            }
+        };
         let mut given = None;
         if let Some(space) = &space {
             if let Some(optimiser) = &spec.optimiser {
@@ -124,7 +141,14 @@ impl Checked {
                 faults.take(whole_in_range(field, parameters, (1, most), ""));
                 faults.take(optimiser.takes(space));
             }
-            given = spec.plan.as_ref().and_then(|plan| faults.take(plan.genotype(&robot, &spec.gaits, space)));
+            let sets = [
+                ("plan.gaits", spec.plan.as_ref().map(|plan| &plan.gaits)),
+                ("simulate.gaits", spec.simulate.as_ref().and_then(|simulate| simulate.gaits.as_ref())),
+            ];
+            for (field, set) in sets.iter().filter_map(|(field, set)| Some((field, (*set)?))) {
+                let set = faults.take(plan::written_out(field, set));
+                given = set.and_then(|set| faults.take(set.genotype(field, &robot, &gaits, space)));
+            }
         }
         faults.end()?;
         let Some(space) = space else { unreachable!("a space that is not there left a fault") };
@@ -135,9 +159,13 @@ impl Checked {
         spec.physics = physics.written_out(chosen.engine, &spec.physics);
         spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
         spec.environment = Reference::Inline(Box::new(environment.clone()));
-        spec.fitness = Some(fitness.clone());
-        spec.finish = spec.plan.is_none().then(|| Finish::written_out(finish.as_ref()));
-        let reference = finish.as_ref().map(|finish| on_reference(&spec, finish)).transpose()?;
+        spec.fitness = spec.simulate.is_none().then(|| fitness.clone());
+        spec.finish = evolves.then(|| Finish::written_out(finish.as_ref()));
+        let mut reference = finish.as_ref().map(|finish| on_reference(&spec, finish)).transpose()?;
+        if spec.simulate.is_some() {
+            reference = planning(&mut spec)?;
+            budget::validate_motion(&spec, &gaits, &physics, reference.as_ref())?;
+        }
         let checked = Self(Arc::new(Resolved {
             spec,
             robot_spec,
@@ -145,6 +173,7 @@ impl Checked {
             robot,
             engine: chosen,
             physics,
+            gaits,
             space,
             fitness,
             given,
@@ -188,7 +217,7 @@ impl Checked {
     /// Candidates whose first rollouts fill the engine's lanes on this machine: fewer in a batch take as long. 1 for an
     /// engine without lanes.
     pub fn candidates_at_once(&self) -> u32 {
-        (self.engine().lanes() as u32 / self.0.spec.gaits.count).max(1)
+        (self.engine().lanes() as u32 / self.0.gaits.count).max(1)
     }
 
     /// The resolved job as written.
@@ -221,7 +250,8 @@ impl Checked {
         self.0.finish.as_ref()
     }
 
-    /// The same job on the reference setting of its finish, if it has one.
+    /// The same job on the reference setting of its finish, if it has one; of a job that simulates, the job that makes plans
+    /// anew.
     pub fn on_reference(&self) -> Option<&Checked> {
         self.0.reference.as_ref()
     }
@@ -243,7 +273,7 @@ impl Checked {
 
     /// The controller.
     pub fn controller(&self) -> &'static dyn Controller {
-        self.0.spec.gaits.controller.0
+        self.0.gaits.controller.0
     }
 
     /// How trees are grown.
@@ -285,7 +315,17 @@ impl Checked {
         &self.0.fitness
     }
 
-    /// The gaits that a job that plans is given, as a candidate of its space; `None` for a job that evolves them.
+    /// Number, duration and controller of the gaits. A motion that is not made of gaits counts as one as long as it lasts.
+    pub fn gaits(&self) -> &GaitsSpec {
+        &self.0.gaits
+    }
+
+    /// What the job's procedure does with it.
+    pub fn does(&self) -> Does {
+        Does::of(&self.0.spec)
+    }
+
+    /// The gaits that a job is given, as a candidate of its space; `None` for a job that evolves them, or moves without any.
     pub fn given_gaits(&self) -> Option<&Genotype> {
         self.0.given.as_ref()
     }
@@ -293,33 +333,58 @@ impl Checked {
     /// How candidates are searched for.
     ///
     /// # Panics
-    /// If the job has [given gaits](Self::given_gaits).
+    /// If the job [does](Self::does) not evolve.
     pub fn optimiser_spec(&self) -> &OptimiserSpec {
-        self.0.spec.optimiser.as_ref().expect("a job without given gaits evolves them")
+        self.0.spec.optimiser.as_ref().expect("a job that evolves has an optimiser")
     }
 
     /// A fresh search at generation 0.
     ///
     /// # Panics
-    /// If the job has [given gaits](Self::given_gaits).
+    /// If the job [does](Self::does) not evolve.
     pub fn optimiser(&self) -> Box<dyn Search> {
         search::build(self.optimiser_spec(), self.0.space.clone(), self.direction(), self.0.spec.seed)
     }
 }
 
+/// What is done with a problem, by the tables that it needs. A procedure that another program registers evolves in this sense.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Does {
+    /// Search for gaits.
+    Evolve,
+    /// Grow trees with given gaits.
+    Plan,
+    /// Carry out a given motion.
+    Simulate,
+}
+
+impl Does {
+    fn of(spec: &JobSpec) -> Self {
+        match spec.procedure.as_deref() {
+            Some(PLAN) => Self::Plan,
+            Some(SIMULATE) => Self::Simulate,
+            _ => Self::Evolve,
+        }
+    }
+}
+
 /// Refuses tables that a job's procedure has no use for, and jobs that lack one.
 fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
-    let plans = spec.procedure.as_deref() == Some(PLAN);
+    let does = Does::of(spec);
+    let [evolves, plans, simulates] = [Does::Evolve, Does::Plan, Does::Simulate].map(|one| does == one);
+    let needs_gaits = spec.simulate.as_ref().is_none_or(SimulateSpec::uses_gaits);
     let what = spec.procedure.as_deref().map_or("a job without `procedure`, which evolves,".to_owned(), |name| {
         format!("a job with procedure = \"{name}\"")
     });
     let conflict = |field: &str, reason: String| Err(Invalid::Conflict { field: field.to_owned(), reason });
     // Whether the table is there, and whether it has to be; `None`: as you like.
     for (table, there, wanted) in [
-        ("fitness", spec.fitness.is_some(), (!plans).then_some(true)),
-        ("optimiser", spec.optimiser.is_some(), Some(!plans)),
+        ("gaits", spec.gaits.is_some(), Some(!simulates || needs_gaits)),
+        ("fitness", spec.fitness.is_some(), (!plans).then_some(evolves)),
+        ("optimiser", spec.optimiser.is_some(), Some(evolves)),
         ("plan", spec.plan.is_some(), Some(plans)),
-        ("finish", spec.finish.is_some(), plans.then_some(false)),
+        ("simulate", spec.simulate.is_some(), Some(simulates)),
+        ("finish", spec.finish.is_some(), (!evolves).then_some(false)),
     ] {
         match (there, wanted) {
             (false, Some(true)) => return conflict(table, format!("{what} needs this table, and the file has none")),
@@ -327,11 +392,42 @@ fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
             _ => {}
         }
     }
-    if plans && spec.planner.repeats != 1 {
+    if !evolves && spec.planner.repeats != 1 {
         let reason = "a job that plans grows one tree a seed: set plan.seeds instead".to_owned();
         return conflict("planner.repeats", reason);
     }
+    let grows = !simulates || spec.simulate.as_ref().is_some_and(|simulate| simulate.replan.is_some());
+    if !grows && spec.planner != PlannerSpec::default() {
+        let reason = "a job that simulates grows trees only where it plans anew: leave the table out, or add \
+                      [simulate.replan]";
+        return conflict("planner", reason.to_owned());
+    }
     Ok(())
+}
+
+/// The job that makes the plans of one that simulates, if it plans anew; its physics is written out.
+fn planning(spec: &mut JobSpec) -> Result<Option<Checked>, Invalid> {
+    let own = spec.physics.clone();
+    let Some(SimulateSpec { replan: Some(replan), gaits: Some(gaits), .. }) = &spec.simulate else { return Ok(None) };
+    let job = JobSpec {
+        procedure: Some(PLAN.to_owned()),
+        plan: Some(PlanSpec { seeds: 1, gaits: gaits.clone() }),
+        simulate: None,
+        physics: replan.physics.clone().unwrap_or(own),
+        ..spec.clone()
+    };
+    let has_goal = matches!(&spec.environment, Reference::Inline(environment) if environment.goal.is_some());
+    let unusable = |reason: String| Invalid::Conflict { field: "simulate.replan".into(), reason };
+    if !has_goal {
+        return Err(unusable(
+            "plans lead to a goal, and the environment has none: add `goal = { x = …, y = … }`".into(),
+        ));
+    }
+    let job = Checked::new(job).map_err(|fault| unusable(format!("no plan can be made: {fault}")))?;
+    if let Some(replan) = spec.simulate.as_mut().and_then(|simulate| simulate.replan.as_mut()) {
+        replan.physics = Some(job.spec().physics.clone());
+    }
+    Ok(Some(job))
 }
 
 /// Settles whether trees end at the goal. Where they don't, a job that evolves says nothing of it.
@@ -388,7 +484,7 @@ fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Res
 /// A job with other physics and without a finish.
 fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Checked, Invalid> {
     let none = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
-    let finish = spec.plan.is_none().then_some(none);
+    let finish = (Does::of(spec) == Does::Evolve).then_some(none);
     Checked::new(JobSpec { physics, finish, ..spec.clone() })
 }
 

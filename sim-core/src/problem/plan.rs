@@ -37,9 +37,62 @@ pub struct GaitSet {
 }
 
 impl GaitSet {
-    /// As one genotype.
-    pub fn genotype(&self) -> Genotype {
-        self.genome.iter().flatten().copied().collect()
+    /// The gaits as a candidate of a job's space; refuses those of another robot or controller. `field`: where they stand.
+    pub(super) fn genotype(
+        &self,
+        field: &str,
+        robot: &Robot,
+        gaits: &GaitsSpec,
+        space: &Space,
+    ) -> Result<Genotype, Invalid> {
+        let conflict = |field: String, reason: String| Err(Invalid::Conflict { field, reason });
+        let joints = robot.joint_names();
+        if self.joints != joints {
+            let reason = format!(
+                "they are of a robot with joints {}, and \"{}\" has {}",
+                self.joints.join(", "),
+                robot.name,
+                joints.join(", ")
+            );
+            return conflict(field.to_owned(), reason);
+        }
+        if self.genome.len() != gaits.count as usize {
+            let reason = format!("there are {}, and gaits.count = {}", self.genome.len(), gaits.count);
+            return conflict(format!("{field}.genome"), reason);
+        }
+        let genes = space.genes.len() / self.genome.len();
+        if let Some((i, gait)) = self.genome.iter().enumerate().find(|(_, gait)| gait.len() != genes) {
+            let reason = format!(
+                "it has {} numbers, and a gait of controller \"{}\" on this robot has {genes}",
+                gait.len(),
+                gaits.controller.0.name()
+            );
+            return conflict(format!("{field}.genome[{i}]"), reason);
+        }
+        let genotype: Genotype = self.genome.iter().flatten().copied().collect();
+        match space.check(&genotype) {
+            Ok(()) => Ok(genotype),
+            Err(
+                Misfit::OutOfBounds { index, .. } | Misfit::NotFinite { index, .. } | Misfit::NotWhole { index, .. },
+            ) => {
+                let (gene, value) = (&space.genes[index], genotype.numbers()[index]);
+                let (low, high) = gene.gene.bounds();
+                let place = format!("{field}.genome[{}][{}]", index / genes, index % genes);
+                conflict(place, format!("{} = {value} is out of range: allowed is {low} to {high}", gene.name))
+            }
+            Err(misfit) => conflict(format!("{field}.genome"), misfit.to_string()),
+        }
+    }
+}
+
+/// Gaits that stand in the job; refuses a path. `field`: where they stand.
+pub(super) fn written_out<'a>(field: &str, gaits: &'a Reference<GaitSet>) -> Result<&'a GaitSet, Invalid> {
+    match gaits {
+        Reference::Inline(gaits) => Ok(gaits),
+        Reference::Named(path) => Err(Invalid::Conflict {
+            field: field.into(),
+            reason: format!("\"{path}\" is a path, which only `evogait` follows: write the gaits out"),
+        }),
     }
 }
 
@@ -50,60 +103,7 @@ impl PlanSpec {
         faults.take(whole_in_range("plan.seeds", self.seeds, (1, MAX_PLAN_SEEDS.into()), ""));
         let all = u64::from(self.seeds) * u64::from(iterations);
         faults.take(whole_in_range("plan.seeds * planner.iterations", all, (1, MAX_PLAN_STEPS), ""));
-        faults.take(self.given().map(|_| ()));
+        faults.take(written_out("plan.gaits", &self.gaits).map(|_| ()));
         faults.end()
-    }
-
-    /// The gaits.
-    pub(super) fn given(&self) -> Result<&GaitSet, Invalid> {
-        match &self.gaits {
-            Reference::Inline(gaits) => Ok(gaits),
-            Reference::Named(path) => Err(Invalid::Conflict {
-                field: "plan.gaits".into(),
-                reason: format!("\"{path}\" is a path, which only `evogait` follows: write the gaits out"),
-            }),
-        }
-    }
-
-    /// The gaits as a candidate of the job's space; refuses those of another robot or controller.
-    pub(super) fn genotype(&self, robot: &Robot, gaits: &GaitsSpec, space: &Space) -> Result<Genotype, Invalid> {
-        let given = self.given()?;
-        let conflict = |field: &str, reason: String| Err(Invalid::Conflict { field: field.into(), reason });
-        let joints = robot.joint_names();
-        if given.joints != joints {
-            let reason = format!(
-                "they are of a robot with joints {}, and \"{}\" has {}",
-                given.joints.join(", "),
-                robot.name,
-                joints.join(", ")
-            );
-            return conflict("plan.gaits", reason);
-        }
-        if given.genome.len() != gaits.count as usize {
-            let reason = format!("there are {}, and gaits.count = {}", given.genome.len(), gaits.count);
-            return conflict("plan.gaits.genome", reason);
-        }
-        let genes = space.genes.len() / given.genome.len();
-        if let Some((i, gait)) = given.genome.iter().enumerate().find(|(_, gait)| gait.len() != genes) {
-            let reason = format!(
-                "it has {} numbers, and a gait of controller \"{}\" on this robot has {genes}",
-                gait.len(),
-                gaits.controller.0.name()
-            );
-            return conflict(&format!("plan.gaits.genome[{i}]"), reason);
-        }
-        let genotype = given.genotype();
-        match space.check(&genotype) {
-            Ok(()) => Ok(genotype),
-            Err(
-                Misfit::OutOfBounds { index, .. } | Misfit::NotFinite { index, .. } | Misfit::NotWhole { index, .. },
-            ) => {
-                let (gene, value) = (&space.genes[index], genotype.numbers()[index]);
-                let (low, high) = gene.gene.bounds();
-                let field = format!("plan.gaits.genome[{}][{}]", index / genes, index % genes);
-                conflict(&field, format!("{} = {value} is out of range: allowed is {low} to {high}", gene.name))
-            }
-            Err(misfit) => conflict("plan.gaits.genome", misfit.to_string()),
-        }
     }
 }

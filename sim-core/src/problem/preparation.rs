@@ -318,6 +318,20 @@ impl Job {
         Place { x: start.x, y: start.y, z: f64::from(self.0.start.pivot.translation.z) + self.0.ground, yaw: start.yaw }
     }
 
+    /// Where the pivot is if the robot starts elsewhere: at (x, y), mu, with this heading, rad.
+    ///
+    /// # Errors
+    /// The robot can't stand there, or it is off the map.
+    pub fn root_at(&self, x: f64, y: f64, yaw: f64) -> Result<Place, Invalid> {
+        let mut environment = self.environment().clone();
+        (environment.start.x, environment.start.y, environment.start.yaw) = (x, y, yaw);
+        if !environment.contains(x, y) {
+            return Err(Invalid::Misplaced { what: "the start", x, y, wrong: "off the map".into() });
+        }
+        let ground = standing::ground_of_start(self.robot(), &environment, &self.0.start)?;
+        Ok(Place { x, y, z: f64::from(self.0.start.pivot.translation.z) + ground, yaw })
+    }
+
     /// The obstacle that the robot, settled and with its pivot at the goal, touches at every heading, if there is one: such a
     /// goal is no configuration that the robot can reach as it stands.
     pub fn blocked_goal(&self) -> Option<usize> {

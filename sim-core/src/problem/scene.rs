@@ -40,7 +40,7 @@ impl Scene for Job {
     }
 
     fn gaits(&self) -> &GaitsSpec {
-        &self.spec().gaits
+        self.checked().gaits()
     }
 
     fn controller(&self) -> &'static dyn Controller {

@@ -1,6 +1,6 @@
 //! The tables of a job file, each as its component reads it.
 
-use super::{FinishSpec, PlanSpec};
+use super::{FinishSpec, PlanSpec, SimulateSpec};
 use crate::control::GaitsSpec;
 use crate::model::RobotSpec;
 use crate::model::environment::Environment;
@@ -33,8 +33,9 @@ pub struct JobSpec {
     /// Name of the procedure: what is done with the problem that the rest describes. The registry's first unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub procedure: Option<String>,
-    /// What the gaits are.
-    pub gaits: GaitsSpec,
+    /// What the gaits are. Only motions that are not made of gaits can do without.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
+    pub gaits: Option<GaitsSpec>,
     /// How a candidate's tree is grown.
     #[serde(default)]
     pub planner: PlannerSpec,
@@ -47,6 +48,9 @@ pub struct JobSpec {
     /// Given gaits, and trees with them; in jobs that plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plan: Option<PlanSpec>,
+    /// A given motion, and what varies; in jobs that simulate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulate: Option<SimulateSpec>,
     /// Where they move.
     #[serde(default)]
     pub physics: PhysicsSpec,
@@ -57,6 +61,16 @@ pub struct JobSpec {
     pub environment: Reference<Environment>,
     /// The robot: a name that ships, a path, or the table itself.
     pub robot: Reference<RobotSpec>,
+}
+
+impl JobSpec {
+    /// The same job with gaits that take so long, s.
+    pub fn lasting(mut self, duration: f64) -> Self {
+        if let Some(gaits) = &mut self.gaits {
+            gaits.duration = duration;
+        }
+        self
+    }
 }
 
 /// Writes what is there without the mark of an option: a table that became optional keeps its digest.

@@ -1,12 +1,12 @@
 //! The registry of procedures: one line each.
 
-use super::{ProcedureKind, evolve, plan};
+use super::{ProcedureKind, evolve, plan, simulate};
 use crate::base::error::Invalid;
 use crate::base::registry::{Registered, Registry};
 use crate::problem::JobSpec;
 
 /// All kinds of procedures; the first is that of a job that names none.
-static KINDS: Registry<dyn ProcedureKind> = Registry::new(&[&evolve::Kind, &plan::Kind]);
+static KINDS: Registry<dyn ProcedureKind> = Registry::new(&[&evolve::Kind, &plan::Kind, &simulate::Kind]);
 
 impl Registered for dyn ProcedureKind {
     fn registry() -> &'static Registry<Self> {

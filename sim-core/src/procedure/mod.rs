@@ -13,6 +13,7 @@ pub mod kinds;
 pub mod plan;
 mod possible;
 pub mod preparing;
+pub mod simulate;
 mod values;
 
 pub use bench::Bench;

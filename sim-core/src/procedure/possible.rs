@@ -3,7 +3,7 @@
 use crate::base::score::Counts;
 use crate::genotype::Genotype;
 use crate::problem::Checked;
-use crate::report::{GaitTrace, PathMode, PathTrace, Traces, TreeRecord};
+use crate::report::{GaitTrace, PathMode, PathTrace, TraceSample, Traces, TreeRecord};
 
 /// Longest text that says why a gait was unstable, in bytes.
 const MAX_UNSTABLE: usize = 1024;
@@ -36,15 +36,31 @@ impl Most {
     pub(super) fn of_trees(job: &Checked, on: &Checked, trees: u32, as_in_search: bool) -> Self {
         let planner = &job.spec().planner;
         let rollouts = on.rollout_budget(trees, as_in_search);
-        let edges = u64::from(planner.iterations) * u64::from(job.spec().gaits.count) * u64::from(trees);
+        let edges = u64::from(planner.iterations) * u64::from(job.gaits().count) * u64::from(trees);
         let nodes = edges + u64::from(trees);
         Self { rollouts, simulated_ms: simulated(job, rollouts), edges, nodes }
+    }
+
+    /// Those of a given motion, in all of its ways, with the plans that are made on its way.
+    pub(super) fn of_motion(job: &Checked) -> Self {
+        let own = job.motion_rollouts();
+        let mut most = Self { rollouts: own, simulated_ms: simulated(job, own), edges: 0, nodes: 0 };
+        let replans =
+            job.spec().simulate.as_ref().and_then(|simulate| simulate.replan.as_ref()).map(|replan| replan.most);
+        if let (Some(planning), Some(replans)) = (job.on_reference(), replans) {
+            let plan = Self::of_trees(planning, planning, 1, true);
+            let replans = u64::from(replans);
+            most.rollouts += replans * plan.rollouts;
+            most.simulated_ms += replans * plan.simulated_ms;
+            (most.edges, most.nodes) = (replans * plan.edges, replans * plan.nodes);
+        }
+        most
     }
 
     /// The same for a task that records its first tree, too: the tree's path twice, once as a rollout of its own, and each
     /// gait.
     pub(super) fn with_traces(self, job: &Checked) -> Self {
-        let gaits = u64::from(job.spec().gaits.count);
+        let gaits = u64::from(job.gaits().count);
         let path = u64::from(job.spec().planner.iterations) * gaits;
         Self {
             rollouts: self.rollouts + path + 1 + gaits,
@@ -56,7 +72,7 @@ impl Most {
 
 /// Simulated time of so many rollouts, ms.
 fn simulated(job: &Checked, rollouts: u64) -> u64 {
-    rollouts.saturating_mul(libm::ceil(job.spec().gaits.duration * 1000.0) as u64)
+    rollouts.saturating_mul(libm::ceil(job.gaits().duration * 1000.0) as u64)
 }
 
 /// Refuses counts that the bounds rule out.
@@ -78,7 +94,7 @@ pub(super) fn counted(counts: &Counts, most: &Most) -> Result<(), Uncountable> {
 
 /// Refuses records that do not belong to the job's robot and to these gaits.
 pub(super) fn traces_of(job: &Checked, genotype: &Genotype, traces: &Traces) -> Result<(), String> {
-    let gaits = job.spec().gaits.count as usize;
+    let gaits = job.gaits().count as usize;
     if traces.gaits.len() != gaits {
         return Err(format!("{} gaits instead of {gaits}", traces.gaits.len()));
     }
@@ -112,12 +128,16 @@ fn gait_of(job: &Checked, gait: &GaitTrace, parameters: &[f64], joints: &[String
     if gait.samples.is_empty() {
         return Err("it has no samples".to_owned());
     }
-    let duration = job.spec().gaits.duration + ROUNDING;
+    samples_of(&gait.samples, joints.len(), job.gaits().duration)
+}
+
+/// Refuses samples that no motion of so many joints has that lasts so long, s.
+pub(super) fn samples_of(samples: &[TraceSample], joints: usize, duration: f64) -> Result<(), String> {
     let mut before = None;
-    for (i, sample) in gait.samples.iter().enumerate() {
+    for (i, sample) in samples.iter().enumerate() {
         let lengths = [sample.targets.len(), sample.angles.len()];
-        if lengths != [joints.len(); 2] {
-            return Err(format!("sample {i} has {lengths:?} targets and angles instead of {} each", joints.len()));
+        if lengths != [joints; 2] {
+            return Err(format!("sample {i} has {lengths:?} targets and angles instead of {joints} each"));
         }
         let angles = sample.targets.iter().chain(&sample.angles).all(|v| v.is_finite());
         let pose = sample.position.iter().chain(&sample.rotation).chain([&sample.yaw]).all(|v| v.is_finite());
@@ -125,8 +145,8 @@ fn gait_of(job: &Checked, gait: &GaitTrace, parameters: &[f64], joints: &[String
             return Err(format!("sample {i} has a number that is not finite"));
         }
         let later = before.map_or(sample.time == 0.0, |before| sample.time > before);
-        if !later || sample.time > duration {
-            return Err(format!("sample {i} is at {} s: samples go from 0 to the gait's end", sample.time));
+        if !later || sample.time > duration + ROUNDING {
+            return Err(format!("sample {i} is at {} s: samples go from 0 to the motion's end", sample.time));
         }
         before = Some(sample.time);
     }
@@ -134,7 +154,7 @@ fn gait_of(job: &Checked, gait: &GaitTrace, parameters: &[f64], joints: &[String
 }
 
 fn tree_of(job: &Checked, tree: &TreeRecord) -> Result<(), String> {
-    let gaits = job.spec().gaits.count as usize;
+    let gaits = job.gaits().count as usize;
     let most = job.spec().planner.iterations as usize * gaits + 1;
     if tree.nodes.is_empty() || tree.nodes.len() > most {
         return Err(format!("its tree has {} nodes: 1 to {most} are allowed", tree.nodes.len()));

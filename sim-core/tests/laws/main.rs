@@ -23,6 +23,7 @@ mod procedure;
 mod recorded_trees;
 mod reuse;
 mod rollouts;
+mod simulating;
 mod starts;
 mod states;
 mod trees;

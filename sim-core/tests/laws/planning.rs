@@ -1,6 +1,7 @@
 //! Laws of jobs that plan with given gaits: trees end at the goal, plans are ways through their tree, results are refused
 //! that can't be, and nothing depends on who computes what.
 
+use serde::de::DeserializeOwned;
 use sim_core::evaluate;
 use sim_core::model::Place;
 use sim_core::plan::Tree;
@@ -10,7 +11,8 @@ use sim_core::procedure::{self, Bench, Hooks, Step};
 use sim_core::report::{PathMode, end_of_plan};
 use std::sync::Arc;
 
-struct Never;
+/// Nothing stops the work.
+pub struct Never;
 
 impl Hooks for Never {
     fn stop(&self) -> bool {
@@ -18,8 +20,8 @@ impl Hooks for Never {
     }
 }
 
-/// A quadropod with the best of four sets of two gaits drawn at random; `more` are keys of the plan, `planner` of the planner.
-fn text(environment: &str, planner: &str, more: &str) -> String {
+/// A table of gaits: the best of four sets of two drawn at random for a quadropod.
+pub fn gaits() -> String {
     let evolving = Job::from_toml(
         "name = \"a\"\nseed = 4\nrobot = \"quadropod\"\nenvironment = \"empty\"\ngaits = { count = 2, duration = 4.0 }\n\
          fitness = { kind = \"coverage\" }\noptimiser = { kind = \"pso\", particles = 4 }\nfinish = { kind = \"none\" }",
@@ -29,12 +31,16 @@ fn text(environment: &str, planner: &str, more: &str) -> String {
     let best = best.iter().max_by(|a, b| a.score.partial_cmp(&b.score).unwrap()).unwrap().candidate;
     let genotype = &evolving.optimiser().ask().genotypes[best as usize];
     let gaits: Vec<String> = genotype.gaits(2).map(|gait| format!("{gait:?}")).collect();
+    format!("joints = {:?}\ngenome = [{}]\n", evolving.robot().joint_names(), gaits.join(", "))
+}
+
+/// A job that plans with these gaits; `more` are keys of the plan, `planner` of the planner.
+pub fn text(environment: &str, planner: &str, more: &str) -> String {
     format!(
         "name = \"plan\"\nprocedure = \"plan\"\nseed = 3\nrobot = \"quadropod\"\nenvironment = {environment}\n\
          gaits = {{ count = 2, duration = 4.0 }}\nplanner = {{ {planner} }}\n\
-         [plan]\n{more}\n[plan.gaits]\njoints = {:?}\ngenome = [{}]\n",
-        evolving.robot().joint_names(),
-        gaits.join(", ")
+         [plan]\n{more}\n[plan.gaits]\n{}",
+        gaits()
     )
 }
 
@@ -42,12 +48,13 @@ fn candidates(job: &Job) -> Vec<(u32, sim_core::genotype::Genotype)> {
     (0..).zip(job.optimiser().ask().genotypes).collect()
 }
 
-const NEAR: &str = r#"{ name = "near", size = [30, 20], start = { x = -5, y = 0 }, goal = { x = -3, y = 1, radius = 0.7 },
+/// A map with a goal near the start.
+pub const NEAR: &str = r#"{ name = "near", size = [30, 20], start = { x = -5, y = 0 }, goal = { x = -3, y = 1, radius = 0.7 },
     obstacle = [{ center = [0, 3], size = [2, 1], top = 2 }] }"#;
 
 /// All rounds of a job, tasks handed out so many at a time, saved and loaded in between. The results of each round, and the
 /// report.
-fn run(text: &str, at_once: usize) -> (Vec<Vec<Vec<u8>>>, PlanReport) {
+pub fn run<R: DeserializeOwned>(text: &str, at_once: usize) -> (Vec<Vec<Vec<u8>>>, R) {
     let job = Checked::from_toml(text).unwrap();
     let bench = Bench::open(&job.to_toml()).unwrap();
     let mut procedure = procedure::start(&job).unwrap();
@@ -84,8 +91,8 @@ fn tree(job: &Job, seed: u32) -> (Tree, bool) {
 fn trees_and_plans_do_not_depend_on_batches_nor_on_what_is_saved_between() {
     for engine in ["lockstep", "rapier"] {
         let text = text(NEAR, "iterations = 12", "seeds = 7") + &format!("[physics]\nengine = \"{engine}\"\n");
-        let (all, report) = run(&text, 7);
-        assert_eq!(all, run(&text, 2).0, "{engine}");
+        let (all, report) = run::<PlanReport>(&text, 7);
+        assert_eq!(all, run::<PlanReport>(&text, 2).0, "{engine}");
         assert_eq!(all.iter().map(Vec::len).collect::<Vec<_>>(), [1, 7, 1]);
         assert_eq!((report.plans.len(), report.gaits.len()), (7, 2));
         let ways: Vec<_> = report.paths.iter().map(|path| path.mode).collect();
@@ -98,7 +105,7 @@ fn plans_are_ways_through_their_trees_and_their_numbers_those_of_their_ends() {
     for algorithm in ["flood-fill", "original", "nearest-valid"] {
         let text = text(NEAR, &format!("iterations = 40, algorithm = \"{algorithm}\""), "seeds = 6");
         let job = Job::from_toml(&text).unwrap();
-        let (_, report) = run(&text, 6);
+        let (_, report) = run::<PlanReport>(&text, 6);
         let goal = job.environment().goal.unwrap();
         let mut reached = 0;
         for (seed, grown) in report.plans.iter().enumerate() {
@@ -154,7 +161,7 @@ fn whole_trees_go_on_beyond_the_goal() {
 #[test]
 fn without_a_goal_a_plan_leads_farthest_and_coverage_is_the_score() {
     let text = text("\"empty\"", "iterations = 10", "seeds = 2");
-    let (_, report) = run(&text, 2);
+    let (_, report) = run::<PlanReport>(&text, 2);
     let job = Job::from_toml(&text).unwrap();
     assert_eq!(job.score_label(), ("coverage", "%"));
     for grown in report.plans.iter().flatten() {

@@ -33,7 +33,7 @@ fn in_short(job: &Checked, grown: &Grown) -> Result<(), String> {
     if grown.coverage.is_some_and(|coverage| !(0.0..=100.0).contains(&coverage)) {
         return Err("its coverage is no share: allowed is 0 to 100 %".to_owned());
     }
-    let (gaits, most) = (job.spec().gaits.count, job.spec().planner.iterations as usize);
+    let (gaits, most) = (job.gaits().count, job.spec().planner.iterations as usize);
     if grown.plan.len() > most {
         return Err(format!("its plan has {} gaits: at most {most} are allowed", grown.plan.len()));
     }

@@ -1,0 +1,377 @@
+//! The `[simulate]` table of a job: a motion that is given, and what varies from repeat to repeat.
+
+use super::{GaitSet, Reference};
+use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
+use crate::base::limits::{MAX_DURATION, MAX_MAP_SIZE, MAX_MOTION_STEPS, MAX_REPLANS, MAX_SIMULATIONS};
+use crate::model::Robot;
+use crate::model::environment::Environment;
+use crate::physics::{PhysicsSpec, TICK, Targets};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Name of the procedure that has this table.
+pub const SIMULATE: &str = "simulate";
+/// Repeats unless told otherwise, where something varies.
+const REPEATS: u32 = 50;
+/// Times that a repeat may plan anew unless told otherwise.
+const REPLANS: u32 = 20;
+/// Shortest motion, s.
+const SHORTEST: f64 = 0.1;
+
+/// The `[simulate]` table. The motion is one of `steps`, `targets` and `stand`; with `replan` it may be left out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimulateSpec {
+    /// Gaits in turn, counted from 1: a plan, or a single gait.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<Vec<u32>>,
+    /// Where the plan says that each step leads: x, y, z (mu) and yaw (rad) of the pivot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub places: Option<Vec<[f64; 4]>>,
+    /// A table of joint targets: a path to a CSV file, or the table itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub targets: Option<Reference<TargetTable>>,
+    /// Stand in the robot's neutral pose for so long, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stand: Option<f64>,
+    /// The gaits of `steps` and `replan`: a path to a run's folder or to its gaits.json, or the table itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gaits: Option<Reference<GaitSet>>,
+    /// How steps follow each other; both ways unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ways: Option<Vec<Way>>,
+    /// Repeats, each with draws of its own from what varies. The motion is carried out once more with nothing varied.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<u32>,
+    /// What varies.
+    #[serde(skip_serializing_if = "VarySpec::is_nothing")]
+    pub vary: VarySpec,
+    /// Plan anew where the motion leads elsewhere than planned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub replan: Option<ReplanSpec>,
+}
+
+/// How the gaits of a plan follow each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Way {
+    /// Every gait from the exact end of the one before, velocities zeroed: as planners assume.
+    Resimulated,
+    /// One simulation without a stop.
+    Continuous,
+}
+
+impl Way {
+    /// As job files call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Resimulated => "resimulated",
+            Self::Continuous => "continuous",
+        }
+    }
+}
+
+/// Joint targets over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetTable {
+    /// The robot's joints, in its order.
+    pub joints: Vec<String>,
+    /// Rows: the time, s, the first 0 and each later than the one before; then a target a joint, rad. Linear between rows.
+    pub rows: Vec<Vec<f64>>,
+}
+
+/// What varies from repeat to repeat. Each is drawn uniformly from its range, by a stream of its own.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VarySpec {
+    /// Coulomb friction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub friction: Option<[f64; 2]>,
+    /// Factor of every motor's greatest torque.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motor_strength: Option<[f64; 2]>,
+    /// Added to the start's x, mu.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x: Option<[f64; 2]>,
+    /// Added to the start's y, mu.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y: Option<[f64; 2]>,
+    /// Added to the start's heading, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub yaw: Option<[f64; 2]>,
+    /// So many joints, drawn without a preference, are locked where they stand at the start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dead_joints: Option<u32>,
+    /// Standard deviation of noise on every joint's target, rad: normal, drawn anew every 0.1 s, linear between.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target_noise: Option<f64>,
+}
+
+/// Planning anew.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReplanSpec {
+    /// Planar distance from where the plan says, mu, beyond which a new one is made.
+    #[serde(default = "deviation")]
+    pub deviation: f64,
+    /// Plans that are made at most.
+    #[serde(default = "replans")]
+    pub most: u32,
+    /// The physics that plans are made on; that of the job unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub physics: Option<PhysicsSpec>,
+}
+
+fn deviation() -> f64 {
+    1.0
+}
+
+fn replans() -> u32 {
+    REPLANS
+}
+
+impl Default for ReplanSpec {
+    fn default() -> Self {
+        Self { deviation: deviation(), most: replans(), physics: None }
+    }
+}
+
+impl SimulateSpec {
+    /// Refuses numbers out of range and tables that do not fit each other, and fills in what is not given.
+    pub(super) fn resolve(&mut self) -> Result<(), Invalid> {
+        let mut faults = Faults::default();
+        faults.take(self.one_motion());
+        if let Some(steps) = &self.steps {
+            let most = MAX_MOTION_STEPS as u64;
+            faults.take(whole_in_range("number of simulate.steps", steps.len() as u64, (1, most), ""));
+        }
+        if let Some(stand) = self.stand {
+            faults.take(in_range("simulate.stand", stand, (SHORTEST, MAX_DURATION), "s"));
+        }
+        if let Some(Reference::Inline(table)) = &self.targets {
+            faults.take(table.validate());
+        }
+        faults.take(self.validate_places());
+        faults.take(self.vary.validate());
+        if let Some(ReplanSpec { deviation, most, .. }) = self.replan {
+            faults.take(in_range("simulate.replan.deviation", deviation, (0.0, MAX_MAP_SIZE), "mu"));
+            faults.take(whole_in_range("simulate.replan.most", most, (1, MAX_REPLANS.into()), ""));
+        }
+        let varies = !self.vary.is_nothing();
+        let repeats = *self.repeats.get_or_insert(if varies { REPEATS } else { 0 });
+        faults.take(whole_in_range("simulate.repeats", repeats, (0, MAX_SIMULATIONS.into()), ""));
+        if repeats > 0 && !varies {
+            let reason = "nothing varies, so all repeats would be the same: give a range in [simulate.vary], such as \
+                          friction = [0.6, 1.0], or leave the key out";
+            faults.take::<()>(Err(conflict("simulate.repeats", reason)));
+        }
+        faults.take(self.resolve_ways());
+        faults.end()
+    }
+
+    fn one_motion(&self) -> Result<(), Invalid> {
+        let given = [self.steps.is_some(), self.targets.is_some(), self.stand.is_some()];
+        let many = given.iter().filter(|given| **given).count();
+        if self.replan.is_some() && (self.targets.is_some() || self.stand.is_some()) {
+            let reason =
+                "plans are made of gaits: give simulate.steps, or no motion, so that the first plan is made, too";
+            return Err(conflict("simulate.replan", reason));
+        }
+        if many > 1 || many == 0 && self.replan.is_none() {
+            let reason = "it needs one motion: steps (gaits in turn), targets (a table of joint targets) or stand (s)";
+            return Err(conflict("simulate", reason));
+        }
+        match (self.uses_gaits(), self.gaits.is_some()) {
+            (true, false) => {
+                Err(conflict("simulate.gaits", "simulate.steps and simulate.replan need gaits: give them"))
+            }
+            (false, true) => Err(conflict("simulate.gaits", "neither simulate.steps nor simulate.replan uses them")),
+            _ => Ok(()),
+        }
+    }
+
+    fn validate_places(&self) -> Result<(), Invalid> {
+        let Some(places) = &self.places else { return Ok(()) };
+        if self.steps.as_ref().is_none_or(|steps| steps.len() != places.len()) {
+            let steps = self.steps.as_ref().map_or(0, Vec::len);
+            return Err(conflict("simulate.places", &format!("{} places for {steps} steps: one a step", places.len())));
+        }
+        let mut faults = Faults::default();
+        for (i, place) in places.iter().enumerate() {
+            for (j, value) in place.iter().enumerate() {
+                let (range, unit) = if j == 3 { ((-PI, PI), "rad") } else { ((-MAX_MAP_SIZE, MAX_MAP_SIZE), "mu") };
+                faults.take(in_range(format!("simulate.places[{i}][{j}]"), *value, range, unit));
+            }
+        }
+        faults.end()
+    }
+
+    fn resolve_ways(&mut self) -> Result<(), Invalid> {
+        // Other motions are one simulation, and where plans are made anew the robot stops to think.
+        let in_turn = self.steps.as_ref().is_some_and(|steps| steps.len() > 1) && self.replan.is_none();
+        let fitting: &[Way] = if in_turn { &[Way::Resimulated, Way::Continuous] } else { &[Way::Resimulated] };
+        let ways = self.ways.get_or_insert_with(|| fitting.to_vec());
+        let repeated = ways.iter().enumerate().any(|(i, way)| ways[..i].contains(way));
+        if ways.is_empty() || repeated || ways.iter().any(|way| !fitting.contains(way)) {
+            let reason = if in_turn {
+                "allowed are \"resimulated\" and \"continuous\", each once"
+            } else {
+                "a motion that is not several steps, or is planned anew, is carried out one way only: leave it out"
+            };
+            return Err(conflict("simulate.ways", reason));
+        }
+        Ok(())
+    }
+
+    /// Whether the motion is made of gaits.
+    pub(super) fn uses_gaits(&self) -> bool {
+        self.steps.is_some() || self.replan.is_some()
+    }
+
+    /// How long a motion without gaits takes, s.
+    pub(super) fn duration(&self) -> Option<f64> {
+        match (&self.targets, self.stand) {
+            (Some(Reference::Inline(table)), _) => Some(table.rows.last()?[0]),
+            (_, stand) => stand,
+        }
+    }
+
+    /// Refuses steps of gaits that there are not, places of another map, and tables of another robot.
+    pub(super) fn fits(&self, robot: &Robot, environment: &Environment, gaits: u32) -> Result<(), Invalid> {
+        let mut faults = Faults::default();
+        let off_map = |[x, y, ..]: &[f64; 4]| !environment.contains(*x, *y);
+        if let Some(i) = self.places.iter().flatten().position(off_map) {
+            let reason =
+                format!("it lies off the map of environment \"{}\": the plan is for another one", environment.name);
+            faults.take::<()>(Err(conflict(&format!("simulate.places[{i}]"), &reason)));
+        }
+        for (i, &step) in self.steps.iter().flatten().enumerate() {
+            faults.take(whole_in_range(format!("simulate.steps[{i}]"), step, (1, gaits.into()), ""));
+        }
+        match &self.targets {
+            Some(Reference::Inline(table)) => {
+                faults.take(table.fits(robot));
+            }
+            Some(Reference::Named(path)) => {
+                let reason = format!("\"{path}\" is a path, which only `evogait` follows: write the table out");
+                faults.take::<()>(Err(conflict("simulate.targets", &reason)));
+            }
+            None => {}
+        }
+        if let Some(dead) = self.vary.dead_joints {
+            let joints = robot.hinges.len() as u64;
+            faults.take(whole_in_range("simulate.vary.dead_joints", dead, (0, joints), ""));
+        }
+        faults.end()
+    }
+}
+
+impl TargetTable {
+    fn validate(&self) -> Result<(), Invalid> {
+        let of_row = |i: usize, reason: String| Err(conflict(&format!("simulate.targets.rows[{i}]"), &reason));
+        let mut before = None;
+        for (i, row) in self.rows.iter().enumerate() {
+            let wanted = self.joints.len() + 1;
+            if row.len() != wanted {
+                return of_row(
+                    i,
+                    format!("it has {} numbers: a time and a target for each joint are {wanted}", row.len()),
+                );
+            }
+            if let Some(target) = row[1..].iter().find(|target| !(-PI..=PI).contains(*target)) {
+                return of_row(i, format!("target {target} is out of range: allowed is −π to π rad"));
+            }
+            let later = before.map_or(row[0] == 0.0, |before| row[0] > before);
+            if !later || row[0] > MAX_DURATION {
+                let most = format!("times go from 0 up, to {MAX_DURATION} s at most");
+                return of_row(i, format!("its time is {} s: {most}", row[0]));
+            }
+            before = Some(row[0]);
+        }
+        let last = before.unwrap_or(0.0);
+        in_range("time of the last row of simulate.targets", last, (SHORTEST, MAX_DURATION), "s")
+    }
+
+    fn fits(&self, robot: &Robot) -> Result<(), Invalid> {
+        let joints = robot.joint_names();
+        if self.joints == joints {
+            return Ok(());
+        }
+        let told = if self.joints.is_empty() { "none".to_owned() } else { self.joints.join(", ") };
+        let (name, joints) = (&robot.name, joints.join(", "));
+        Err(conflict("simulate.targets.joints", &format!("they are {told}, and robot \"{name}\" has {joints}")))
+    }
+
+    /// The table on ticks, until a time, s, that is not before its last row.
+    pub(crate) fn targets(&self, duration: f64) -> Targets {
+        let rows: Vec<(f64, Vec<f64>)> = self.rows.iter().map(|row| (row[0], row[1..].to_vec())).collect();
+        Targets::between(&rows, duration)
+    }
+}
+
+impl VarySpec {
+    /// Whether nothing varies.
+    pub fn is_nothing(&self) -> bool {
+        *self == Self::default()
+    }
+
+    fn validate(&self) -> Result<(), Invalid> {
+        let mut faults = Faults::default();
+        let map = (-MAX_MAP_SIZE, MAX_MAP_SIZE);
+        for (name, range, allowed, unit) in [
+            ("friction", self.friction, (0.0, 10.0), ""),
+            ("motor_strength", self.motor_strength, (0.0, 10.0), ""),
+            ("x", self.x, map, "mu"),
+            ("y", self.y, map, "mu"),
+            ("yaw", self.yaw, (-PI, PI), "rad"),
+        ] {
+            let Some([low, high]) = range else { continue };
+            let field = format!("simulate.vary.{name}");
+            faults.take(in_range(format!("{field}[0]"), low, allowed, unit));
+            faults.take(in_range(format!("{field}[1]"), high, allowed, unit));
+            if low > high {
+                faults.take::<()>(Err(conflict(&field, &format!("the range begins at {low}, above its end {high}"))));
+            }
+        }
+        if let Some(noise) = self.target_noise {
+            faults.take(in_range("simulate.vary.target_noise", noise, (0.0, PI), "rad"));
+        }
+        faults.end()
+    }
+}
+
+/// The first time from `seconds` on, s, that ends a whole physics step and a whole tick.
+pub(super) fn whole_time(seconds: f64, steps_per_second: u32) -> f64 {
+    let ticks_per_second = libm::round(1.0 / TICK) as u32;
+    let common = f64::from(greatest_divisor(steps_per_second, ticks_per_second));
+    libm::ceil(seconds * common - 1e-9) / common
+}
+
+fn greatest_divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { greatest_divisor(b, a % b) }
+}
+
+fn conflict(field: &str, reason: &str) -> Invalid {
+    Invalid::Conflict { field: field.to_owned(), reason: reason.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motions_end_with_a_step_and_a_tick() {
+        for (seconds, rate, expected) in [
+            (1.0, 30, 1.0),
+            (0.123, 30, 0.2),
+            (0.123, 60, 0.15),
+            (0.123, 200, 0.125),
+            (0.123, 600, 0.125),
+            (2.5, 7, 3.0),
+        ] {
+            let found = whole_time(seconds, rate);
+            assert!((found - expected).abs() < 1e-12, "{seconds} s at {rate}: {found}");
+        }
+    }
+}
