@@ -22,6 +22,7 @@ mod progress;
 mod signals;
 mod standing;
 mod summary;
+mod target_table;
 mod values;
 mod view;
 mod watch;

@@ -1,7 +1,7 @@
 //! Job, robot and environment files: read, their references followed, and refused with the name of the file that is wrong.
 
 use crate::error::Error;
-use crate::{gait_set, inputs};
+use crate::{gait_set, inputs, target_table};
 use sim_core::base::error::Invalid;
 use sim_core::base::{limits, toml_file};
 use sim_core::exchange::{self, Import};
@@ -9,7 +9,7 @@ use sim_core::job::{JobSpec, Reference};
 use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
 use sim_core::model::{Robot, RobotSpec};
-use sim_core::problem::{Checked, Job};
+use sim_core::problem::{Checked, Does, Job};
 use sim_core::procedure::kinds;
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -51,12 +51,12 @@ pub fn evolving(file: &JobFile) -> Result<Job, Error> {
 
 /// Refuses a job that evolves nothing, for what needs a search.
 pub fn must_evolve(job: &Checked, called: &str) -> Result<(), Error> {
-    if job.given_gaits().is_none() {
-        return Ok(());
-    }
-    Err(Error::Usage {
-        message: format!("{called} plans with gaits that are given: this command is for jobs that evolve"),
-    })
+    let what = match job.does() {
+        Does::Evolve => return Ok(()),
+        Does::Plan => "plans with gaits that are given",
+        Does::Simulate => "simulates a motion that is given",
+    };
+    Err(Error::Usage { message: format!("{called} {what}: this command is for jobs that evolve") })
 }
 
 fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result<T, Error> {
@@ -79,27 +79,37 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
         spec.environment = Reference::Inline(Box::new(parse(&found, Environment::from_toml)?));
         environment_label = found.label;
     }
-    let gaits = spec.plan.as_ref().and_then(|plan| match &plan.gaits {
-        Reference::Named(path) => Some(path.clone()),
-        Reference::Inline(_) => None,
-    });
-    if let (Some(path), Reference::Inline(robot)) = (gaits, &spec.robot) {
-        let robot = spec.variant.as_ref().map_or_else(|| Ok((**robot).clone()), |variant| robot.variant(variant));
-        // Errors of the robot are reported below, as for any job.
-        if let Ok(robot) = robot.and_then(|robot| Robot::compile(&robot)) {
-            let path = source.folder.as_ref().map_or_else(|| PathBuf::from(&path), |folder| folder.join(&path));
-            let gaits = gait_set::read(&path, &spec.gaits, &robot)?;
-            if let Some(plan) = &mut spec.plan {
-                plan.gaits = Reference::Inline(Box::new(gaits));
-            }
-        }
-    }
+    follow_motions(&mut spec, &source)?;
     let file_of = |invalid: &Invalid| match part(invalid) {
         Part::Robot => robot_label.clone(),
         Part::Environment => environment_label.clone(),
         Part::Job => source.label.clone(),
     };
     kinds::of(&spec).and_then(|_| resolve(spec)).map_err(|invalid| told_of_files(invalid, file_of))
+}
+
+/// Reads the gaits and the table of targets that a job names. Errors of its robot are told with the rest of the job.
+fn follow_motions(spec: &mut JobSpec, source: &Source) -> Result<(), Error> {
+    let Reference::Inline(robot) = &spec.robot else { return Ok(()) };
+    let robot = spec.variant.as_ref().map_or_else(|| Ok((**robot).clone()), |variant| robot.variant(variant));
+    let Ok(robot) = robot.and_then(|robot| Robot::compile(&robot)) else { return Ok(()) };
+    let path = |named: &str| source.folder.as_ref().map_or_else(|| PathBuf::from(named), |folder| folder.join(named));
+    let of_plan = spec.plan.as_mut().map(|plan| &mut plan.gaits);
+    let (of_simulation, targets) = match &mut spec.simulate {
+        Some(simulate) => (simulate.gaits.as_mut(), simulate.targets.as_mut()),
+        None => (None, None),
+    };
+    for gaits in [of_plan, of_simulation].into_iter().flatten() {
+        if let (Reference::Named(named), Some(of)) = (&*gaits, &spec.gaits) {
+            *gaits = Reference::Inline(Box::new(gait_set::read(&path(named), of, &robot)?));
+        }
+    }
+    if let Some(targets) = targets
+        && let Reference::Named(named) = &*targets
+    {
+        *targets = Reference::Inline(Box::new(target_table::read(&path(named), &robot)?));
+    }
+    Ok(())
 }
 
 /// An error about one file, or about several with the name of each.

@@ -1,8 +1,11 @@
 //! A result in a few lines, for people.
 
 use crate::console::{self, count, score, score_with};
-use crate::output::{Candidate, Finished, PlanFile, ResultFile, Spread};
+use crate::output::{
+    Candidate, Finished, OfWay, PlanFile, ResultFile, Share, SimulationFile, Spread, Statistics, Told, Values,
+};
 use sim_core::base::score::Direction;
+use sim_core::problem::{Checked, SimulateSpec};
 use std::path::Path;
 
 /// What came out, where it is and what to do with it.
@@ -10,6 +13,135 @@ pub fn text(finished: &Finished, folder: &Path) -> String {
     match finished {
         Finished::Evolved(result) => evolved(result, folder),
         Finished::Planned(result) => planned(result, folder),
+        Finished::Simulated(result) => simulated(result, folder),
+    }
+}
+
+/// What a job simulates, such as "a plan of 7 gaits, once with nothing varied and in 50 repeats, in 2 ways".
+pub fn motion(job: &Checked, simulate: &SimulateSpec) -> String {
+    let what = match (&simulate.steps, &simulate.targets) {
+        (Some(steps), _) if steps.len() == 1 => format!("gait {}", steps[0]),
+        (Some(steps), _) => format!("a plan of {} gaits", steps.len()),
+        (None, Some(_)) => format!("a table of targets, {}", console::seconds(job.gaits().duration)),
+        (None, None) if simulate.replan.is_some() => "plans to the goal".to_owned(),
+        (None, None) => format!("standing, {}", console::seconds(job.gaits().duration)),
+    };
+    let repeats = match simulate.repeats.unwrap_or(0) {
+        0 => String::new(),
+        1 => ", once with nothing varied and in 1 repeat".to_owned(),
+        many => format!(", once with nothing varied and in {} repeats", count(many.into())),
+    };
+    let ways = simulate.ways.as_ref().map_or(1, Vec::len);
+    let anew =
+        if simulate.replan.is_some() && simulate.steps.is_some() { ", planned anew where it goes astray" } else { "" };
+    format!("{what}{repeats}{anew}{}", if ways > 1 { ", in 2 ways" } else { "" })
+}
+
+fn simulated(result: &SimulationFile, folder: &Path) -> String {
+    let mut lines = Vec::new();
+    for OfWay { way, unvaried, repeats } in &result.ways {
+        let head = if result.ways.len() > 1 { format!(", {}", way.name()) } else { String::new() };
+        lines.push(match repeats {
+            Some(Statistics { success: Share { count, of, interval: [low, high] }, .. }) => format!(
+                "{}{head}: {count} of {of} repeats succeed, {} % (95 % interval {} to {} %)",
+                result.name,
+                score(100.0 * f64::from(*count) / f64::from(*of)),
+                score(100.0 * low),
+                score(100.0 * high)
+            ),
+            None => format!("{}{head}: {}", result.name, if unvaried.success { "success" } else { "no success" }),
+        });
+        lines.extend(of_way(unvaried, repeats.as_ref()));
+    }
+    let planning =
+        result.planning.as_ref().map_or_else(String::new, |planning| format!("; plans made anew on {planning}"));
+    lines.push(format!("  engine             {}{planning}", result.engine));
+    let counts = &result.counts;
+    lines.push(format!(
+        "  took               {}: {} rollouts, {} of simulated time",
+        console::seconds(result.wall_seconds),
+        count(counts.rollouts),
+        console::seconds(counts.simulated_seconds)
+    ));
+    lines.push(format!("  result digest      {}", result.result_digest));
+    let ways: Vec<&str> = result.ways.iter().map(|of| of.way.name()).collect();
+    lines
+        .push(format!("  files              {}: result.json, runs.csv, paths.csv, simulation.json,", folder.display()));
+    lines.push(format!(
+        "                     motion-{}.csv; pictures paths-{} (.svg, .png)",
+        ways.join(".csv, motion-"),
+        ways.join(", paths-")
+    ));
+    let picture = folder.join(format!("paths-{}.png", ways.first().copied().unwrap_or_default()));
+    lines.push(format!("  next               look at {}", console::quoted(picture.display())));
+    lines.push(format!("                     evogait verify {}", console::quoted(folder.display())));
+    lines.join("\n")
+}
+
+/// Less than this is told as 0.
+const STILL: f64 = 1e-6;
+
+/// Numbers of a way's runs, those of the motion with nothing varied before those of the repeats.
+fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
+    let mut lines = Vec::new();
+    if repeats.is_some() {
+        lines.push(format!("  {:18} {:18} {}", "", "nothing varied", "repeats"));
+    }
+    if unvaried.ended != "completed" {
+        lines.push(format!("  {:18} {}", "ended", unvaried.ended));
+    }
+    type Of = fn(&Statistics) -> Option<Values>;
+    let rows: [(&str, Option<f64>, &str, Of); 11] = [
+        ("ahead", Some(unvaried.ahead), "mu", |of| of.ahead),
+        ("to the left", Some(unvaried.left), "mu", |of| of.left),
+        ("turned", Some(unvaried.turned), "rad", |of| of.turned),
+        ("travelled", Some(unvaried.travelled), "mu", |of| of.travelled),
+        ("distance to goal", unvaried.distance, "mu", |of| of.distance),
+        ("off the plan", unvaried.deviation, "mu", |of| of.deviation),
+        ("took", Some(unvaried.seconds), "s", |of| of.seconds),
+        ("work of motors", Some(unvaried.work), "kg mu²/s²", |of| of.work),
+        ("without signs", Some(unvaried.turnover), "kg mu²/s²", |of| of.turnover),
+        ("bodies that touch", Some(100.0 * unvaried.contact), "%", |of| of.contact.map(percent)),
+        ("plans made anew", Some(f64::from(unvaried.replans)), "", |of| of.replans),
+    ];
+    for (what, value, unit, of) in rows {
+        let told = repeats.and_then(of);
+        // Plans are told of where any can be made.
+        if value.is_none() && told.is_none() || what == "plans made anew" && unvaried.replans == 0 && told.is_none() {
+            continue;
+        }
+        // What a robot that stands moves by is noise of the last digits.
+        let value = value.map(|value| if value.abs() < STILL { 0.0 } else { value });
+        let of_repeats = told.map_or_else(String::new, |Values { mean, deviation, .. }| match deviation {
+            Some(deviation) => format!("{} ± {}", score(mean), score_with(Some(deviation), unit)),
+            None => score_with(Some(mean), unit),
+        });
+        lines.push(format!("  {what:18} {:18} {of_repeats}", score_with(value, unit)).trim_end().to_owned());
+    }
+    let failed = |count: u32, what: &str| (count > 0).then(|| format!("{count} {what}"));
+    if let Some(of) = repeats {
+        let faults = [
+            failed(of.broken, "broke"),
+            failed(of.without_start, "could not start"),
+            failed(of.touched, "touched an obstacle"),
+            failed(of.left_map, "left the map"),
+        ];
+        let faults: Vec<String> = faults.into_iter().flatten().collect();
+        if !faults.is_empty() {
+            lines.push(format!("  {:18} {:18} {}", "faults", "", faults.join(", ")));
+        }
+    }
+    lines
+}
+
+fn percent(share: Values) -> Values {
+    let Values { mean, deviation, least, median, greatest } = share;
+    Values {
+        mean: 100.0 * mean,
+        deviation: deviation.map(|d| 100.0 * d),
+        least: 100.0 * least,
+        median: 100.0 * median,
+        greatest: 100.0 * greatest,
     }
 }
 

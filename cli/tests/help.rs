@@ -11,6 +11,7 @@ fn help_teaches() {
     let commands = [
         "run",
         "plan",
+        "simulate",
         "submit",
         "watch",
         "list",

@@ -122,7 +122,6 @@ fn a_job_file_names_a_run_and_another_robot_is_refused() {
         &["bench", "evaluate", "good.toml"],
         &["bench", "dispatch", "good.toml"],
         &["replay", "p", "--plan"],
-        &["plan", "p"],
     ] {
         let refused = run(path, command);
         assert_eq!(refused.code, 2, "{command:?}: {}", refused.err);

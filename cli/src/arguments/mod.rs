@@ -18,6 +18,7 @@ use crate::certs::Host;
 use crate::client::Url;
 pub use crate::load::JobFile;
 use sim_core::genotype::Genotype;
+use sim_core::problem::{VarySpec, Way};
 use sim_core::procedure::evolve::finish::Question;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -35,6 +36,7 @@ pub struct Resolved {
 pub enum Command {
     Run(Run),
     Plan(Plan),
+    Simulate(Simulate),
     Submit(Submit),
     Watch(OneJob),
     List(List),
@@ -66,7 +68,7 @@ pub struct Run {
 
 #[derive(Debug)]
 pub struct Plan {
-    pub of: PlanOf,
+    pub of: RunOf,
     /// That of the run if it is not given; so for the others.
     pub environment: Option<String>,
     pub seeds: Option<u32>,
@@ -79,9 +81,46 @@ pub struct Plan {
     pub to: RunTo,
 }
 
-/// Whose gaits are planned with.
 #[derive(Debug)]
-pub enum PlanOf {
+pub struct Simulate {
+    pub of: GivenBy,
+    pub what: SimulateWhat,
+    pub environment: Option<String>,
+    /// On the reference setting of the scale.
+    pub fine: bool,
+    /// Plan anew beyond this deviation, mu; `Some(None)`: the default one.
+    pub replan: Option<Option<f64>>,
+    pub way: Option<Way>,
+    pub repeats: Option<u32>,
+    pub vary: VarySpec,
+    pub seed: Option<u64>,
+    pub to: RunTo,
+}
+
+/// What gives the robot, and gaits if they are asked for.
+#[derive(Debug)]
+pub enum GivenBy {
+    Run(RunOf),
+    /// A robot that ships, or a file.
+    Robot(String),
+}
+
+/// The motion.
+#[derive(Debug)]
+pub enum SimulateWhat {
+    /// Counted from 1.
+    Gait(u32),
+    /// The run's best plan.
+    Plan,
+    /// A CSV file.
+    Targets(PathBuf),
+    /// s.
+    Stand(f64),
+}
+
+/// Whose gaits are used.
+#[derive(Debug)]
+pub enum RunOf {
     /// A run's folder.
     Folder(PathBuf),
     /// A coordinator's job.

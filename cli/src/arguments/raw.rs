@@ -14,7 +14,7 @@ pub use coordinator::{
 };
 pub use job::{
     Compare, Evaluate, JobFile, Plan, Replay, Robot, RobotFormat, RobotScale, Run, RunTo, Scenarios, ScenariosAction,
-    Validate, Verify,
+    Simulate, SimulateWhat, Validate, Verify,
 };
 
 use clap::{Parser, Subcommand};
@@ -103,6 +103,35 @@ Files in the output folder:
   tree.json, gaits.json    the best tree; the gaits and where each leads
   map, gaits               pictures, each as .svg and .png")]
     Plan(Plan),
+
+    /// Simulate a motion again and again, with friction, motors, joints or the start varied
+    #[command(after_help = "\
+Examples:
+  evogait simulate runs/quadropod-empty-3f2a9c01d4e5 --gait 1
+  evogait simulate RUN --plan --repeats 50 --friction 0.6..1.0
+  evogait simulate RUN --plan --replan --friction 0.6..1.0 --dead-joints 1
+  evogait simulate --robot lizard --stand 5
+  evogait simulate --robot my-robot.urdf --targets targets.csv
+
+Writes a job file with procedure = \"simulate\" and runs it: the motion is in it,
+so job.toml can be run again anywhere. The motion is carried out once with nothing
+varied, and then in repeats that draw from the ranges by random numbers of their
+own. A plan runs in two ways: each gait from rest at the end of the one before, as
+the planner assumes, and without a stop. A run succeeds that ends soundly, on the
+map, without having touched an obstacle, and within the goal's radius.
+
+Files in the output folder:
+  result.json              success with its 95 % interval; distances, work of the
+                           motors, contacts as mean, deviation, median, extremes
+  job.toml                 the job with every setting; `evogait run` takes it
+  runs.csv                 a row a run: what was drawn, how it ended, where
+  motion-WAY.csv           the run with nothing varied, sample by sample: time (s),
+                           targets and angles (rad), pose (mu), which bodies touch
+                           the ground
+  paths.csv                the pivot's path in every run
+  simulation.json          all of it
+  paths-WAY                pictures, each as .svg and .png")]
+    Simulate(Box<Simulate>),
 
     /// Hand a job to a coordinator and return at once
     #[command(after_help = "\

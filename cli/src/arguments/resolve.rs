@@ -1,9 +1,9 @@
 //! From what was typed to what is meant.
 
 use super::{
-    Bench, Certs, CertsAction, Command, Compare, Evaluate, EvaluateWhat, Fetch, Health, HealthOf, JobFile, List,
-    OneJob, Place, Plan, PlanOf, Replay, ReplayWhat, Resolved, Restart, Robot, RobotOutput, Run, RunTo, Show, Submit,
-    Validate, Verify, raw,
+    Bench, Certs, CertsAction, Command, Compare, Evaluate, EvaluateWhat, Fetch, GivenBy, Health, HealthOf, JobFile,
+    List, OneJob, Place, Plan, Replay, ReplayWhat, Resolved, Restart, Robot, RobotOutput, Run, RunOf, RunTo, Show,
+    Simulate, SimulateWhat, Submit, Validate, Verify, raw,
 };
 use crate::client::Url;
 use crate::error::Error;
@@ -12,6 +12,7 @@ use clap::Parser as _;
 use proto::credentials::{self as shown, Credentials, Sources};
 use sim_core::base::limits::MAX_GENOTYPE;
 use sim_core::genotype::Genotype;
+use sim_core::problem::VarySpec;
 use sim_core::procedure::evolve::finish::Question;
 use std::path::{Path, PathBuf};
 
@@ -24,7 +25,7 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
     let command = match raw.command {
         raw::Command::Run(run) => Command::Run(Run { file: run.file.into(), to: run_to(run.to)? }),
         raw::Command::Plan(plan) => Command::Plan(Plan {
-            of: plan_of(plan.run, &plan.to)?,
+            of: run_of(plan.run, &plan.to)?,
             environment: plan.environment,
             seeds: plan.seeds,
             iterations: plan.iterations,
@@ -34,6 +35,7 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             seed: plan.seed,
             to: run_to(plan.to)?,
         }),
+        raw::Command::Simulate(simulate) => Command::Simulate(simulation(*simulate)?),
         raw::Command::Submit(submit) => Command::Submit(Submit {
             file: submit.file.into(),
             priority: submit.priority.unwrap_or(0),
@@ -133,13 +135,50 @@ fn run_to(raw: raw::RunTo) -> Result<RunTo, Error> {
     Ok(RunTo { out: raw.out, place, json: raw.json })
 }
 
-fn plan_of(run: String, to: &raw::RunTo) -> Result<PlanOf, Error> {
+fn simulation(raw: raw::Simulate) -> Result<Simulate, Error> {
+    let of = match (raw.run, raw.robot) {
+        (_, Some(robot)) => GivenBy::Robot(robot),
+        (Some(run), None) => GivenBy::Run(run_of(run, &raw.to)?),
+        (None, None) => {
+            let message = "name a run, or a robot with --robot: `evogait simulate RUN --gait 1`".to_owned();
+            return Err(Error::Usage { message });
+        }
+    };
+    let what = match raw.what {
+        raw::SimulateWhat { gait: Some(gait), .. } => SimulateWhat::Gait(gait),
+        raw::SimulateWhat { targets: Some(path), .. } => SimulateWhat::Targets(path),
+        raw::SimulateWhat { stand: Some(seconds), .. } => SimulateWhat::Stand(seconds),
+        raw::SimulateWhat { plan: _, .. } => SimulateWhat::Plan,
+    };
+    Ok(Simulate {
+        of,
+        what,
+        environment: raw.environment,
+        fine: raw.fine,
+        replan: raw.replan.then_some(raw.deviation),
+        way: raw.way.map(Into::into),
+        repeats: raw.repeats,
+        vary: VarySpec {
+            friction: raw.friction,
+            motor_strength: raw.motor_strength,
+            x: raw.x,
+            y: raw.y,
+            yaw: raw.yaw,
+            dead_joints: raw.dead_joints,
+            target_noise: raw.target_noise,
+        },
+        seed: raw.seed,
+        to: run_to(raw.to)?,
+    })
+}
+
+fn run_of(run: String, to: &raw::RunTo) -> Result<RunOf, Error> {
     if !is_job_id(&run) {
-        return Ok(PlanOf::Folder(folder_of(run.into())));
+        return Ok(RunOf::Folder(folder_of(run.into())));
     }
     let named = named_coordinator(to.coordinator.clone())?;
     let (url, from) = named.unwrap_or_else(|| (raw::DEFAULT_COORDINATOR.to_owned(), "the default"));
-    Ok(PlanOf::Stored { id: run, on: Url::parse(&url, from, &credentials(to.shown.clone())?)? })
+    Ok(RunOf::Stored { id: run, on: Url::parse(&url, from, &credentials(to.shown.clone())?)? })
 }
 
 /// A file for a picture, by its ending.

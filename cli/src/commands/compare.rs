@@ -4,10 +4,10 @@ use crate::arguments::Compare;
 use crate::console::{self, score_with, table};
 use crate::draw::{HistoryRow, comparison};
 use crate::error::Error;
-use crate::output::{self, Finished, JOB, Spread, atomic};
+use crate::output::{self, Finished, JOB, OfWay, Share, Spread, Values, atomic};
 use crate::{inputs, load};
 use serde::Serialize;
-use sim_core::problem::Checked;
+use sim_core::problem::{Checked, Does};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -127,6 +127,7 @@ fn digests(run: &Read) -> (String, String) {
     match &run.result {
         Finished::Evolved(result) => (result.job_digest.to_string(), result.result_digest.to_string()),
         Finished::Planned(result) => (result.job_digest.to_string(), result.result_digest.to_string()),
+        Finished::Simulated(result) => (result.job_digest.to_string(), result.result_digest.to_string()),
     }
 }
 
@@ -174,6 +175,26 @@ fn numbers(run: &Read) -> BTreeMap<usize, (&'static str, String)> {
             told.push((22, "took", Some(console::seconds(result.wall_seconds))));
             told.push((23, "engine", Some(result.engine.clone())));
         }
+        Finished::Simulated(result) => {
+            let values = |values: Option<Values>, unit: &str| {
+                let Values { mean, deviation, .. } = values?;
+                Some(match deviation {
+                    Some(deviation) => format!("{} ± {}", console::score(mean), score_with(Some(deviation), unit)),
+                    None => score_with(Some(mean), unit),
+                })
+            };
+            // The first way stands for the run: it has as many repeats as the other.
+            if let Some(OfWay { unvaried, repeats, .. }) = result.ways.first() {
+                let share = |Share { count, of, .. }: Share| format!("{count} of {of} repeats");
+                told.push((16, "success", repeats.as_ref().map(|of| share(of.success))));
+                told.push((12, "distance to goal", repeats.as_ref().and_then(|of| values(of.distance, "mu"))));
+                told.push((17, "displacement", repeats.as_ref().and_then(|of| values(of.displacement, "mu"))));
+                told.push((18, "displacement, nothing varied", Some(score_with(Some(unvaried.displacement), "mu"))));
+            }
+            told.push((21, "rollouts", Some(console::count(result.counts.rollouts))));
+            told.push((22, "took", Some(console::seconds(result.wall_seconds))));
+            told.push((23, "engine", Some(result.engine.clone())));
+        }
     }
     let (job, result) = digests(run);
     told.push((24, "job digest", Some(job.chars().take(12).collect())));
@@ -217,10 +238,13 @@ fn curves(runs: &[Read]) -> Result<crate::draw::Picture, Error> {
     let mut lines = Vec::new();
     for run in runs {
         let called = run.folder.display();
-        if run.job.given_gaits().is_some() {
-            return Err(usage(format!(
-                "{called} plans with gaits that are given, so it has no curve: leave --out away"
-            )));
+        let what = match run.job.does() {
+            Does::Evolve => None,
+            Does::Plan => Some("plans with gaits that are given"),
+            Does::Simulate => Some("simulates a motion that is given"),
+        };
+        if let Some(what) = what {
+            return Err(usage(format!("{called} {what}, so it has no curve: leave --out away")));
         }
         if label(run) != first {
             let other = label(run);

@@ -7,6 +7,7 @@ mod compare;
 mod demand;
 mod evaluate;
 mod fetch;
+mod given;
 mod health;
 mod list;
 mod pause;
@@ -17,6 +18,7 @@ mod robot;
 mod run;
 mod scenarios;
 mod show;
+mod simulate;
 mod submit;
 mod validate;
 mod verify;
@@ -37,6 +39,7 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
     match resolved.command {
         Command::Run(args) => run::run(args, quiet),
         Command::Plan(args) => plan::run(args, quiet),
+        Command::Simulate(args) => simulate::run(args, quiet),
         Command::Submit(args) => submit::run(args, quiet),
         Command::Watch(args) => with_runtime(watch::run(args, quiet)),
         Command::List(args) => with_runtime(list::run(args)),

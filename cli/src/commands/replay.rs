@@ -30,7 +30,7 @@ pub fn run(args: Replay) -> Result<(), Error> {
 }
 
 fn replay_gait(stored: &Stored, gait: usize) -> Result<(String, String), Error> {
-    let count = stored.job.spec().gaits.count as usize;
+    let count = stored.job.gaits().count as usize;
     if gait >= count {
         let message =
             format!("--gait {} is out of range: {} has gaits 1 to {count}", gait + 1, stored.folder.display());
@@ -83,7 +83,7 @@ fn replay_plan(stored: &Stored) -> Result<(String, String), Error> {
         "the best path of {}: {} gaits, {} s",
         stored.result.name,
         gaits.len(),
-        console::score(gaits.len() as f64 * stored.job.spec().gaits.duration)
+        console::score(gaits.len() as f64 * stored.job.gaits().duration)
     )];
     lines.push(format!("  gaits        {}", gaits.join(" ")));
     lines.extend(paths.iter().map(path_text));

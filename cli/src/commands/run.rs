@@ -15,7 +15,7 @@ use crate::values;
 use crate::watch::{self, Watched};
 use crate::{load, summary};
 use proto::v1::{self, JobState};
-use sim_core::problem::Checked;
+use sim_core::problem::{Checked, Does, JobSpec};
 use study::setting::Setting;
 
 /// Runs a job file.
@@ -109,9 +109,10 @@ async fn finish(
     let request = v1::SubmitJobRequest { request_id: job.digest().to_string(), job_toml, priority: 0 };
     let (status, created) = client.submit(request).await?;
     if !quiet {
-        let how = match (created, job.given_gaits()) {
-            (true, None) => "evolving",
-            (true, Some(_)) => "planning",
+        let how = match (created, job.does()) {
+            (true, Does::Evolve) => "evolving",
+            (true, Does::Plan) => "planning",
+            (true, Does::Simulate) => "simulating",
             (false, _) => "going on with",
         };
         console::note(&format!(
@@ -164,12 +165,14 @@ async fn finish(
 
 /// Size of a job, as text for the user.
 fn amount(job: &Checked) -> String {
-    match &job.spec().plan {
-        None => {
+    let JobSpec { plan, simulate, planner, .. } = job.spec();
+    match (plan, simulate) {
+        (Some(plan), _) => format!("{} trees of at most {} iterations", plan.seeds, planner.iterations),
+        (None, Some(simulate)) => summary::motion(job, simulate),
+        (None, None) => {
             let optimiser = job.optimiser_spec();
             format!("{} generations of {} candidates", optimiser.generations(), optimiser.population())
         }
-        Some(plan) => format!("{} trees of at most {} iterations", plan.seeds, job.spec().planner.iterations),
     }
 }
 

@@ -6,9 +6,10 @@ use crate::doubts;
 use crate::error::Error;
 use crate::first_generation::{self, Scores};
 use crate::load;
+use crate::summary;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
-use sim_core::problem::Job;
+use sim_core::problem::{Does, Job, JobSpec};
 use sim_core::search::OptimiserSpec;
 use std::time::Duration;
 use study::cost::{self, Budget};
@@ -42,7 +43,10 @@ struct View<'a> {
     population: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     generations: Option<u32>,
-    /// Of candidates; of a job that plans, its trees.
+    /// What a job that simulates carries out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    motion: Option<String>,
+    /// Of candidates; of a job that plans, its trees; of a job that simulates, its runs.
     evaluations: u64,
     most_rollouts_per_evaluation: u64,
     estimate: Option<Estimate>,
@@ -71,6 +75,7 @@ struct Estimate {
 }
 
 const SAME_TREES: &str = "all trees cost as much as those timed; all cores are free; the traces are not counted";
+const SAME_RUNS: &str = "all runs cost as much as those timed; all cores are free";
 const ASSUMPTIONS: &str = "later generations cost as much as candidates of the first; all cores are free; a generation \
                            is shared evenly; the finish is not counted";
 
@@ -78,10 +83,11 @@ const ASSUMPTIONS: &str = "later generations cost as much as candidates of the f
 pub fn run(args: Validate) -> Result<(), Error> {
     let job = load::job(&args.file)?;
     let optimiser = job.spec().optimiser.as_ref();
-    let evaluations = match (optimiser, &job.spec().plan) {
-        (Some(optimiser), _) => u64::from(optimiser.population()) * u64::from(optimiser.generations()),
-        (None, Some(plan)) => plan.seeds.into(),
-        (None, None) => 0,
+    let JobSpec { plan, simulate, .. } = job.spec();
+    let evaluations = match (optimiser, plan, simulate) {
+        (Some(optimiser), ..) => u64::from(optimiser.population()) * u64::from(optimiser.generations()),
+        (None, Some(plan), _) => plan.seeds.into(),
+        (None, None, simulate) => 1 + u64::from(simulate.as_ref().and_then(|simulate| simulate.repeats).unwrap_or(0)),
     };
     let (estimate, warning) = args.estimate.then(|| estimate(&job, evaluations)).unzip();
     let view = View {
@@ -96,12 +102,13 @@ pub fn run(args: Validate) -> Result<(), Error> {
         settled: job.quiet().map(ToString::to_string),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
-        gaits: job.spec().gaits.count,
-        genotype_length: job.space().longest(),
+        gaits: job.spec().gaits.as_ref().map_or(0, |gaits| gaits.count),
+        genotype_length: job.spec().gaits.as_ref().map_or(0, |_| job.space().longest()),
+        motion: simulate.as_ref().map(|simulate| summary::motion(&job, simulate)),
         population: optimiser.map(OptimiserSpec::population),
         generations: optimiser.map(OptimiserSpec::generations),
         evaluations,
-        most_rollouts_per_evaluation: job.most_rollouts(),
+        most_rollouts_per_evaluation: if simulate.is_some() { job.motion_rollouts() } else { job.most_rollouts() },
         estimate,
         warnings: doubts::of(&job).into_iter().chain(doubts::of_goal(&job)).chain(warning.flatten()).collect(),
         job_toml: job.to_toml(),
@@ -113,13 +120,16 @@ pub fn run(args: Validate) -> Result<(), Error> {
 fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
     let population = job.spec().optimiser.as_ref().map_or(evaluations as u32, OptimiserSpec::population);
     let budget = Budget { evaluations: population, time: MEASURE, first: GIVE_UP };
-    let cost = cost::measure(job, cost::at_once(job, cores()), budget, &|| ());
+    let cost = match job.does() {
+        Does::Simulate => cost::measure_runs(job, budget),
+        Does::Evolve | Does::Plan => cost::measure(job, cost::at_once(job, cores()), budget, &|| ()),
+    };
     let measured = cost.evaluations.max(1);
     let seconds_per_evaluation = cost.total.wall / f64::from(measured);
     let core_seconds = seconds_per_evaluation * evaluations as f64;
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let scores = Scores::of_measured(&cost.scores, cost.counts);
-    let evolves = job.given_gaits().is_none();
+    let evolves = job.does() == Does::Evolve;
     let warning = evolves.then(|| first_generation::warning(Some(job), &scores)).flatten();
     let estimate = Estimate {
         measured,
@@ -128,7 +138,11 @@ fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
         core_seconds,
         cores,
         wall_seconds: core_seconds / cores as f64,
-        assumptions: if evolves { ASSUMPTIONS } else { SAME_TREES },
+        assumptions: match job.does() {
+            Does::Evolve => ASSUMPTIONS,
+            Does::Plan => SAME_TREES,
+            Does::Simulate => SAME_RUNS,
+        },
     };
     (estimate, warning)
 }
@@ -138,13 +152,19 @@ fn text(view: &View) -> String {
         format!("{} is valid", view.name),
         format!("  robot          {}", view.robot),
         format!("  environment    {}", view.environment),
-        format!(
-            "  {:<13}  {} gaits, {} parameters",
-            if view.population.is_some() { "candidate" } else { "given" },
-            view.gaits,
-            view.genotype_length
-        ),
+        match &view.motion {
+            Some(motion) => format!("  motion         {motion}"),
+            None => format!(
+                "  {:<13}  {} gaits, {} parameters",
+                if view.population.is_some() { "candidate" } else { "given" },
+                view.gaits,
+                view.genotype_length
+            ),
+        },
         match view.generations.zip(view.population) {
+            None if view.motion.is_some() => {
+                format!("  runs           {}, seed {}", count(view.evaluations), view.seed)
+            }
             Some((generations, population)) => format!(
                 "  search         {} generations of {population} candidates: {} evaluations, seed {}",
                 count(generations.into()),
@@ -154,7 +174,15 @@ fn text(view: &View) -> String {
             None => format!("  plan           {} trees, seed {}", count(view.evaluations), view.seed),
         },
         format!("  engine         {} ({})", view.setting, view.engine),
-        format!("  evaluation     at most {} rollouts, with reuse far fewer", count(view.most_rollouts_per_evaluation)),
+        match &view.motion {
+            Some(_) => format!("  a run          at most {} rollouts", count(view.most_rollouts_per_evaluation)),
+            None => {
+                format!(
+                    "  evaluation     at most {} rollouts, with reuse far fewer",
+                    count(view.most_rollouts_per_evaluation)
+                )
+            }
+        },
         format!("  job digest     {}", view.job_digest),
         format!("  engine digest  {}", view.engine_digest),
     ];
@@ -165,7 +193,8 @@ fn text(view: &View) -> String {
         let least = if e.given_up { "more than " } else { "" };
         let each = duration(Duration::from_secs_f64(e.seconds_per_evaluation));
         let how = if e.given_up { "given up".to_owned() } else { format!("mean of {} timed here", e.measured) };
-        lines.push(format!("  cost           {least}{each} an evaluation ({how})"));
+        let what = if view.motion.is_some() { "a run" } else { "an evaluation" };
+        lines.push(format!("  cost           {least}{each} {what} ({how})"));
         lines.push(format!(
             "                 {least}{} of one core, {least}{} on this machine's {} cores",
             console::seconds(e.core_seconds),

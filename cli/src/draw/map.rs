@@ -28,14 +28,22 @@ pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_la
         _ => "edges and best path drawn straight from node to node",
     };
     let said: Vec<&str> = [fitness_label, note].into_iter().filter(|s| !s.is_empty()).collect();
-    let top = heading(&mut canvas, title, &said.join(" · "), WIDTH);
-    let top = legend(&mut canvas, &keys(environment, tree), top, WIDTH) + 6.0;
-    let frame = frame(environment, top);
-    let height = (top + frame.height + 56.0).ceil();
+    let frame = ground(&mut canvas, environment, title, &said.join(" · "), &keys(environment, tree));
+    edges(&mut canvas, &frame, tree);
+    nodes(&mut canvas, &frame, tree);
+    path(&mut canvas, &frame, tree);
+    finish(canvas, environment, &frame)
+}
 
-    frame.draw(&mut canvas, None, None);
+/// What stands above a map, its axes, and its obstacles and terrain. What is drawn after it does not leave the frame.
+pub(super) fn ground(canvas: &mut Canvas, environment: &Environment, title: &str, said: &str, keys: &[Key]) -> Frame {
+    let top = heading(canvas, title, said, WIDTH);
+    let top = legend(canvas, keys, top, WIDTH) + 6.0;
+    let frame = frame(environment, top);
+
+    frame.draw(canvas, None, None);
     let (x, y) = (frame.x.ticks(12), frame.y.ticks(((frame.height / 55.0) as usize).max(3)));
-    frame.draw(&mut canvas, Some((&x, "x, mu")), Some((&y, "y, mu")));
+    frame.draw(canvas, Some((&x, "x, mu")), Some((&y, "y, mu")));
     let [w, h] = environment.size;
     let corners = [[-w / 2.0, -h / 2.0], [w / 2.0, -h / 2.0], [w / 2.0, h / 2.0], [-w / 2.0, h / 2.0]];
     let outline: Vec<_> = corners.iter().map(|c| frame.at(c[0], c[1])).collect();
@@ -52,9 +60,12 @@ pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_la
     for block in &environment.obstacles {
         canvas.polygon(&footprint(block, &frame), &fill(OBSTACLE));
     }
-    edges(&mut canvas, &frame, tree);
-    nodes(&mut canvas, &frame, tree);
-    path(&mut canvas, &frame, tree);
+    frame
+}
+
+/// Goal and start on top of all else, and the sheet's end.
+pub(super) fn finish(mut canvas: Canvas, environment: &Environment, frame: &Frame) -> Picture {
+    let height = (frame.top + frame.height + 56.0).ceil();
     canvas.raw("</g>");
     if let Some(goal) = &environment.goal {
         let at = frame.at(goal.x, goal.y);
@@ -77,11 +88,31 @@ fn frame(environment: &Environment, top: f64) -> Frame {
     Frame { left: LEFT + (MOST[0] - width) / 2.0, top, width, height, x: around(width), y: around(height) }
 }
 
-fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
+/// Keys of start and goal, which stand before all others.
+pub(super) fn first_keys(environment: &Environment) -> Vec<Key> {
     let mut keys = vec![Key::new("start", |canvas, [x, y]| start_mark(canvas, [x - 6.0, y], 0.0))];
     if environment.goal.is_some() {
         keys.push(Key::new("goal", star));
     }
+    keys
+}
+
+/// Keys of obstacles and terrain, which stand behind all others.
+pub(super) fn last_keys(environment: &Environment) -> Vec<Key> {
+    let mut keys = Vec::new();
+    if !environment.obstacles.is_empty() {
+        keys.push(Key::area("obstacle", fill(OBSTACLE)));
+    }
+    if !environment.terrain.is_empty() {
+        let label =
+            format!("terrain, may be touched (up to {} mu high; darker is higher)", number(highest(environment)));
+        keys.push(Key::area(label, terrain_paint(0.6)));
+    }
+    keys
+}
+
+fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
+    let mut keys = first_keys(environment);
     let gaits: BTreeSet<usize> = tree.nodes.iter().filter_map(|n| n.gait).collect();
     keys.extend(gaits.iter().map(|&g| Key::line(format!("gait {}", g + 1), edge_paint(g))));
     if tree.nodes.iter().any(|n| n.way.len() > 2) {
@@ -95,14 +126,7 @@ fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
     if tree.best_path.len() > 1 {
         keys.push(Key::line(format!("best path ({} gaits)", tree.best_path.len() - 1), stroke(INK, 3.2)));
     }
-    if !environment.obstacles.is_empty() {
-        keys.push(Key::area("obstacle", fill(OBSTACLE)));
-    }
-    if !environment.terrain.is_empty() {
-        let label =
-            format!("terrain, may be touched (up to {} mu high; darker is higher)", number(highest(environment)));
-        keys.push(Key::area(label, terrain_paint(0.6)));
-    }
+    keys.extend(last_keys(environment));
     keys
 }
 

@@ -2,7 +2,7 @@
 
 use super::result::{ArchiveRow, AuditRow};
 use crate::values::Generation;
-use sim_core::report::{GaitTrace, PathMode, PathTrace};
+use sim_core::report::{GaitTrace, PathMode, PathTrace, TraceSample};
 use std::fmt::Write as _;
 
 /// history.csv: a row a generation. Statistics are NaN where all evaluations failed; `best_so_far` is empty then.
@@ -43,13 +43,18 @@ fn cell(value: Option<f64>) -> String {
 
 /// A gait's samples: time (s), joint targets and angles (rad), pivot position (mu), rotation (unit quaternion), yaw (rad).
 pub fn gait(trace: &GaitTrace) -> String {
+    samples(&trace.joints, &trace.samples)
+}
+
+/// The same of any motion of these joints.
+pub fn samples(joints: &[String], samples: &[TraceSample]) -> String {
     let mut head = vec!["time".to_owned()];
     for what in ["target", "angle"] {
-        head.extend(trace.joints.iter().map(|joint| format!("{what}_{joint}")));
+        head.extend(joints.iter().map(|joint| format!("{what}_{joint}")));
     }
     head.extend(["x", "y", "z", "qx", "qy", "qz", "qw", "yaw"].map(str::to_owned));
     let mut out = head.join(",") + "\n";
-    for sample in &trace.samples {
+    for sample in samples {
         let joints = sample.targets.iter().chain(&sample.angles).map(f32::to_string);
         let pose = sample.position.iter().chain(&sample.rotation).chain([&sample.yaw]).map(f64::to_string);
         let row: Vec<String> = [sample.time.to_string()].into_iter().chain(joints).chain(pose).collect();
@@ -83,7 +88,6 @@ pub fn mode(mode: PathMode) -> &'static str {
 mod tests {
     use super::*;
     use proto::v1::{Row, Value};
-    use sim_core::report::TraceSample;
 
     #[test]
     fn every_number_reads_back_to_its_bits() {

@@ -67,7 +67,7 @@ pub fn file(job: &Checked, traces: &[GaitTrace]) -> GaitFile {
         }
     });
     let gaits = gaits.collect();
-    GaitFile { controller: job.spec().gaits.controller, duration: job.spec().gaits.duration, gaits }
+    GaitFile { controller: job.gaits().controller, duration: job.gaits().duration, gaits }
 }
 
 /// Where a gait leads; nothing if it has no samples.

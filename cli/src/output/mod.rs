@@ -7,6 +7,7 @@ mod gaits;
 mod pictures;
 mod plans;
 mod result;
+mod simulations;
 mod stored;
 mod write;
 
@@ -16,7 +17,8 @@ pub use gaits::displacement;
 pub use pictures::png;
 pub use plans::{PlanFile, Spread};
 pub use result::{Candidate, ResultFile};
-pub use stored::{Stored, StoredPlans, finished};
+pub use simulations::{OfWay, Share, SimulationFile, Statistics, Told, Values};
+pub use stored::{Stored, StoredPlans, StoredSimulation, finished};
 pub use write::write;
 
 use serde::Serialize;
@@ -29,6 +31,8 @@ pub const JOB: &str = "job.toml";
 pub const REPORT: &str = "report.json";
 /// The report of a job that planned, as the coordinator put it together.
 pub const PLANS: &str = "plans.json";
+/// The report of a job that simulated, likewise.
+pub const SIMULATION: &str = "simulation.json";
 /// The store of a run on this machine.
 pub const STORE: &str = "store.sqlite";
 
@@ -40,4 +44,6 @@ pub enum Finished {
     Evolved(Box<ResultFile>),
     /// Plans with a gait set.
     Planned(Box<PlanFile>),
+    /// Runs of a motion.
+    Simulated(Box<SimulationFile>),
 }

@@ -1,6 +1,6 @@
 //! The pictures of a result, each as SVG and PNG.
 
-use crate::draw::{self, HistoryRow, Picture};
+use crate::draw::{self, DrawnPath, HistoryRow, Picture};
 use crate::error::Error;
 use crate::progress::Label;
 use crate::values::Generation;
@@ -8,6 +8,7 @@ use sim_core::base::score::mean;
 use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Audit, Report};
 use sim_core::procedure::plan::PlanReport;
+use sim_core::procedure::simulate::{Recorded, Run, SimulationReport};
 
 /// (file name, content) of every picture that a job has: without a report only that of its history.
 pub fn all(job: &Checked, history: &[Generation], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
@@ -35,6 +36,27 @@ pub fn of_plans(job: &Checked, report: &PlanReport) -> Result<Vec<(String, Vec<u
         ("map", draw::map(job.environment(), &report.tree, name, &said)),
         ("gaits", draw::gait_traces(&report.gaits, name)),
     ])
+}
+
+/// The same of a job that simulated: the paths of all runs on the map, a picture a way.
+pub fn of_simulation(job: &Checked, report: &SimulationReport) -> Result<Vec<(String, Vec<u8>)>, Error> {
+    let mut pictures = Vec::new();
+    for (i, Recorded { run: unvaried, .. }) in report.unvaried.iter().enumerate() {
+        let drawn = |run: &Run| DrawnPath { points: run.path.clone(), good: run.succeeded(job) };
+        let repeats: Vec<DrawnPath> = report.repeats.iter().filter_map(|runs| runs.get(i)).map(drawn).collect();
+        let good = repeats.iter().filter(|path| path.good).count();
+        let said = match repeats.len() {
+            0 => unvaried.way.name().to_owned(),
+            many => format!("{}: {good} of {many} repeats succeed", unvaried.way.name()),
+        };
+        let planned: Vec<[f64; 2]> =
+            job.spec().simulate.iter().flat_map(|s| s.places.iter().flatten()).map(|p| [p[0], p[1]]).collect();
+        let picture = draw::paths(job.environment(), &planned, &drawn(unvaried), &repeats, &job.spec().name, &said);
+        pictures.push((format!("paths-{}", unvaried.way.name()), picture));
+    }
+    let pictures: Vec<(&str, Picture)> =
+        pictures.iter().map(|(name, picture)| (name.as_str(), picture.clone())).collect();
+    files(&pictures)
 }
 
 fn files(pictures: &[(&str, Picture)]) -> Result<Vec<(String, Vec<u8>)>, Error> {

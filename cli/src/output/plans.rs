@@ -106,7 +106,7 @@ impl PlanFile {
             reached: grown.reached,
             distance: grown.distance,
             gaits: grown.plan.iter().map(|step| step.gait + 1).collect(),
-            gait_seconds: job.spec().gaits.duration,
+            gait_seconds: job.gaits().duration,
         });
         Self {
             format: FORMAT,
@@ -164,7 +164,7 @@ pub(super) fn table(job: &Checked, report: &PlanReport) -> String {
                 cell(grown.distance),
                 cell(grown.coverage),
                 grown.plan.len(),
-                grown.plan.len() as f64 * job.spec().gaits.duration,
+                grown.plan.len() as f64 * job.gaits().duration,
                 length(job, &grown.plan)
             ),
         };
@@ -175,7 +175,7 @@ pub(super) fn table(job: &Checked, report: &PlanReport) -> String {
 /// plan.csv: the best plan, a row a gait: which one (from 1), from when to when (s), and where the pivot arrives (mu, rad).
 pub(super) fn best(job: &Checked, report: &PlanReport) -> String {
     let mut out = "step,gait,start,end,x,y,z,yaw\n".to_owned();
-    let each = job.spec().gaits.duration;
+    let each = job.gaits().duration;
     let plan = report.plans.get(report.best as usize).and_then(Option::as_ref).map(|grown| grown.plan.as_slice());
     for (i, PlanStep { gait, x, y, z, yaw }) in plan.unwrap_or_default().iter().enumerate() {
         let (start, end) = (i as f64 * each, (i + 1) as f64 * each);

@@ -1,13 +1,14 @@
 //! Finished output folders, read back.
 
-use super::{Finished, JOB, PLANS, PlanFile, REPORT, RESULT, ResultFile};
+use super::{Finished, JOB, PLANS, PlanFile, REPORT, RESULT, ResultFile, SIMULATION, SimulationFile};
 use crate::error::Error;
 use crate::{inputs, load};
 use serde::de::DeserializeOwned;
 use sim_core::genotype::Misfit;
-use sim_core::problem::{Checked, Job};
+use sim_core::problem::{Checked, Does, Job};
 use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::plan::PlanReport;
+use sim_core::procedure::simulate::SimulationReport;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -92,28 +93,53 @@ pub struct StoredPlans {
 }
 
 impl StoredPlans {
-    /// Those of a folder; `None` if its job evolves.
+    /// Those of a folder; `None` if its job does something else.
     pub fn read(folder: &Path) -> Result<Option<Self>, Error> {
-        let job_path = folder.join(JOB);
-        let plans = |job: &Checked| job.given_gaits().is_some();
-        if !job_path.is_file() || !load::resolved(&job_path, Checked::from_toml).is_ok_and(|(job, _)| plans(&job)) {
-            return Ok(None);
-        }
-        let result_path = folder.join(RESULT);
-        if !result_path.exists() {
-            return Err(Error::NotFinished { folder: folder.to_owned() });
-        }
-        let (job, _) = load::resolved(&job_path, Job::from_toml)?;
-        inputs::record(&job_path);
-        let (result, report) = (read_json(&result_path)?, read_json(&folder.join(PLANS))?);
+        let Some(job) = job_that(folder, Does::Plan)? else { return Ok(None) };
+        let (result, report) = (read_json(&folder.join(RESULT))?, read_json(&folder.join(PLANS))?);
         Ok(Some(Self { job, result, report }))
     }
 }
 
+/// Job, result and report of a finished run that simulated.
+pub struct StoredSimulation {
+    /// The job, compiled and settled by this build.
+    pub job: Job,
+    /// The result as it is stored.
+    pub result: SimulationFile,
+    /// The report as it is stored.
+    pub report: SimulationReport,
+}
+
+impl StoredSimulation {
+    /// Those of a folder; `None` if its job does something else.
+    pub fn read(folder: &Path) -> Result<Option<Self>, Error> {
+        let Some(job) = job_that(folder, Does::Simulate)? else { return Ok(None) };
+        let (result, report) = (read_json(&folder.join(RESULT))?, read_json(&folder.join(SIMULATION))?);
+        Ok(Some(Self { job, result, report }))
+    }
+}
+
+/// The job of a folder with a finished run, if it does this.
+fn job_that(folder: &Path, does: Does) -> Result<Option<Job>, Error> {
+    let path = folder.join(JOB);
+    if !path.is_file() || !load::resolved(&path, Checked::from_toml).is_ok_and(|(job, _)| job.does() == does) {
+        return Ok(None);
+    }
+    if !folder.join(RESULT).exists() {
+        return Err(Error::NotFinished { folder: folder.to_owned() });
+    }
+    let (job, _) = load::resolved(&path, Job::from_toml)?;
+    inputs::record(&path);
+    Ok(Some(job))
+}
+
 /// Reads the result.json of a finished run.
 pub fn finished(folder: &Path, job: &Checked) -> Result<Finished, Error> {
-    if job.given_gaits().is_some() {
-        return read_json(&folder.join(RESULT)).map(|plans| Finished::Planned(Box::new(plans)));
-    }
-    Ok(Finished::Evolved(Box::new(Stored::read(folder)?.result)))
+    let path = folder.join(RESULT);
+    Ok(match job.does() {
+        Does::Plan => Finished::Planned(Box::new(read_json(&path)?)),
+        Does::Simulate => Finished::Simulated(Box::new(read_json(&path)?)),
+        Does::Evolve => Finished::Evolved(Box::new(Stored::read(folder)?.result)),
+    })
 }

@@ -2,7 +2,8 @@
 
 use super::result::Digests;
 use super::{
-    Finished, Folder, JOB, PLANS, PlanFile, REPORT, RESULT, ResultFile, atomic::Batch, csv, gaits, pictures, plans,
+    Finished, Folder, JOB, PLANS, PlanFile, REPORT, RESULT, ResultFile, SIMULATION, SimulationFile, atomic::Batch, csv,
+    gaits, pictures, plans, simulations,
 };
 use crate::client::Url;
 use crate::console;
@@ -10,9 +11,10 @@ use crate::error::Error;
 use crate::gait_set::GAITS;
 use crate::values::Generation;
 use proto::{ConvertError, v1};
-use sim_core::problem::Checked;
+use sim_core::problem::{Checked, Does};
 use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::plan::PlanReport;
+use sim_core::procedure::simulate::SimulationReport;
 use sim_core::report::GaitTrace;
 
 /// Writes a result to its folder: all files or none, `result.json` last.
@@ -31,20 +33,29 @@ pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, fro
     if !folder.has_job() {
         batch.add(JOB, answer.job_toml.as_bytes())?;
     }
-    let finished = if job.given_gaits().is_some() {
-        let json = artefact("plans").ok_or_else(|| unreadable("a plan without its report".to_owned()))?;
-        let report = serde_json::from_slice(json).map_err(|e| unreadable(format!("the report: {e}")))?;
-        planned(&mut batch, job, &report, json)?;
-        Finished::Planned(Box::new(PlanFile::new(job, status, &digests, &report)))
-    } else {
-        let json = artefact("report");
-        let report: Option<Report> = json
-            .map(|json| serde_json::from_slice(json).map_err(|e| unreadable(format!("the report: {e}"))))
-            .transpose()?;
-        let history: Vec<Generation> = answer.history.iter().filter_map(Generation::of).collect();
-        let result = ResultFile::new(job, status, digests, report.as_ref());
-        evolved(&mut batch, job, &history, &result, report.as_ref().zip(json))?;
-        Finished::Evolved(Box::new(result))
+    let no_report = || unreadable("a result without its report".to_owned());
+    let damaged = |e: serde_json::Error| unreadable(format!("the report: {e}"));
+    let finished = match job.does() {
+        Does::Plan => {
+            let json = artefact("plans").ok_or_else(no_report)?;
+            let report = serde_json::from_slice(json).map_err(damaged)?;
+            planned(&mut batch, job, &report, json)?;
+            Finished::Planned(Box::new(PlanFile::new(job, status, &digests, &report)))
+        }
+        Does::Simulate => {
+            let json = artefact("simulation").ok_or_else(no_report)?;
+            let report = serde_json::from_slice(json).map_err(damaged)?;
+            simulated(&mut batch, job, &report, json)?;
+            Finished::Simulated(Box::new(SimulationFile::new(job, status, &digests, &report)))
+        }
+        Does::Evolve => {
+            let json = artefact("report");
+            let report: Option<Report> = json.map(|json| serde_json::from_slice(json).map_err(damaged)).transpose()?;
+            let history: Vec<Generation> = answer.history.iter().filter_map(Generation::of).collect();
+            let result = ResultFile::new(job, status, digests, report.as_ref());
+            evolved(&mut batch, job, &history, &result, report.as_ref().zip(json))?;
+            Finished::Evolved(Box::new(result))
+        }
     };
     batch.add(RESULT, console::json(&finished)?.as_bytes())?;
     batch.commit()?;
@@ -86,6 +97,21 @@ fn planned(batch: &mut Batch, job: &Checked, report: &PlanReport, json: &[u8]) -
     batch.add("tree.json", console::json(&report.tree)?.as_bytes())?;
     gaits(batch, job, &report.gaits)?;
     for (name, content) in pictures::of_plans(job, report)? {
+        batch.add(&name, &content)?;
+    }
+    Ok(())
+}
+
+/// The files of a job that simulated, but for its result.json.
+fn simulated(batch: &mut Batch, job: &Checked, report: &SimulationReport, json: &[u8]) -> Result<(), Error> {
+    batch.add(SIMULATION, json)?;
+    batch.add("runs.csv", simulations::table(job, report).as_bytes())?;
+    batch.add("paths.csv", simulations::paths(report).as_bytes())?;
+    for recorded in &report.unvaried {
+        let name = format!("motion-{}.csv", recorded.run.way.name());
+        batch.add(&name, simulations::motion(report, recorded).as_bytes())?;
+    }
+    for (name, content) in pictures::of_simulation(job, report)? {
         batch.add(&name, &content)?;
     }
     Ok(())

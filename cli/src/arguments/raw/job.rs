@@ -1,9 +1,9 @@
 //! Options of the commands about a job, its result and what it is made of.
 
-use super::number::{length, seed, whole};
+use super::number::{length, range, seed, whole};
 use super::{OnCoordinator, Shown};
 use clap::{Args, Subcommand};
-use sim_core::base::limits::{MAX_ITERATIONS, MAX_PLAN_SEEDS};
+use sim_core::base::limits::{MAX_ITERATIONS, MAX_PLAN_SEEDS, MAX_SIMULATIONS};
 use sim_core::physics::Scale;
 use std::path::PathBuf;
 
@@ -86,6 +86,118 @@ pub struct Plan {
 
     #[command(flatten)]
     pub to: RunTo,
+}
+
+#[derive(Debug, Args)]
+pub struct Simulate {
+    /// Output folder of a run that evolved or planned, its result.json, or the id of such a job on a coordinator
+    #[arg(value_name = "RUN", required_unless_present = "robot")]
+    pub run: Option<String>,
+
+    /// Simulate this robot instead: a file, or the name of one that ships
+    #[arg(long, value_name = "NAME|FILE", conflicts_with = "run")]
+    pub robot: Option<String>,
+
+    #[command(flatten)]
+    pub what: SimulateWhat,
+
+    /// In this environment: a file, or the name of one that ships [default: the run's own, or "empty"]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub environment: Option<String>,
+
+    /// On the reference setting of the scale: rapier in finer steps [default: the run's physics]
+    #[arg(long)]
+    pub fine: bool,
+
+    /// Plan anew, on the run's physics, where the robot is too far from where the plan says; the motion is simulated on the
+    /// reference setting, from the end of one gait to the next
+    #[arg(long)]
+    pub replan: bool,
+
+    /// What is too far, mu [default: 1]
+    #[arg(long, value_name = "MU", requires = "replan", allow_negative_numbers = true)]
+    pub deviation: Option<f64>,
+
+    /// How the steps of a plan follow each other [default: both ways]
+    #[arg(long, value_name = "WAY", conflicts_with = "replan")]
+    pub way: Option<Way>,
+
+    /// Repeats, each with draws of its own [default: 50 if something varies]
+    #[arg(long, value_name = "N", value_parser = whole(0..=MAX_SIMULATIONS))]
+    pub repeats: Option<u32>,
+
+    /// Range of Coulomb friction, such as 0.6..1.0; so for the other ranges
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
+    pub friction: Option<[f64; 2]>,
+
+    /// Range of a factor of the motors' greatest torque
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
+    pub motor_strength: Option<[f64; 2]>,
+
+    /// Range of what is added to the start's x, mu
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
+    pub x: Option<[f64; 2]>,
+
+    /// Range of what is added to the start's y, mu
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
+    pub y: Option<[f64; 2]>,
+
+    /// Range of what is added to the start's heading, rad
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
+    pub yaw: Option<[f64; 2]>,
+
+    /// So many joints, drawn anew for each repeat, are locked
+    #[arg(long, value_name = "N", value_parser = whole(0..=u32::MAX))]
+    pub dead_joints: Option<u32>,
+
+    /// Standard deviation of noise on joint targets, rad
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    pub target_noise: Option<f64>,
+
+    /// Seed that all random numbers follow from, 0 to 2⁶³ − 1 [default: the run's, or 1]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seed())]
+    pub seed: Option<u64>,
+
+    #[command(flatten)]
+    pub to: RunTo,
+}
+
+/// The motion.
+#[derive(Debug, Args)]
+#[group(id = "motion", required = true, multiple = false)]
+pub struct SimulateWhat {
+    /// This gait of the run, counted from 1
+    #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
+    pub gait: Option<u32>,
+
+    /// The best plan of the run
+    #[arg(long)]
+    pub plan: bool,
+
+    /// Joint targets of this CSV file: a column "time" (s) and one a joint (rad), as trajectories/gait-1.csv of a run
+    #[arg(long, value_name = "FILE.csv")]
+    pub targets: Option<PathBuf>,
+
+    /// Stand in the neutral pose for so many s
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    pub stand: Option<f64>,
+}
+
+/// A way, as `--way` takes it.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[allow(missing_docs)]
+pub enum Way {
+    Resimulated,
+    Continuous,
+}
+
+impl From<Way> for sim_core::problem::Way {
+    fn from(raw: Way) -> Self {
+        match raw {
+            Way::Resimulated => Self::Resimulated,
+            Way::Continuous => Self::Continuous,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

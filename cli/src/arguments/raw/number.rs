@@ -37,6 +37,17 @@ pub fn duration(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A range of numbers, `0.6..1.0`, or a single one.
+pub fn range(text: &str) -> Result<[f64; 2], String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+    let (low, high) = text.split_once("..").unwrap_or((text, text));
+    match (number(low), number(high)) {
+        (Some(low), Some(high)) if low <= high => Ok([low, high]),
+        (Some(low), Some(high)) => Err(format!("the range begins at {low}, above its end {high}")),
+        _ => Err("a range is two numbers with two dots between them, such as 0.6..1.0, or one number".to_owned()),
+    }
+}
+
 /// A length that another one is divided by.
 pub fn length(text: &str) -> Result<f64, String> {
     let length: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;

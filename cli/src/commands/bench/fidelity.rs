@@ -38,7 +38,7 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
         inputs::refuse_all(out, FILES)?;
     }
     args.table.as_deref().map_or(Ok(()), inputs::refuse)?;
-    let duration = job.spec().gaits.duration;
+    let duration = job.gaits().duration;
     let settings = match &args.settings[..] {
         [] if args.table.is_some() => table::settings(args.subject.scale.into()),
         [] => vec![own],
@@ -114,7 +114,7 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype
     let Some(winner) = &stored.result.winner else { return Err(Error::NoWinner { folder: folder.clone() }) };
     let mut spec = stored.job.spec().clone();
     let reference = args.reference.unwrap_or_else(|| Setting::finest(meant, spec.physics.scale));
-    subject::check(&[reference], spec.gaits.duration)?;
+    subject::check(&[reference], stored.job.gaits().duration)?;
     reference.write(&mut spec.physics);
     let job = Job::new(spec).map_err(|source| Error::Invalid { file: folder.display().to_string(), source })?;
     let gaits = gaits::of_set(&job, &winner.scored().genotype).collect();

@@ -82,8 +82,8 @@ fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
     if let Some(robot) = &args.robot {
         spec.robot = Reference::Inline(Box::new(load::robot(robot, None)?.spec));
     }
-    spec.gaits.duration = args.gait_seconds.unwrap_or(spec.gaits.duration);
-    Job::new(spec).map_err(|source| Error::Invalid { file, source })
+    Job::new(spec.lasting(args.gait_seconds.unwrap_or(job.gaits().duration)))
+        .map_err(|source| Error::Invalid { file, source })
 }
 
 /// Those asked for; otherwise the job's own, what rapier ships with at its scale, and the one of its finish.
@@ -102,7 +102,7 @@ fn settings(args: &BenchFitness, base: &Job) -> Vec<Setting> {
 }
 
 fn columns(base: &Job, reference: Setting, settings: &[Setting]) -> Result<Vec<Column>, Error> {
-    let duration = base.spec().gaits.duration;
+    let duration = base.gaits().duration;
     subject::check(&[&[reference], settings].concat(), duration)?;
     comparison::columns(base, reference, settings).map_err(|(setting, source)| {
         let file = format!("{} on {setting}", base.spec().name);
@@ -153,8 +153,8 @@ fn view(args: &BenchFitness, base: &Job, found: Found) -> View {
         robot: base.robot_spec().name.clone(),
         environment: base.environment().name.clone(),
         seed: base.spec().seed,
-        gait_seconds: base.spec().gaits.duration,
-        gaits: base.spec().gaits.count,
+        gait_seconds: base.gaits().duration,
+        gaits: base.gaits().count,
         iterations: base.spec().planner.iterations,
         trees: args.seeds,
         from: match args.runs.len() {

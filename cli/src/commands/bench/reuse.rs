@@ -73,8 +73,8 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
         job: base.spec().name.clone(),
         robot: first.robot_spec().name.clone(),
         seed: first.spec().seed,
-        gait_seconds: first.spec().gaits.duration,
-        gaits: first.spec().gaits.count,
+        gait_seconds: first.gaits().duration,
+        gaits: first.gaits().count,
         iterations: first.spec().planner.iterations,
         own: (first.reuse().tolerance, first.reuse().variants),
         evolved,
@@ -110,8 +110,8 @@ fn in_environment(args: &BenchReuse, base: &Job, name: &str) -> Result<Job, Erro
     if let Some(robot) = &args.robot {
         spec.robot = Reference::Inline(Box::new(load::robot(robot, None)?.spec));
     }
-    spec.gaits.duration = args.gait_seconds.unwrap_or(spec.gaits.duration);
     let file = format!("{} in {label}", base.spec().name);
+    let spec = spec.lasting(args.gait_seconds.unwrap_or(base.gaits().duration));
     Job::new(spec).map_err(|source| Error::Invalid { file, source })
 }
 

@@ -1,11 +1,12 @@
 //! `evogait verify`: computes a stored result again and compares bits.
 
 mod plans;
+mod simulations;
 
 use crate::arguments::Verify;
 use crate::console;
 use crate::error::Error;
-use crate::output::{PlanFile, ResultFile, Stored, StoredPlans};
+use crate::output::{PlanFile, ResultFile, SimulationFile, Stored, StoredPlans, StoredSimulation};
 use serde::Serialize;
 use sim_core::base::digest::Digest;
 use sim_core::base::score::mean;
@@ -40,18 +41,19 @@ struct Check {
 
 /// Recomputes, compares, tells.
 pub fn run(args: Verify, quiet: bool) -> Result<(), Error> {
-    let (checks, made, here) = match StoredPlans::read(&args.folder)? {
-        Some(stored) => {
-            let PlanFile { job_digest, engine_digest, versions, .. } = &stored.result;
-            let made = Made { job: *job_digest, engine: *engine_digest, version: versions.evogait.clone() };
-            (plans::checks(&stored, args.full)?, made, stored.job.engine_digest())
-        }
-        None => {
-            let stored = Stored::read(&args.folder)?;
-            let ResultFile { job_digest, engine_digest, versions, .. } = &stored.result;
-            let made = Made { job: *job_digest, engine: *engine_digest, version: versions.evogait.clone() };
-            (checks(&stored, args.full)?, made, stored.job.engine_digest())
-        }
+    let (checks, made, here) = if let Some(stored) = StoredPlans::read(&args.folder)? {
+        let PlanFile { job_digest, engine_digest, versions, .. } = &stored.result;
+        let made = Made { job: *job_digest, engine: *engine_digest, version: versions.evogait.clone() };
+        (plans::checks(&stored, args.full)?, made, stored.job.engine_digest())
+    } else if let Some(stored) = StoredSimulation::read(&args.folder)? {
+        let SimulationFile { job_digest, engine_digest, versions, .. } = &stored.result;
+        let made = Made { job: *job_digest, engine: *engine_digest, version: versions.evogait.clone() };
+        (simulations::checks(&stored, args.full)?, made, stored.job.engine_digest())
+    } else {
+        let stored = Stored::read(&args.folder)?;
+        let ResultFile { job_digest, engine_digest, versions, .. } = &stored.result;
+        let made = Made { job: *job_digest, engine: *engine_digest, version: versions.evogait.clone() };
+        (checks(&stored, args.full)?, made, stored.job.engine_digest())
     };
     let view = View {
         verified: checks.iter().all(|check| check.same),

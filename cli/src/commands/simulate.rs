@@ -1,0 +1,172 @@
+//! `evogait simulate`: writes a job that carries a motion out, and runs it.
+
+use super::given::{Given, given};
+use super::run::carry_out;
+use crate::arguments::{GivenBy, Simulate, SimulateWhat};
+use crate::error::Error;
+use crate::load;
+use sim_core::base::limits::MAX_NAME_LENGTH;
+use sim_core::job::{JobSpec, Reference};
+use sim_core::physics::{EngineChoice, Physics, PhysicsSpec};
+use sim_core::plan::PlannerSpec;
+use sim_core::problem::{Checked, ReplanSpec, SIMULATE, SimulateSpec};
+
+/// Makes the job and runs it as `evogait run` does.
+pub fn run(args: Simulate, quiet: bool) -> Result<(), Error> {
+    let (mut spec, label) = match &args.of {
+        GivenBy::Run(of) => of_run(&args, given(of)?)?,
+        GivenBy::Robot(robot) => of_robot(&args, robot)?,
+    };
+    spec.seed = args.seed.unwrap_or(spec.seed);
+    if let Some(simulate) = &mut spec.simulate {
+        simulate.repeats = args.repeats;
+        simulate.vary = args.vary.clone();
+        simulate.ways = args.way.map(|way| vec![way]);
+    }
+    let job = Checked::new(spec).map_err(|source| Error::Invalid { file: label, source })?;
+    carry_out(&job, args.to, quiet)
+}
+
+/// A motion of a run's gaits, or of its robot.
+fn of_run(args: &Simulate, given: Given) -> Result<(JobSpec, String), Error> {
+    let mut spec = given.job.spec().clone();
+    environment(args, &mut spec)?;
+    let planner = PlannerSpec { repeats: 1, max_rollouts: None, stop_at_goal: None, ..spec.planner.clone() };
+    let (searched, called) = (spec.physics.clone(), &given.called);
+    let fine = args.fine || args.replan.is_some();
+    if fine {
+        spec.physics = finer(&spec.physics);
+    }
+    let mut simulate = SimulateSpec::default();
+    let what = match &args.what {
+        SimulateWhat::Gait(gait) => {
+            (simulate.steps, simulate.gaits) = (Some(vec![*gait]), Some(given.set()));
+            format!("gait-{gait}")
+        }
+        SimulateWhat::Plan => {
+            // In another environment the first plan is made there.
+            if args.environment.is_none() {
+                let (steps, places) = given.plan()?;
+                (simulate.steps, simulate.places) = (Some(steps), Some(places));
+            } else if args.replan.is_none() {
+                return Err(elsewhere(args, &given));
+            }
+            simulate.gaits = Some(given.set());
+            "plan".to_owned()
+        }
+        SimulateWhat::Targets(path) => {
+            simulate.targets = Some(Reference::Inline(Box::new(crate::target_table::read(path, given.job.robot())?)));
+            "targets".to_owned()
+        }
+        SimulateWhat::Stand(seconds) => {
+            simulate.stand = Some(*seconds);
+            "stand".to_owned()
+        }
+    };
+    if let Some(deviation) = args.replan {
+        let default = ReplanSpec::default();
+        simulate.replan =
+            Some(ReplanSpec { deviation: deviation.unwrap_or(default.deviation), physics: Some(searched), ..default });
+        simulate.gaits = Some(given.set());
+    }
+    spec.planner = if simulate.replan.is_some() { planner } else { PlannerSpec::default() };
+    if simulate.gaits.is_none() {
+        spec.gaits = None;
+    }
+    spec.description = format!("Simulates {what} of {} ({}).", spec.name, given.job.digest().short());
+    spec.name = format!("{}-{what}", spec.name).chars().take(MAX_NAME_LENGTH).collect();
+    let label = format!("{what} of {called}");
+    Ok((simulating(spec, simulate), label))
+}
+
+/// The refusal to carry a plan out on a map that it was not made for.
+fn elsewhere(args: &Simulate, given: &Given) -> Error {
+    let environment = args.environment.as_deref().unwrap_or_default();
+    let message = format!(
+        "--plan: the plan of {} is for environment \"{}\", not for \"{environment}\": plan there (`evogait plan RUN --environment \
+         {environment}`) and simulate that run, or add --replan",
+        given.called,
+        given.job.environment().name
+    );
+    Error::Usage { message }
+}
+
+/// A motion of a robot that no run is about.
+fn of_robot(args: &Simulate, robot: &str) -> Result<(JobSpec, String), Error> {
+    let file = load::robot(robot, None)?;
+    let compiled = sim_core::model::Robot::compile(&file.spec);
+    let compiled = compiled.map_err(|source| Error::Invalid { file: file.label.clone(), source })?;
+    let mut simulate = SimulateSpec::default();
+    let what = match &args.what {
+        SimulateWhat::Targets(path) => {
+            simulate.targets = Some(Reference::Inline(Box::new(crate::target_table::read(path, &compiled)?)));
+            "targets"
+        }
+        SimulateWhat::Stand(seconds) => {
+            simulate.stand = Some(*seconds);
+            "stand"
+        }
+        SimulateWhat::Gait(_) | SimulateWhat::Plan => {
+            let message = "--gait and --plan need a run: `evogait simulate RUN --gait 1`".to_owned();
+            return Err(Error::Usage { message });
+        }
+    };
+    if args.replan.is_some() {
+        return Err(Error::Usage {
+            message: "--replan plans with the gaits of a run: name one instead of --robot".into(),
+        });
+    }
+    let mut spec = JobSpec {
+        name: format!("{}-{what}", file.spec.name).chars().take(MAX_NAME_LENGTH).collect(),
+        description: String::new(),
+        seed: 1,
+        variant: None,
+        procedure: None,
+        gaits: None,
+        planner: PlannerSpec::default(),
+        fitness: None,
+        optimiser: None,
+        plan: None,
+        simulate: None,
+        physics: PhysicsSpec::default(),
+        finish: None,
+        environment: Reference::Named("empty".to_owned()),
+        robot: Reference::Inline(Box::new(file.spec)),
+    };
+    environment(args, &mut spec)?;
+    if args.fine {
+        spec.physics = finer(&spec.physics);
+    }
+    Ok((simulating(spec, simulate), file.label))
+}
+
+fn simulating(spec: JobSpec, simulate: SimulateSpec) -> JobSpec {
+    JobSpec {
+        procedure: Some(SIMULATE.to_owned()),
+        simulate: Some(simulate),
+        plan: None,
+        fitness: None,
+        optimiser: None,
+        finish: None,
+        ..spec
+    }
+}
+
+fn environment(args: &Simulate, spec: &mut JobSpec) -> Result<(), Error> {
+    if let Some(name) = &args.environment {
+        let (environment, _) = load::environment(name)?;
+        spec.environment = Reference::Inline(Box::new(environment));
+    }
+    Ok(())
+}
+
+/// The reference setting of the same scale: rapier, in finer steps.
+fn finer(physics: &PhysicsSpec) -> PhysicsSpec {
+    let reference = Physics::reference_of(physics.scale);
+    PhysicsSpec {
+        engine: EngineChoice::Rapier,
+        steps_per_second: Some(reference.steps_per_second),
+        substeps: Some(reference.substeps),
+        ..physics.clone()
+    }
+}
