@@ -1,7 +1,7 @@
 //! Every parser as a function of bytes: what `fuzz/` feeds, and what the recorded inputs in `fuzz/regressions` are run
 //! through. A parser may refuse; it may not panic, hang or take memory without bound.
 
-use crate::sandbox::{planning_job, tiny_job};
+use crate::sandbox::{planning_job, simulating_job, tiny_job};
 use prost::Message;
 use proto::{credentials::Token, dial::Addresses, v1};
 use sim_core::base::limits::MAX_TOML_LENGTH;
@@ -15,7 +15,7 @@ use sim_core::physics::{Physics, Scale};
 use sim_core::problem::{Checked, Job, Preparation};
 use sim_core::procedure::preparing::Outcome;
 use sim_core::procedure::{self, Bench, Hooks, Procedure};
-use sim_core::procedure::{evolve, plan};
+use sim_core::procedure::{evolve, plan, simulate};
 use std::sync::{Arc, LazyLock};
 
 /// A parser.
@@ -48,8 +48,8 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
     let shipped = |entries: &[Entry]| entries.iter().map(|entry| entry.toml.as_bytes().to_vec()).collect();
     match parser {
         "job" | "job-spec" => {
-            let planning = planning_job(1, 2).into_bytes();
-            catalogue::jobs().iter().map(|entry| entry.toml.as_bytes().to_vec()).chain([planning]).collect()
+            let others = [planning_job(1, 2), simulating_job(1, 2)].map(String::into_bytes);
+            catalogue::jobs().iter().map(|entry| entry.toml.as_bytes().to_vec()).chain(others).collect()
         }
         "robot" => shipped(catalogue::robots()),
         "environment" => shipped(catalogue::environments()),
@@ -220,8 +220,8 @@ struct Example {
 }
 
 /// One a procedure.
-static EXAMPLES: LazyLock<[Example; 2]> =
-    LazyLock::new(|| [tiny_job(1, 2), planning_job(1, 2)].map(|job_toml| Example::of(&job_toml)));
+static EXAMPLES: LazyLock<[Example; 3]> =
+    LazyLock::new(|| [tiny_job(1, 2), planning_job(1, 2), simulating_job(1, 2)].map(|job_toml| Example::of(&job_toml)));
 
 /// Lets everything run to its end.
 struct Patient;
@@ -258,7 +258,8 @@ impl Example {
 fn task(bytes: &[u8]) {
     let evolves = evolve::Task::decode(bytes).map(|task| task.encode());
     let plans = plan::Task::decode(bytes).map(|task| task.encode());
-    for encoded in [evolves, plans].into_iter().flatten() {
+    let simulates = simulate::Task::decode(bytes).map(|task| task.encode());
+    for encoded in [evolves, plans, simulates].into_iter().flatten() {
         assert_eq!(encoded, bytes, "a task has one encoding");
     }
 }
@@ -267,7 +268,8 @@ fn task(bytes: &[u8]) {
 fn task_result(bytes: &[u8]) {
     let evolved = evolve::TaskResult::decode(bytes).map(|result| result.encode());
     let planned = plan::TaskResult::decode(bytes).map(|result| result.encode());
-    for (example, decoded) in EXAMPLES.iter().zip([evolved, planned]) {
+    let simulated = simulate::TaskResult::decode(bytes).map(|result| result.encode());
+    for (example, decoded) in EXAMPLES.iter().zip([evolved, planned, simulated]) {
         let procedure = example.procedure(&example.prepared).expect("what was saved can be loaded");
         let checked = procedure.check(0, bytes);
         let _ = procedure.show(bytes);

@@ -379,6 +379,18 @@ pub fn planning_job(seed: u32, trees: u32) -> String {
     )
 }
 
+/// A job that simulates two gaits in turn, so many times with friction and targets varied.
+pub fn simulating_job(seed: u32, repeats: u32) -> String {
+    let planning = planning_job(seed, 1);
+    let (head, gaits) = planning.split_once("[plan.gaits]").expect("a table of gaits");
+    let head = head.replace("\"plan\"", "\"simulate\"").replace("\"plans-", "\"simulation-");
+    let head = head.replace("[planner]\niterations = 10\n", "").replace("[plan]\nseeds = 1\n", "");
+    format!(
+        "{head}[simulate]\nsteps = [1, 2, 1]\nrepeats = {repeats}\nvary = {{ friction = [0.6, 1.0], target_noise = 0.05 }}\n\
+         [simulate.gaits]{gaits}"
+    )
+}
+
 /// The result digest of a job to which nothing happens.
 pub async fn undisturbed(job_toml: &str) -> Vec<u8> {
     let mut sandbox = Sandbox::new();

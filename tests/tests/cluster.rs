@@ -1,6 +1,8 @@
 //! Coordinator and workers as processes of their own.
 
-use cluster_tests::sandbox::{Process, Sandbox, output_of, phase, planning_job, program, tiny_job, value};
+use cluster_tests::sandbox::{
+    Process, Sandbox, output_of, phase, planning_job, program, simulating_job, tiny_job, value,
+};
 use proto::v1::job_event::Event;
 use proto::v1::{
     CancelJobRequest, JobEvent, JobState, ListWorkersRequest, RoundSealed, SubmitJobRequest, WatchJobRequest,
@@ -137,21 +139,32 @@ async fn kills_during_finish_change_no_bit() {
 
 #[tokio::test]
 async fn plans_are_the_same_on_any_number_of_workers_and_after_kills() {
-    let job = planning_job(15, 14);
+    let report = same_after_kills(&planning_job(15, 14), "planning").await;
+    assert_eq!(report["plans"].as_array().map(Vec::len), Some(14));
+}
+
+#[tokio::test]
+async fn simulated_runs_are_the_same_on_any_number_of_workers_and_after_kills() {
+    let report = same_after_kills(&simulating_job(15, 40), "simulating").await;
+    assert_eq!(report["repeats"].as_array().map(Vec::len), Some(40));
+}
+
+/// Runs a job on 1, 2 and 7 workers and once under kills within a phase; the digests must be the same. Returns its report.
+async fn same_after_kills(job: &str, phase_of: &str) -> serde_json::Value {
     let mut digests = Vec::new();
     for workers in [1, 2, 7] {
         let mut sandbox = Sandbox::new();
         let _coordinator = sandbox.coordinator();
         let _workers: Vec<Process> = (0..workers).map(|_| sandbox.worker(1)).collect();
-        let id = sandbox.submit("r", &job).await.id;
+        let id = sandbox.submit("r", job).await.id;
         digests.push(sandbox.result(&id).await.result_digest);
     }
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();
     let mut worker = sandbox.worker(2);
-    let id = sandbox.submit("r", &job).await.id;
+    let id = sandbox.submit("r", job).await.id;
     for (done, dies) in [(2, [true, false]), (5, [false, true]), (8, [true, true])] {
-        let before = sandbox.until(&id, |job| phase(job) == "planning" && job.tasks_done >= done).await;
+        let before = sandbox.until(&id, |job| phase(job) == phase_of && job.tasks_done >= done).await;
         if dies[0] {
             coordinator.kill_9();
             coordinator = sandbox.coordinator();
@@ -166,9 +179,8 @@ async fn plans_are_the_same_on_any_number_of_workers_and_after_kills() {
     digests.push(result.result_digest);
     assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
     let [artefact] = &result.artefacts[..] else { panic!("one report") };
-    let report: serde_json::Value = serde_json::from_slice(&artefact.content).expect("the report is JSON");
-    assert_eq!(report["plans"].as_array().map(Vec::len), Some(14));
     drop(worker);
+    serde_json::from_slice(&artefact.content).expect("the report is JSON")
 }
 
 #[tokio::test]

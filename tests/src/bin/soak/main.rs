@@ -13,7 +13,7 @@ mod random;
 
 use chaos::Chaos;
 use cluster_tests::postgres::new_database_by_tcp;
-use cluster_tests::sandbox::{Sandbox, planning_job, tiny_job};
+use cluster_tests::sandbox::{Sandbox, planning_job, simulating_job, tiny_job};
 use coordinators::Coordinators;
 use follow::{Expected, follow};
 use proto::v1::GetJobRequest;
@@ -21,7 +21,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// Jobs that run at the same time, again and again until time is up.
-const JOBS: u32 = 3;
+const JOBS: u32 = 4;
 /// Once the time is up, what still runs has this long to end by itself.
 const END_WITHIN: Duration = Duration::from_secs(180);
 
@@ -44,12 +44,15 @@ async fn main() -> ExitCode {
     }
 }
 
-/// A job whose evaluations cost time rather than cores: workers are told to be slow. The last one plans, the others evolve.
+/// A job whose evaluations cost time rather than cores: workers are told to be slow. The last two plan and simulate, the others
+/// evolve.
 fn job(number: u32) -> String {
-    if number + 1 == JOBS {
-        return planning_job(100 + number, 1000).replace("engine = \"rapier\"", "engine = \"lockstep\"");
-    }
-    let job = tiny_job(100 + number, 60).replace("engine = \"rapier\"", "engine = \"lockstep\"");
+    let job = match JOBS - number {
+        1 => simulating_job(100 + number, 1000),
+        2 => planning_job(100 + number, 1000),
+        _ => tiny_job(100 + number, 60),
+    };
+    let job = job.replace("engine = \"rapier\"", "engine = \"lockstep\"");
     job.replace("particles = 5", "particles = 12").replace("iterations = 10", "iterations = 5")
 }
 
