@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Feeds every parser with inputs that libFuzzer makes up, guided by coverage.
 #
-#   tests/fuzz.sh SECONDS [PARSER …]     each parser (or those named) for so many seconds
+#   tests/fuzz.sh SECONDS [PARSER …]     each parser (or those named) for so many seconds, as many at once as there are cores
 #   tests/fuzz.sh --build                builds it only
 #
 # Needs the Rust toolchain and a C++ compiler (g++), which builds libFuzzer. The corpus grows in fuzz/target/corpus. Prints how
@@ -23,19 +23,39 @@ RUSTFLAGS="$coverage" cargo build --quiet --locked --release --manifest-path fuz
 program=fuzz/target/$host/release/fuzz
 
 all="job job-spec robot exchange environment fidelity hello complete messages task task-result preparation state blob store-url tokens token addresses"
-total=0
-for parser in ${*:-$all}; do
-    corpus=fuzz/target/corpus/$parser
-    mkdir -p "$corpus" fuzz/target/found
-    recorded=()
-    if [ -d "fuzz/regressions/$parser" ]; then recorded=("fuzz/regressions/$parser"); fi
-    log=fuzz/target/$parser.log
-    if ! EVOGAIT_PARSER=$parser EVOGAIT_SEEDS=$corpus "$program" "$corpus" "${recorded[@]}" -max_total_time="$seconds" -max_len=65536 -timeout=10 \
-        -rss_limit_mb=2048 -artifact_prefix="fuzz/target/found/$parser-" -print_final_stats=1 >"$log" 2>&1; then
-        tail -40 "$log" >&2
+mkdir -p fuzz/target/found
+feed() { # PARSER
+    local corpus=fuzz/target/corpus/$1 recorded=()
+    mkdir -p "$corpus"
+    if [ -d "fuzz/regressions/$1" ]; then recorded=("fuzz/regressions/$1"); fi
+    EVOGAIT_PARSER=$1 EVOGAIT_SEEDS=$corpus "$program" "$corpus" "${recorded[@]}" -max_total_time="$seconds" -max_len=65536 -timeout=10 \
+        -rss_limit_mb=2048 -artifact_prefix="fuzz/target/found/$1-" -print_final_stats=1 >"fuzz/target/$1.log" 2>&1
+}
+parsers=(${*:-$all})
+declare -A running=()
+end() { [ "${#running[@]}" = 0 ] || kill "${running[@]}" 2> /dev/null || true; }
+trap end EXIT
+# Waits for the parser that was begun first.
+first=0
+come_back() {
+    local parser=${parsers[first]}
+    if ! wait "${running[$parser]}"; then
+        tail -40 "fuzz/target/$parser.log" >&2
         echo "fuzz: $parser went wrong; the input is in fuzz/target/found" >&2
         exit 1
     fi
+    unset "running[$parser]"
+    first=$((first + 1))
+}
+for parser in "${parsers[@]}"; do
+    [ "${#running[@]}" -lt "$(nproc)" ] || come_back
+    feed "$parser" & running[$parser]=$!
+done
+while [ "${#running[@]}" -gt 0 ]; do come_back; done
+
+total=0
+for parser in "${parsers[@]}"; do
+    log=fuzz/target/$parser.log
     runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
     total=$((total + runs))
     printf '%-12s %12d inputs, %s MiB at most\n' "$parser" "$runs" "$(sed -n 's/^stat::peak_rss_mb: *//p' "$log")"

@@ -126,11 +126,11 @@ adapt() { sed "s/7077/$PORT/g; s/7078/$((PORT + 1))/g; s|/var/tmp/evogait-|$HOME
 follow slurm-coordinator
 coordinator=$!
 trap 'kill $coordinator' EXIT
-# Two minutes on this machine as it is now: workers have to reach the end of their minute, more than once.
+# A minute and three quarters on this machine as it is now: workers have to reach the end of their minute.
 long() { sed "s/^generations = .*/generations = $1/; s/^name = .*/name = \"long\"/" <(evogait scenarios show quadropod-empty); }
 long 400 > long.toml
 seconds=$(evogait validate long.toml --json | python3 -c 'import json,sys; print(json.load(sys.stdin)["estimate"]["wall_seconds"])')
-long "$(python3 -c "print(min(4000, max(200, round(400 * 120 / $seconds))))")" > long.toml
+long "$(python3 -c "print(min(4000, max(200, round(400 * 105 / $seconds))))")" > long.toml
 export EVOGAIT_COORDINATOR=https://localhost:$PORT EVOGAIT_CA=~/evogait/certs/ca.pem EVOGAIT_TOKEN_FILE=~/evogait/certs/client.token
 until evogait health --quiet 2> /dev/null; do sleep 0.2; done
 (follow slurm-workers) &
