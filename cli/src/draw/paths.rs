@@ -30,7 +30,7 @@ pub fn paths(
     let (good, bad): (Vec<&DrawnPath>, Vec<&DrawnPath>) = repeats.iter().partition(|path| path.good);
     let mut keys = first_keys(environment);
     if !planned.is_empty() {
-        keys.push(Key::new("step of the plan", |canvas, at| planned_mark(canvas, at)));
+        keys.push(Key::new("step of the plan", planned_mark));
     }
     keys.push(Key::line("nothing varied", stroke(INK, 2.4)));
     for (label, paths, colour) in [("success", &good, BASE), ("no success", &bad, ACCENT)] {

@@ -65,7 +65,7 @@ pub(super) fn gaits(job: &Job, genotype: &Genotype, motions: &[Motion], counts: 
     genotype.gaits(motions.len()).zip(motions).zip(&executed).map(trace).collect()
 }
 
-/// Samples of these motions between two that are recorded, so that together they have at most [`MAX_SAMPLES`].
+/// Samples of these motions between two that are recorded, so that together they have no more than a report holds.
 pub fn stride<'a>(executed: impl IntoIterator<Item = &'a Executed>) -> usize {
     executed.into_iter().map(|one| one.rollout.trace.len()).sum::<usize>().div_ceil(MAX_SAMPLES).max(1)
 }

@@ -208,7 +208,7 @@ fn robot_that_stands_stays_where_it_is() {
         assert!(run.travelled < 1e-3 && run.turnover < 1e-2, "{run:?}");
         // It ends with a step and a tick.
         assert!(run.seconds >= 1.03 && run.seconds < 1.2, "{} s", run.seconds);
-        assert!(run.contact.iter().any(|share| *share == 1.0));
+        assert!(run.contact.contains(&1.0));
     }
 }
 

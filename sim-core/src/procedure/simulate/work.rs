@@ -236,7 +236,7 @@ impl Mover<'_> {
     /// Seconds between two points of a run's path.
     fn path_step(&self, done: &[Done]) -> f32 {
         let runs = (self.simulate.repeats.unwrap_or(0) + 1) * self.simulate.ways.as_ref().map_or(1, |w| w.len() as u32);
-        let points = (MAX_PATH_POINTS / runs).min(MOST_POINTS).max(1);
+        let points = (MAX_PATH_POINTS / runs).clamp(1, MOST_POINTS);
         let seconds: f64 = done.iter().map(|one| one.motion.duration()).sum();
         (seconds / f64::from(points)) as f32
     }
