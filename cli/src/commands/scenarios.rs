@@ -4,12 +4,17 @@ use crate::console::{self, table};
 use crate::error::Error;
 use serde::Serialize;
 use sim_core::model::catalogue::{self, Entry};
+use sim_core::base::registry::Registered as _;
 use sim_core::model::{Robot, RobotSpec};
+use sim_core::procedure::ProcedureKind;
 
 #[derive(Serialize)]
 struct View {
     kind: &'static str,
     name: &'static str,
+    /// Of a job.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    procedure: Option<String>,
     description: String,
     #[serde(skip)]
     toml: &'static str,
@@ -28,22 +33,33 @@ pub fn run(show: Option<String>, json: bool) -> Result<(), Error> {
     if let Some(name) = show {
         return one(&name);
     }
-    let view = |(kind, e): (_, &Entry)| View { kind, name: e.name, description: description(e.toml), toml: e.toml };
+    let view = |(kind, e): (_, &Entry)| View {
+        kind,
+        name: e.name,
+        procedure: (kind == "jobs").then(|| procedure(e.toml)),
+        description: description(e.toml),
+        toml: e.toml,
+    };
     let views: Vec<View> = all().into_iter().map(view).collect();
     if json {
         return console::say_json(&views);
     }
     let mut text = String::new();
-    for kind in ["robots", "environments", "jobs"] {
+    let procedures = <dyn ProcedureKind>::registry().names();
+    let of_jobs = procedures.iter().map(|procedure| ("jobs", Some(*procedure), format!("jobs that {procedure}")));
+    let groups = [("robots", None, "robots".to_owned()), ("environments", None, "environments".to_owned())];
+    for (kind, procedure, title) in groups.into_iter().chain(of_jobs) {
         let rows: Vec<Vec<String>> = views
             .iter()
-            .filter(|view| view.kind == kind)
+            .filter(|view| view.kind == kind && view.procedure.as_deref() == procedure)
             .map(|view| {
                 let facts = if kind == "robots" { robot_facts(view.toml).unwrap_or_default() } else { String::new() };
                 vec![view.name.to_owned(), facts + &first_sentence(&view.description)]
             })
             .collect();
-        text += &format!("{}\n\n", table(&[kind, ""], &rows));
+        if !rows.is_empty() {
+            text += &format!("{}\n\n", table(&[&title, ""], &rows));
+        }
     }
     text += "evogait scenarios show NAME prints one; evogait run JOB and evogait robot ROBOT take the names";
     console::say(&text)
@@ -65,6 +81,13 @@ fn one(name: &str) -> Result<(), Error> {
             Err(Error::Usage { message })
         }
     }
+}
+
+/// The procedure of a job's file.
+fn procedure(text: &str) -> String {
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let named = table.get("procedure").and_then(|procedure| procedure.as_str());
+    named.unwrap_or(<dyn ProcedureKind>::registry().default().name()).to_owned()
 }
 
 /// The description in a scenario's file; what ships is TOML with one, so nothing is a fine answer otherwise.
