@@ -51,6 +51,17 @@ async fn paused_job_rests_over_kill_and_resumes_to_same_bits() {
     assert!(refused.status.code() == Some(1) && text.contains("has ended (succeeded)"), "{text}");
 }
 
+/// Lets a worker give back what it has, and waits until the coordinator has taken it: another worker's connection may be faster.
+async fn gives_back(worker: &Scripted, sandbox: &Sandbox) {
+    worker.gives_back();
+    let taken = async {
+        while !sandbox.told(&["workers"]).contains("draining") {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, taken).await.expect("the coordinator hears it");
+}
+
 /// Lets a worker carry out a job's rounds until that many are sealed.
 async fn works_until(worker: &mut Scripted, sandbox: &Sandbox, id: &str, rounds: u32) {
     while sandbox.job(id).await.rounds_sealed < rounds {
@@ -68,7 +79,7 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
     let job = sandbox.submit("r", &text).await;
     let mut late = Scripted::join(&sandbox, "late").await;
     let its = late.is_given().await;
-    late.gives_back();
+    gives_back(&late, &sandbox).await;
     let mut wrong = Scripted::join(&sandbox, "wrong").await;
     let assign = wrong.is_given().await;
     assert_eq!((assign.round, assign.first), (its.round, its.first), "what is returned goes to the next worker");
@@ -111,7 +122,7 @@ async fn wrong_sealed_result_taints_job_and_restart_repairs() {
     let mut late = Scripted::join(&sandbox, "late").await;
     works_until(&mut late, &sandbox, &job.id, 2).await;
     let its = late.is_given().await;
-    late.gives_back();
+    gives_back(&late, &sandbox).await;
     let mut wrong = Scripted::join(&sandbox, "wrong").await;
     let assign = wrong.is_given().await;
     assert_eq!((assign.round, assign.first), (2, its.first), "generation 1");
@@ -156,7 +167,7 @@ async fn wrong_result_sealed_long_ago_taints_job() {
     late.delivers(&first, of_first.clone()).await;
     works_until(&mut late, &sandbox, &job.id, 2).await;
     let its = late.is_given().await;
-    late.gives_back();
+    gives_back(&late, &sandbox).await;
     let mut wrong = Scripted::join(&sandbox, "wrong").await;
     let assign = wrong.is_given().await;
     let right = wrong.honest(&assign);

@@ -3,8 +3,8 @@
 use crate::console::{self, table};
 use crate::error::Error;
 use serde::Serialize;
-use sim_core::model::catalogue::{self, Entry};
 use sim_core::base::registry::Registered as _;
+use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::procedure::ProcedureKind;
 
