@@ -56,6 +56,24 @@ pub fn decode<T: Serialize + DeserializeOwned>(format: u8, bytes: &[u8]) -> Resu
     Ok(value)
 }
 
+/// Gives types `encode` and `decode`, each in a format of its own.
+macro_rules! encoded {
+    ($($type:ty = $format:expr),+) => {$(
+        impl $type {
+            /// The bytes it is stored and sent as.
+            pub fn encode(&self) -> Vec<u8> {
+                $crate::base::encoding::encode($format, self)
+            }
+
+            /// Reads it from exactly those bytes.
+            pub fn decode(bytes: &[u8]) -> Result<Self, $crate::base::encoding::Unreadable> {
+                $crate::base::encoding::decode($format, bytes)
+            }
+        }
+    )+};
+}
+pub(crate) use encoded;
+
 /// Bytes inside an encoded structure, copied as a whole.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Bytes(pub Vec<u8>);

@@ -1,7 +1,7 @@
 //! The dear part of a job: its robot settled, and all that follows from where it stands.
 
 use super::{Checked, JobSpec, standing, unusable_reference, with_physics};
-use crate::base::encoding::{self, Unreadable};
+use crate::base::encoding::{Unreadable, encoded};
 use crate::base::error::Invalid;
 use crate::base::math::{Pose, Rotation, Vector};
 use crate::engines::{Quiet, Settled, settle_quietly_until};
@@ -98,17 +98,7 @@ pub enum Unfit {
     Numbers,
 }
 
-impl Preparation {
-    /// The bytes it is stored and sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(FORMAT, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        encoding::decode(FORMAT, bytes)
-    }
-}
+encoded!(Preparation = FORMAT);
 
 impl fmt::Display for Preparation {
     /// Such as "settled with its pivot at a height of 0.52 mu (bits 3f051eb8)".

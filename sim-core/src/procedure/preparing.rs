@@ -1,7 +1,7 @@
 //! Round 0 of every job: a worker settles the robot. What it found is shared by all tasks of later rounds.
 
 use super::{BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Refused, Rejected, Round, Step, Told};
-use crate::base::encoding::{self, Bytes};
+use crate::base::encoding::{self, Bytes, encoded};
 use crate::base::error::Invalid;
 use crate::base::limits::MAX_REFUSAL;
 use crate::problem::{Checked, Preparation, Unprepared};
@@ -26,17 +26,7 @@ pub enum Outcome {
     Refused(String),
 }
 
-impl Outcome {
-    /// The bytes it is sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(OUTCOME, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, encoding::Unreadable> {
-        encoding::decode(OUTCOME, bytes)
-    }
-}
+encoded!(Outcome = OUTCOME);
 
 /// A job's procedure with its preparation before it: rounds of the procedure itself are numbered from 1.
 pub(super) struct Preparing {

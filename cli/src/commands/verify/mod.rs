@@ -9,11 +9,13 @@ use crate::error::Error;
 use crate::output::{PlanFile, ResultFile, SimulationFile, Stored, StoredPlans, StoredSimulation};
 use serde::Serialize;
 use sim_core::base::digest::Digest;
+use sim_core::base::encoding::Unreadable;
 use sim_core::base::score::mean;
 use sim_core::evaluate::evaluate;
 use sim_core::problem::Job;
 use sim_core::procedure::evolve::finish::{Answer, Done, Examination, Plan, Question, examine, total};
 use sim_core::procedure::evolve::report::{Report, report};
+use sim_core::procedure::{Hooks, ProcedureKind};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -119,6 +121,24 @@ fn report_again(job: &Job, kept: &Report) -> Result<Report, Error> {
     let counts = total(answers.iter().map(|answer| &answer.counts));
     let traces = answers.into_iter().find_map(|answer| answer.traces).unwrap_or_default();
     Ok(report(&plan, found, winner, &done, traces, counts))
+}
+
+/// Does a task of a procedure again, as a worker does.
+fn again<R>(
+    kind: &dyn ProcedureKind,
+    job: &Job,
+    task: Vec<u8>,
+    decode: fn(&[u8]) -> Result<R, Unreadable>,
+) -> Result<R, Error> {
+    struct Never;
+    impl Hooks for Never {
+        fn stop(&self) -> bool {
+            false
+        }
+    }
+    let failed = |message: String| Error::Usage { message };
+    let results = kind.run(job, &[(0, task)], &Never).map_err(|e| failed(e.to_string()))?;
+    decode(&results.concat()).map_err(|e| failed(e.to_string()))
 }
 
 /// Answers by index, on all cores.

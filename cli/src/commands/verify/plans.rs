@@ -5,7 +5,6 @@ use crate::error::Error;
 use crate::output::StoredPlans;
 use sim_core::problem::Job;
 use sim_core::procedure::plan::{self, Task, TaskResult};
-use sim_core::procedure::{Hooks, ProcedureKind as _};
 
 /// The best tree of a run that planned, and its traces; with `full` all trees.
 pub(super) fn checks(stored: &StoredPlans, full: bool) -> Result<Vec<Check>, Error> {
@@ -32,15 +31,7 @@ pub(super) fn checks(stored: &StoredPlans, full: bool) -> Result<Vec<Check>, Err
     Ok(checks)
 }
 
-/// Does a task again, as a worker does.
+/// Does a task again.
 fn again(job: &Job, task: Task) -> Result<TaskResult, Error> {
-    struct Never;
-    impl Hooks for Never {
-        fn stop(&self) -> bool {
-            false
-        }
-    }
-    let failed = |reason: String| Error::Usage { message: reason };
-    let results = plan::Kind.run(job, &[(0, task.encode())], &Never).map_err(|e| failed(e.to_string()))?;
-    TaskResult::decode(&results.concat()).map_err(|e| failed(e.to_string()))
+    super::again(&plan::Kind, job, task.encode(), TaskResult::decode)
 }

@@ -5,7 +5,6 @@ use crate::error::Error;
 use crate::output::StoredSimulation;
 use sim_core::problem::Job;
 use sim_core::procedure::simulate::{self, Task, TaskResult};
-use sim_core::procedure::{Hooks, ProcedureKind as _};
 
 /// The motion with nothing varied, and the first repeat; with `full` all repeats.
 pub(super) fn checks(stored: &StoredSimulation, full: bool) -> Result<Vec<Check>, Error> {
@@ -29,15 +28,7 @@ pub(super) fn checks(stored: &StoredSimulation, full: bool) -> Result<Vec<Check>
     Ok(checks)
 }
 
-/// Does a task again, as a worker does.
+/// Does a task again.
 fn again(job: &Job, task: Task) -> Result<TaskResult, Error> {
-    struct Never;
-    impl Hooks for Never {
-        fn stop(&self) -> bool {
-            false
-        }
-    }
-    let failed = |reason: String| Error::Usage { message: reason };
-    let results = simulate::Kind.run(job, &[(0, task.encode())], &Never).map_err(|e| failed(e.to_string()))?;
-    TaskResult::decode(&results.concat()).map_err(|e| failed(e.to_string()))
+    super::again(&simulate::Kind, job, task.encode(), TaskResult::decode)
 }

@@ -1,6 +1,6 @@
 //! Tasks of an evolution and their results, as bytes.
 
-use crate::base::encoding::{self, Unreadable};
+use crate::base::encoding::encoded;
 use crate::base::score::Counts;
 use crate::genotype::Genotype;
 use crate::procedure::evolve::finish::Examination;
@@ -54,29 +54,7 @@ pub enum TaskResult {
     },
 }
 
-impl Task {
-    /// The bytes it is sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(TASK, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        encoding::decode(TASK, bytes)
-    }
-}
-
-impl TaskResult {
-    /// The bytes it is sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(RESULT, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        encoding::decode(RESULT, bytes)
-    }
-}
+encoded!(Task = TASK, TaskResult = RESULT);
 
 impl fmt::Display for TaskResult {
     /// Such as "score 12.5 (bits 4029000000000000)", "scores failed, failed" or "traces".

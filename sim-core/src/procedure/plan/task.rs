@@ -1,7 +1,7 @@
 //! Tasks of a job that plans and their results, as bytes.
 
 use super::Tried;
-use crate::base::encoding::{self, Unreadable};
+use crate::base::encoding::encoded;
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Counts;
 use crate::problem::Job;
@@ -79,29 +79,7 @@ pub fn stream(job: &Job, seed: u32) -> Stream {
     Stream::new(job.spec().seed, Purpose::Plan, 0, 0, seed)
 }
 
-impl Task {
-    /// The bytes it is sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(TASK, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        encoding::decode(TASK, bytes)
-    }
-}
-
-impl TaskResult {
-    /// The bytes it is sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(RESULT, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        encoding::decode(RESULT, bytes)
-    }
-}
+encoded!(Task = TASK, TaskResult = RESULT);
 
 impl fmt::Display for TaskResult {
     /// Such as "score 12.5 (bits 4029000000000000), a plan of 4 gaits", "failed" or "traces".

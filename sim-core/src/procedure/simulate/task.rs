@@ -1,7 +1,7 @@
 //! Tasks of a job that simulates and their results, as bytes.
 
 use super::Drawn;
-use crate::base::encoding::{self, Unreadable};
+use crate::base::encoding::encoded;
 use crate::base::score::Counts;
 use crate::model::Place;
 use crate::problem::{Checked, Way};
@@ -129,29 +129,9 @@ impl Run {
     }
 }
 
-impl Task {
-    /// The bytes it is sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(TASK, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        encoding::decode(TASK, bytes)
-    }
-}
+encoded!(Task = TASK, TaskResult = RESULT);
 
 impl TaskResult {
-    /// The bytes it is sent as.
-    pub fn encode(&self) -> Vec<u8> {
-        encoding::encode(RESULT, self)
-    }
-
-    /// Reads it from exactly those bytes.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        encoding::decode(RESULT, bytes)
-    }
-
     /// The runs, and what they took.
     pub fn runs(&self) -> (Vec<&Run>, &Counts) {
         match self {
