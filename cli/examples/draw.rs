@@ -116,7 +116,7 @@ fn environment(column: bool) -> Environment {
         description: String::new(),
         size: [48.0, 27.0],
         start: Start { x: -12.0, y: 0.0, yaw: 0.0 },
-        goal: column.then_some(Goal { x: 15.0, y: 3.0, radius: 1.0 }),
+        goal: column.then_some(Goal::at(15.0, 3.0, 1.0)),
         obstacles: if column { vec![block] } else { Vec::new() },
         terrain: Vec::new(),
     }
@@ -133,7 +133,7 @@ fn stairs() -> Environment {
     let turned = Block { center: [-8.0, 7.0], size: [4.0, 1.0], base: 0.0, top: 1.0, yaw: 0.5 };
     Environment {
         size: [30.0, 20.0],
-        goal: Some(Goal { x: 13.0, y: 0.0, radius: 1.5 }),
+        goal: Some(Goal::at(13.0, 0.0, 1.5)),
         terrain: (0..5).map(stair).collect(),
         obstacles: vec![turned],
         ..environment(false)

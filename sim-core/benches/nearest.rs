@@ -10,7 +10,7 @@ use sim_core::plan::{Metric, Nearest};
 use std::f64::consts::PI;
 use std::hint::black_box;
 
-const METRIC: Metric = Metric { yaw_weight: 0.5, height: false };
+const METRIC: Metric = Metric { yaw_weight: 0.5, z: 0.0, roll: 0.0, pitch: 0.0, joints: 0.0 };
 const STEPS: usize = 64;
 
 trait Set: Clone {

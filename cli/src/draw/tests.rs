@@ -27,7 +27,7 @@ fn environment() -> Environment {
         description: String::new(),
         size: [48.0, 27.0],
         start: Start { x: -12.0, y: 0.0, yaw: 0.0 },
-        goal: Some(Goal { x: 3.0, y: 0.0, radius: 1.0 }),
+        goal: Some(Goal::at(3.0, 0.0, 1.0)),
         obstacles: vec![Block { center: [0.0, 0.0], size: [4.0, 4.0], base: 0.0, top: 4.0, yaw: 0.3 }],
         terrain: vec![Block { center: [9.0, 0.0], size: [4.0, 4.0], base: 0.0, top: 0.6, yaw: 0.0 }],
     }
@@ -168,7 +168,7 @@ fn the_same_data_gives_the_same_bytes() {
 /// The goal's star stands where the axes say (3, −5) is.
 #[test]
 fn a_place_on_the_map_is_where_the_axes_say() {
-    let goal = Some(Goal { x: 3.0, y: -5.0, radius: 0.01 });
+    let goal = Some(Goal::at(3.0, -5.0, 0.01));
     let environment = Environment { goal, obstacles: Vec::new(), terrain: Vec::new(), ..environment() };
     let picture = map(&environment, &TreeRecord::default(), "title", "subtitle");
     let pixels = tiny_skia::Pixmap::decode_png(&picture.png().unwrap()).unwrap();

@@ -13,10 +13,10 @@ use crate::base::score::Counts;
 use crate::control::{Controller, GaitsSpec, Infeasible, Run};
 use crate::genotype::{Genotype, Space};
 use crate::model::environment::{Block, Environment};
-use crate::model::{Place, Robot, State};
+use crate::model::{Hinge, Place, Robot, State};
 use crate::objective::Objective;
 use crate::physics::{Engine, Motion, Outcome, Physics, Request};
-use crate::plan::{Growth, PlannerSettings, Reuse, Setting, TransitionKey, Transitions, Tree};
+use crate::plan::{Growth, PlannerSettings, Posture, Reuse, Root, Setting, TransitionKey, Transitions, Tree};
 use std::collections::BTreeSet;
 
 /// Rollouts between two looks at whether to stop, on an engine that does many at a time; on others each is looked at.
@@ -66,6 +66,16 @@ pub fn setting(scene: &dyn Scene) -> Setting<'_> {
         environment: scene.environment(),
         gaits: scene.gaits().count as usize,
         height: scene.start().pivot.translation.z.into(),
+    }
+}
+
+/// Where a scene's trees begin.
+fn root(scene: &dyn Scene) -> Root {
+    let limits = |hinge: &Hinge| hinge.limits.map(f64::from);
+    Root {
+        place: scene.root(),
+        posture: Posture::of(scene.start()),
+        limits: scene.robot().hinges.iter().map(limits).collect(),
     }
 }
 
@@ -154,7 +164,7 @@ impl Trial {
         Self {
             motions,
             table: Transitions::new(gaits, reuse, scene.start()),
-            growths: streams.into_iter().map(|s| Growth::new(scene.planner(), scene.root(), s)).collect(),
+            growths: streams.into_iter().map(|s| Growth::new(scene.planner(), root(scene), s)).collect(),
             counts: Counts::default(),
             budget: u64::MAX,
             failure,

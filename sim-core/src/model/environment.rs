@@ -51,12 +51,23 @@ pub struct Goal {
     pub x: f64,
     /// mu.
     pub y: f64,
+    /// Height of the pivot there, mu; only for a distance that weighs it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
+    /// Heading there, rad; likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yaw: Option<f64>,
     /// How near the pivot must come for a planning job to end, mu.
     #[serde(default = "Goal::default_radius")]
     pub radius: f64,
 }
 
 impl Goal {
+    /// A goal without height and heading.
+    pub fn at(x: f64, y: f64, radius: f64) -> Self {
+        Self { x, y, z: None, yaw: None, radius }
+    }
+
     fn default_radius() -> f64 {
         1.0
     }
@@ -152,6 +163,8 @@ impl Environment {
         if let Some(goal) = &self.goal {
             faults.take(in_range("environment.goal.x", goal.x, far, "mu"));
             faults.take(in_range("environment.goal.y", goal.y, far, "mu"));
+            faults.take(goal.z.map_or(Ok(()), |z| in_range("environment.goal.z", z, far, "mu")));
+            faults.take(goal.yaw.map_or(Ok(()), |yaw| in_range("environment.goal.yaw", yaw, turn, "rad")));
             faults.take(in_range("environment.goal.radius", goal.radius, (1e-3, limits::MAX_MAP_SIZE), "mu"));
         }
         // Where things lie says something only of sound numbers.

@@ -7,9 +7,10 @@ use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
 use crate::model::Place;
 use crate::model::environment::{Environment, Goal};
-use crate::plan::Tree;
+use crate::plan::{Metric, Tree};
 
-/// Least planar distance of a node's pivot to the environment's goal, mu. Minimised.
+/// Least distance of a node's pivot to the environment's goal, mu: in the plane, and with `yaw_weight` and `z_weight` in the metric
+/// of planners, for goals that have a heading or a height. Minimised.
 pub struct Distance;
 
 impl Component for Distance {
@@ -18,15 +19,29 @@ impl Component for Distance {
     }
 }
 
+/// w of the heading, mu/rad.
+const YAW_WEIGHT: Setting = Setting::optional_real("yaw_weight", "mu/rad").within(0.0, 1000.0);
+/// Of the height.
+const Z_WEIGHT: Setting = Setting::optional_real("z_weight", "").within(0.0, 1000.0);
+const SETTINGS: [Setting; 2] = [YAW_WEIGHT, Z_WEIGHT];
+
 impl Configurable for Distance {
     fn settings(&self) -> &'static [Setting] {
-        &[]
+        &SETTINGS
     }
 }
 
 impl ObjectiveKind for Distance {
-    fn validate(&self, _: &Settings, environment: &Environment) -> Result<(), Invalid> {
-        goal_of("distance", environment).map(|_| ())
+    fn validate(&self, settings: &Settings, environment: &Environment) -> Result<(), Invalid> {
+        let goal = goal_of("distance", environment)?;
+        for (setting, coordinate, there) in [(&YAW_WEIGHT, "yaw", goal.yaw), (&Z_WEIGHT, "z", goal.z)] {
+            if settings.optional(setting).is_some() && there.is_none() {
+                let reason =
+                    format!("the goal of environment \"{}\" has no {coordinate}: add one to it", environment.name);
+                return Err(Invalid::Conflict { field: format!("fitness.{}", setting.name), reason });
+            }
+        }
+        Ok(())
     }
 
     fn direction(&self) -> Direction {
@@ -41,20 +56,27 @@ impl ObjectiveKind for Distance {
         (0.0, f64::MAX)
     }
 
-    fn prepare(&self, _: &Settings, environment: &Environment, _: f64) -> Result<Box<dyn Objective>, Invalid> {
-        let Goal { x, y, .. } = goal_of("distance", environment)?;
-        Ok(Box::new(ToGoal(Place { x, y, ..Place::ORIGIN })))
+    fn prepare(&self, settings: &Settings, environment: &Environment, _: f64) -> Result<Box<dyn Objective>, Invalid> {
+        let Goal { x, y, z, yaw, .. } = goal_of("distance", environment)?;
+        let weight = |setting| settings.optional(setting).unwrap_or(0.0);
+        Ok(Box::new(ToGoal {
+            place: Place { x, y, z: z.unwrap_or(0.0), yaw: yaw.unwrap_or(0.0) },
+            metric: Metric { yaw_weight: weight(&YAW_WEIGHT), z: weight(&Z_WEIGHT), ..Metric::default() },
+        }))
     }
 }
 
-/// The goal.
+/// The goal, and how far a place is from it.
 #[derive(Debug)]
-struct ToGoal(Place);
+struct ToGoal {
+    place: Place,
+    metric: Metric,
+}
 
 impl Objective for ToGoal {
     fn score(&self, tree: &Tree) -> f64 {
-        let nearest = tree.least(|place| place.planar_distance(&self.0));
-        tree.nodes[nearest].place.planar_distance(&self.0)
+        let distance = |place: &Place| self.metric.squared(place, &self.place).sqrt();
+        distance(&tree.nodes[tree.least(distance)].place)
     }
 }
 
@@ -69,5 +91,28 @@ pub(super) fn goal_of(kind: &str, environment: &Environment) -> Result<Goal, Inv
                 environment.name
             ),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::Node;
+
+    #[test]
+    fn distance_is_planar_unless_heading_or_height_has_weight() {
+        let at = |x: f64, z: f64, yaw: f64| Node { place: Place { x, y: 4.0, z, yaw }, edge: None };
+        let tree = Tree { nodes: vec![at(3.0, 1.0, 0.0), at(3.5, 0.0, 2.0)] };
+        let score = |yaw_weight: f64, z: f64| {
+            let place = Place { x: 0.0, y: 0.0, z: 0.0, yaw: 2.0 };
+            ToGoal { place, metric: Metric { yaw_weight, z, ..Metric::default() } }.score(&tree)
+        };
+        assert_eq!(score(0.0, 0.0), 5.0);
+        let second = (3.5f64 * 3.5 + 16.0).sqrt();
+        assert_eq!(
+            (score(2.0, 0.0), score(0.0, 3.0)),
+            (second, second),
+            "the second node has the goal's heading and height"
+        );
     }
 }

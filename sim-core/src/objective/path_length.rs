@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn shortest_way_to_the_goal_counts_and_without_one_the_distance() {
-        let score = |radius: f64, tree: &Tree| ToGoal(Goal { x: 4.0, y: 3.0, radius }).score(tree);
+        let score = |radius: f64, tree: &Tree| ToGoal(Goal::at(4.0, 3.0, radius)).score(tree);
         let around = vec![
             node(0.0, 0.0, None),
             node(4.0, 0.0, Some((0, 0))),

@@ -1,7 +1,8 @@
 //! A planner and the table of transitions it is fed from: grows one tree, saying which rollouts it lacks.
 
 use super::{
-    Arrival, Ask, Planner, PlannerSettings, StartId, TransitionKey, Transitions, Tree, leaves_map, on_terrain, touches,
+    Arrival, Ask, Planner, PlannerSettings, Posture, Root, StartId, TransitionKey, Transitions, Tree, leaves_map,
+    on_terrain, touches,
 };
 use crate::base::math::{Pose, Vector, about_z};
 use crate::base::random::Stream;
@@ -30,6 +31,8 @@ pub struct Growth {
     nodes: Vec<NodeStart>,
     /// Of every expanded node, the transition behind each gait's arrival.
     edges: Vec<Vec<TransitionKey>>,
+    /// The planner is told postures, too.
+    postures: bool,
     counts: Counts,
 }
 
@@ -46,12 +49,13 @@ struct NodeStart {
 
 impl Growth {
     /// Starts at a place, in start 0 of the table.
-    pub fn new(settings: PlannerSettings, root: Place, stream: Stream) -> Self {
+    pub fn new(settings: PlannerSettings, root: impl Into<Root>, stream: Stream) -> Self {
         let root_start = NodeStart { local: StartId(0), exact: None, in_place: None };
         Self {
             planner: settings.start(root, stream),
             nodes: vec![root_start],
             edges: vec![Vec::new()],
+            postures: settings.metric.weighs_postures(),
             counts: Counts::default(),
         }
     }
@@ -99,6 +103,11 @@ impl Growth {
                 return missing;
             }
             let arrivals = keys.iter().map(|key| self.arrival(setting, table, node, *key)).collect();
+            if self.postures {
+                let posture =
+                    |key: &TransitionKey| table.get(*key).map(|t| Posture::of(&t.rollout.end)).unwrap_or_default();
+                self.planner.postures(keys.iter().map(posture).collect());
+            }
             self.edges[node] = keys;
             self.planner.tell(arrivals);
             self.register(table);

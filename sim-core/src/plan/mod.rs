@@ -12,11 +12,11 @@ mod tree;
 
 pub(crate) use grow::standing_at;
 pub use grow::{Growth, Setting};
-pub use metric::Metric;
+pub use metric::{Metric, Posture};
 pub use nearest::Nearest;
-pub use planner::{Arrival, Ask, Planner, PlannerKind, PlannerSettings};
-pub use settings::PlannerSpec;
+pub use planner::{Arrival, Ask, Planner, PlannerKind, PlannerSettings, Root};
 pub(crate) use settings::validate_planner;
+pub use settings::{MetricSpec, PlannerSpec};
 pub use swept::{Extent, first_touch, goes_outside, leaves_map, on_terrain, touches};
 pub use transitions::{Reuse, StartId, Transition, TransitionKey, Transitions};
 pub use tree::{Node, Tree};

@@ -86,7 +86,7 @@ impl Nearest {
             top: None,
             free: Vec::new(),
             loose: Vec::new(),
-            scan_only: !metric.yaw_weight.is_finite(),
+            scan_only: !metric.yaw_weight.is_finite() || !metric.z.is_finite(),
         }
     }
 
@@ -212,7 +212,7 @@ impl Nearest {
     /// The axis along which the metric sees the longest side of a box.
     fn widest(&self, low: &Place, high: &Place) -> Axis {
         let mut widest = (high.x - low.x, Axis::X);
-        let height = if self.metric.height { high.z - low.z } else { 0.0 };
+        let height = if self.metric.z == 0.0 { 0.0 } else { self.metric.z.abs() * (high.z - low.z) };
         let turn = self.metric.yaw_weight.abs() * (high.yaw - low.yaw);
         for (side, axis) in [(high.y - low.y, Axis::Y), (height, Axis::Z), (turn, Axis::Yaw)] {
             if side > widest.0 {
@@ -283,7 +283,7 @@ impl Cell {
         let outside = |low: f64, high: f64, q: f64| (low - q).max(q - high).max(0.0);
         let dx = outside(self.low.x, self.high.x, q.x);
         let dy = outside(self.low.y, self.high.y, q.y);
-        let dz = if metric.height { outside(self.low.z, self.high.z, q.z) } else { 0.0 };
+        let dz = if metric.z == 0.0 { 0.0 } else { metric.z * outside(self.low.z, self.high.z, q.z) };
         let nearest = outside(self.low.yaw, self.high.yaw, q.yaw);
         let farthest = (self.high.yaw - q.yaw).max(q.yaw - self.low.yaw);
         let turn = metric.yaw_weight * wrap(nearest).abs().min(wrap(farthest).abs());

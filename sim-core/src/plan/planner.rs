@@ -1,6 +1,6 @@
 //! The interface of planners.
 
-use super::{Metric, Tree};
+use super::{Metric, Posture, Tree};
 use crate::base::random::Stream;
 use crate::base::registry::{Chosen, Component};
 use crate::model::Place;
@@ -23,8 +23,26 @@ pub struct PlannerSettings {
 
 impl PlannerSettings {
     /// Starts the planner at a root. Everything random is drawn from `stream`.
-    pub fn start(self, root: Place, stream: Stream) -> Box<dyn Planner> {
-        self.algorithm.0.start(self, root, stream)
+    pub fn start(self, root: impl Into<Root>, stream: Stream) -> Box<dyn Planner> {
+        self.algorithm.0.start(self, root.into(), stream)
+    }
+}
+
+/// Where a tree begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Root {
+    /// The pivot's place.
+    pub place: Place,
+    /// Tilt and joint angles there.
+    pub posture: Posture,
+    /// Least and greatest angle of every joint, rad: what q_rand is drawn from.
+    pub limits: Vec<[f64; 2]>,
+}
+
+impl From<Place> for Root {
+    /// A root whose posture does not count.
+    fn from(place: Place) -> Self {
+        Self { place, posture: Posture::default(), limits: Vec::new() }
     }
 }
 
@@ -76,6 +94,10 @@ pub trait Planner: fmt::Debug + Send {
     /// (x, y; mu) of the map.
     fn ask(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Ask;
 
+    /// Takes the robot's posture at each of the arrivals that are told next; only where the metric
+    /// [weighs postures](Metric::weighs_postures).
+    fn postures(&mut self, _postures: Vec<Posture>) {}
+
     /// Takes where each gait arrives from the node asked for. A node that is added to the tree has as its edge the node
     /// asked for, or one told before, and the index of a gait that is free to arrive there.
     ///
@@ -93,5 +115,5 @@ pub trait Planner: fmt::Debug + Send {
 /// A kind of planner, by its name in `[planner] algorithm`.
 pub trait PlannerKind: Component {
     /// Starts a tree at a root. Everything random is drawn from `stream`.
-    fn start(&self, settings: PlannerSettings, root: Place, stream: Stream) -> Box<dyn Planner>;
+    fn start(&self, settings: PlannerSettings, root: Root, stream: Stream) -> Box<dyn Planner>;
 }

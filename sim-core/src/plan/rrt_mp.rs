@@ -1,11 +1,11 @@
 //! RRT-MP: a tree grown with gaits as motion primitives. Algorithm 1 of Vonásek and Faigl (2016), the original planner that
 //! it modifies (section IV-A), and a variant of that.
 //!
-//! How silences are read: q_rand is uniform in x, y and yaw; in line 8, q' is the nearest neighbour other than q_near
+//! How silences are read: q_rand is uniform in x, y and yaw, and in tilt and joint angles if the metric weighs them; in line 8, q' is the nearest neighbour other than q_near
 //! (with q_near included line 9 could never hold), infinitely far if there is none, and siblings added before count. An
 //! iteration that picks a node already expanded counts and adds nothing.
 
-use super::{Arrival, Ask, Nearest, Planner, PlannerKind, PlannerSettings, Tree};
+use super::{Arrival, Ask, Nearest, Planner, PlannerKind, PlannerSettings, Posture, Root, Tree};
 use crate::base::random::Stream;
 use crate::base::registry::Component;
 use crate::model::Place;
@@ -52,7 +52,7 @@ impl Component for RrtMpKind {
 }
 
 impl PlannerKind for RrtMpKind {
-    fn start(&self, settings: PlannerSettings, root: Place, stream: Stream) -> Box<dyn Planner> {
+    fn start(&self, settings: PlannerSettings, root: Root, stream: Stream) -> Box<dyn Planner> {
         Box::new(RrtMp::new(self.extension, settings, root, stream))
     }
 }
@@ -69,8 +69,30 @@ struct RrtMp {
     /// Where the gaits lead from every expanded node. Never asked for twice.
     arrivals: Vec<Option<Vec<Reached>>>,
     /// An expansion that was asked for: q_rand and the node.
-    pending: Option<(Place, usize)>,
+    pending: Option<(Random, usize)>,
+    /// Postures, where the metric weighs them.
+    postures: Option<Postures>,
     at_goal: bool,
+}
+
+/// q_rand.
+#[derive(Clone, Debug)]
+struct Random {
+    place: Place,
+    posture: Posture,
+}
+
+/// How the robot stands where it is.
+#[derive(Debug)]
+struct Postures {
+    /// Least and greatest angle of every joint.
+    limits: Vec<[f64; 2]>,
+    /// At each node.
+    nodes: Vec<Posture>,
+    /// Where the gaits lead from every expanded node.
+    arrivals: Vec<Vec<Posture>>,
+    /// At the arrivals that are told next.
+    told: Vec<Posture>,
 }
 
 /// Where a gait leads from an expanded node.
@@ -83,7 +105,9 @@ struct Reached {
 
 impl RrtMp {
     /// Starts at a root; q_rand is drawn from `stream`.
-    fn new(extension: Extension, settings: PlannerSettings, root: Place, stream: Stream) -> Self {
+    fn new(extension: Extension, settings: PlannerSettings, root: Root, stream: Stream) -> Self {
+        let Root { place, posture, limits } = root;
+        let postures = Postures { limits, nodes: Vec::new(), arrivals: Vec::new(), told: Vec::new() };
         let mut rrt = Self {
             extension,
             settings,
@@ -93,9 +117,10 @@ impl RrtMp {
             iteration: 0,
             arrivals: Vec::new(),
             pending: None,
+            postures: settings.metric.weighs_postures().then_some(postures),
             at_goal: false,
         };
-        rrt.add(root, None);
+        rrt.add(place, posture, None);
         rrt
     }
 
@@ -103,27 +128,34 @@ impl RrtMp {
     fn flood(&mut self, near: usize) {
         for gait in 0..self.arrivals[near].as_ref().map_or(0, Vec::len) {
             let Some(new) = self.arrival(near, gait).and_then(Arrival::free) else { continue };
-            let to_parent = self.settings.metric.squared(&new, &self.tree.nodes[near].place);
-            let to_others = self.nearest.nearest(&new, Some(near)).map_or(f64::INFINITY, |(_, d)| d);
+            let posture = self.posture(near, gait);
+            let to_parent = self.squared(near, &new, &posture);
+            let to_others = self.nearest(&new, &posture, Some(near)).map_or(f64::INFINITY, |(_, d)| d);
             if to_others > to_parent {
-                self.add_arrival(new, near, gait);
+                self.add_arrival(new, posture, near, gait);
             }
         }
     }
 
     /// The original planner: of the candidates among the configurations reachable from q_near, the nearest to q_rand is
     /// added, unless the way there is blocked or it is in the tree already.
-    fn extend(&mut self, random: Place, near: usize, candidate: fn(Arrival) -> Option<Place>) {
+    fn extend(&mut self, random: &Random, near: usize, candidate: fn(Arrival) -> Option<Place>) {
         let mut best: Option<(f64, usize, Reached)> = None;
         for (gait, &reached) in self.arrivals[near].iter().flatten().enumerate() {
             let Some(new) = candidate(reached.arrival) else { continue };
-            let distance = self.settings.metric.squared(&new, &random);
+            let metric = &self.settings.metric;
+            let of_posture = match &self.postures {
+                Some(postures) => metric.squared_of_postures(&postures.arrivals[near][gait], &random.posture),
+                None => 0.0,
+            };
+            let distance = metric.squared(&new, &random.place) + of_posture;
             if best.is_none_or(|b| distance < b.0) {
                 best = Some((distance, gait, reached));
             }
         }
         if let Some((_, gait, Reached { arrival: Arrival::Free(new), added: false })) = best {
-            self.add_arrival(new, near, gait);
+            let posture = self.posture(near, gait);
+            self.add_arrival(new, posture, near, gait);
         }
     }
 
@@ -131,14 +163,18 @@ impl RrtMp {
         Some(self.arrivals[near].as_ref()?.get(gait)?.arrival)
     }
 
-    fn add_arrival(&mut self, new: Place, near: usize, gait: usize) {
+    fn add_arrival(&mut self, new: Place, posture: Posture, near: usize, gait: usize) {
         if let Some(arrival) = self.arrivals[near].as_mut().and_then(|a| a.get_mut(gait)) {
             arrival.added = true;
         }
-        self.add(new, Some((near, gait)));
+        self.add(new, posture, Some((near, gait)));
     }
 
-    fn add(&mut self, place: Place, edge: Option<(usize, usize)>) {
+    fn add(&mut self, place: Place, posture: Posture, edge: Option<(usize, usize)>) {
+        if let Some(postures) = &mut self.postures {
+            postures.nodes.push(posture);
+            postures.arrivals.push(Vec::new());
+        }
         self.tree.nodes.push(super::Node { place, edge });
         self.nearest.add(place);
         self.arrivals.push(None);
@@ -148,11 +184,47 @@ impl RrtMp {
         }
     }
 
-    fn random_place(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Place {
+    fn random(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Random {
         let [width, height] = self.settings.map;
         let x = self.stream.uniform(-width / 2.0, width / 2.0);
         let y = self.stream.uniform(-height / 2.0, height / 2.0);
-        Place { x, y, z: ground(x, y), yaw: self.stream.uniform(-PI, PI) }
+        let place = Place { x, y, z: ground(x, y), yaw: self.stream.uniform(-PI, PI) };
+        let Some(postures) = &self.postures else { return Random { place, posture: Posture::default() } };
+        // What has no weight is drawn, too: then a weight of 0 gives the tree that a tiny one gives.
+        let tilt = [(); 2].map(|()| self.stream.uniform(-PI, PI));
+        let joints = postures.limits.iter().map(|[low, high]| self.stream.uniform(*low, *high)).collect();
+        Random { place, posture: Posture { tilt, joints } }
+    }
+
+    /// The posture at a gait's arrival.
+    fn posture(&self, near: usize, gait: usize) -> Posture {
+        self.postures.as_ref().map_or_else(Posture::default, |postures| postures.arrivals[near][gait].clone())
+    }
+
+    /// ϱ² from a node.
+    fn squared(&self, node: usize, place: &Place, posture: &Posture) -> f64 {
+        let metric = &self.settings.metric;
+        let of_places = metric.squared(place, &self.tree.nodes[node].place);
+        match &self.postures {
+            Some(postures) => of_places + metric.squared_of_postures(posture, &postures.nodes[node]),
+            None => of_places,
+        }
+    }
+
+    /// Index and squared distance of the nearest node but one, ties to the lowest index. Where postures count it is sought among
+    /// all of them.
+    fn nearest(&self, place: &Place, posture: &Posture, but: Option<usize>) -> Option<(usize, f64)> {
+        if self.postures.is_none() {
+            return self.nearest.nearest(place, but);
+        }
+        let mut best: Option<(usize, f64)> = None;
+        for node in (0..self.tree.nodes.len()).filter(|node| Some(*node) != but) {
+            let distance = self.squared(node, place, posture);
+            if best.is_none_or(|(_, least)| distance < least) {
+                best = Some((node, distance));
+            }
+        }
+        best
     }
 }
 
@@ -167,23 +239,33 @@ impl Planner for RrtMp {
                 return Ask::Done;
             }
             self.iteration += 1;
-            let random = self.random_place(ground);
-            let Some((near, _)) = self.nearest.nearest(&random, None) else { return Ask::Done };
+            let random = self.random(ground);
+            let Some((near, _)) = self.nearest(&random.place, &random.posture, None) else { return Ask::Done };
             match (&self.arrivals[near], self.extension) {
                 (None, _) => self.pending = Some((random, near)),
                 (Some(_), Extension::FloodFill) => {}
-                (Some(_), Extension::Nearest(candidate)) => self.extend(random, near, candidate),
+                (Some(_), Extension::Nearest(candidate)) => self.extend(&random, near, candidate),
             }
+        }
+    }
+
+    fn postures(&mut self, told: Vec<Posture>) {
+        if let Some(postures) = &mut self.postures {
+            postures.told = told;
         }
     }
 
     fn tell(&mut self, arrivals: Vec<Arrival>) {
         let (random, near) = self.pending.take().expect("only what was asked for can be told");
+        if let Some(postures) = &mut self.postures {
+            assert_eq!(postures.told.len(), arrivals.len(), "each arrival needs a posture where the metric weighs it");
+            postures.arrivals[near] = std::mem::take(&mut postures.told);
+        }
         let reached = |arrival| Reached { arrival, added: false };
         self.arrivals[near] = Some(arrivals.into_iter().map(reached).collect());
         match self.extension {
             Extension::FloodFill => self.flood(near),
-            Extension::Nearest(candidate) => self.extend(random, near, candidate),
+            Extension::Nearest(candidate) => self.extend(&random, near, candidate),
         }
     }
 

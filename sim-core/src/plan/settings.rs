@@ -1,6 +1,6 @@
 //! The `[planner]` table of a job.
 
-use super::PlannerKind;
+use super::{Metric, PlannerKind};
 use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
 use crate::base::limits;
 use crate::base::registry::Chosen;
@@ -16,6 +16,9 @@ pub struct PlannerSpec {
     pub iterations: u32,
     /// w of the metric √(Δx² + Δy² (+ Δz²) + (w·Δyaw)²), mu/rad.
     pub yaw_weight: f64,
+    /// What else the metric weighs.
+    #[serde(skip_serializing_if = "MetricSpec::is_default")]
+    pub metric: MetricSpec,
     /// How far joint angles (rad), tilt (rad) and height (mu) may differ for a transition to be reused. 0: every
     /// expansion is simulated.
     pub reuse_tolerance: f64,
@@ -33,12 +36,48 @@ pub struct PlannerSpec {
     pub stop_at_goal: Option<bool>,
 }
 
+/// Weights of the metric's other coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MetricSpec {
+    /// Of height; 1 over terrain and 0 on flat ground unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
+    /// Of the tilt about the heading, mu/rad; 0 unless given, and so for the others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roll: Option<f64>,
+    /// Of the tilt about the axis to the left, mu/rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pitch: Option<f64>,
+    /// Of each joint's angle, mu/rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joints: Option<f64>,
+}
+
+impl MetricSpec {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The metric with this weight of the heading.
+    pub fn metric(&self, yaw_weight: f64, flat: bool) -> Metric {
+        Metric {
+            yaw_weight,
+            z: self.z.unwrap_or(if flat { 0.0 } else { 1.0 }),
+            roll: self.roll.unwrap_or(0.0),
+            pitch: self.pitch.unwrap_or(0.0),
+            joints: self.joints.unwrap_or(0.0),
+        }
+    }
+}
+
 impl Default for PlannerSpec {
     fn default() -> Self {
         Self {
             algorithm: Chosen::default(),
             iterations: 150,
             yaw_weight: 0.5,
+            metric: MetricSpec::default(),
             reuse_tolerance: 0.05,
             variants: 1,
             repeats: 1,
@@ -53,6 +92,13 @@ pub(crate) fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
     let mut faults = Faults::default();
     faults.take(whole_in_range("planner.iterations", planner.iterations, (1, limits::MAX_ITERATIONS.into()), ""));
     faults.take(in_range("planner.yaw_weight", planner.yaw_weight, (0.0, 1000.0), "mu/rad"));
+    let MetricSpec { z, roll, pitch, joints } = planner.metric;
+    for (name, weight, unit) in
+        [("z", z, ""), ("roll", roll, "mu/rad"), ("pitch", pitch, "mu/rad"), ("joints", joints, "mu/rad")]
+    {
+        let field = format!("planner.metric.{name}");
+        faults.take(weight.map_or(Ok(()), |weight| in_range(field, weight, (0.0, 1000.0), unit)));
+    }
     faults.take(in_range("planner.reuse_tolerance", planner.reuse_tolerance, (0.0, 1.0), "rad (mu for height)"));
     faults.take(whole_in_range("planner.variants", planner.variants, (1, limits::MAX_VARIANTS.into()), ""));
     faults.take(whole_in_range("planner.repeats", planner.repeats, (1, limits::MAX_REPEATS.into()), ""));

@@ -32,7 +32,7 @@ use crate::objective::{Coverage, Distance, FitnessSpec, ObjectiveKind};
 use crate::physics::{Engine, Physics};
 use crate::physics::{EngineKind, PhysicsSpec};
 use crate::plan::validate_planner;
-use crate::plan::{Metric, PlannerSettings, PlannerSpec, Reuse};
+use crate::plan::{PlannerSettings, PlannerSpec, Reuse};
 use crate::search::{self, OptimiserSpec, Search};
 use std::sync::Arc;
 
@@ -283,7 +283,7 @@ impl Checked {
         PlannerSettings {
             algorithm: spec.algorithm,
             iterations: spec.iterations,
-            metric: Metric { yaw_weight: spec.yaw_weight, height: !self.0.environment.is_flat() },
+            metric: spec.metric.metric(spec.yaw_weight, self.0.environment.is_flat()),
             map: self.0.environment.size,
             stop_at: goal.map(|goal| (goal.x, goal.y, goal.radius)),
         }

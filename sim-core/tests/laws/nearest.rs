@@ -66,7 +66,8 @@ fn place() -> impl Strategy<Value = Place> {
 
 fn metric() -> impl Strategy<Value = Metric> {
     let weight = prop_oneof![Just(0.0), Just(0.5), Just(1000.0), 0.0..10.0f64];
-    (weight, any::<bool>()).prop_map(|(yaw_weight, height)| Metric { yaw_weight, height })
+    let height = prop_oneof![Just(0.0), Just(1.0), Just(1000.0), 0.0..10.0f64];
+    (weight, height).prop_map(|(yaw_weight, z)| Metric { yaw_weight, z, ..Metric::default() })
 }
 
 proptest! {
@@ -97,7 +98,7 @@ proptest! {
         broken in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
         questions in prop::collection::vec(place(), 1..4),
     ) {
-        let metric = Metric { yaw_weight: 0.5, height: false };
+        let metric = Metric { yaw_weight: 0.5, ..Metric::default() };
         let mut with = places.clone();
         with[at % places.len()].x = broken;
         assert_as_scanned(metric, &with, &questions);
@@ -107,7 +108,7 @@ proptest! {
 
 #[test]
 fn places_along_a_line_or_on_one_spot_are_found_in_any_order() {
-    let metric = Metric { yaw_weight: 0.5, height: true };
+    let metric = Metric { yaw_weight: 0.5, z: 1.0, ..Metric::default() };
     let line = |i: i32| Place { x: f64::from(i) * 0.25, ..Place::ORIGIN };
     let questions: Vec<Place> = (-3..20).map(|i| Place { x: f64::from(i) * 50.125, ..Place::ORIGIN }).collect();
     let rising: Vec<Place> = (0..3000).map(line).collect();

@@ -5,12 +5,16 @@ use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
 use sim_core::genotype::Genotype;
 use sim_core::model::Place;
 use sim_core::physics::{Change, Event, Request};
-use sim_core::plan::{Arrival, Ask, Planner, PlannerSettings};
-use sim_core::problem::Job;
+use sim_core::plan::{Arrival, Ask, Planner, PlannerSettings, Posture, Root};
+use sim_core::problem::{Checked, Job};
 
 /// A small job on short gaits; `more` replaces or adds settings of the planner.
 fn job(environment: &str, planner: &str) -> Job {
-    Job::from_toml(&format!(
+    Job::from_toml(&text(environment, planner)).unwrap()
+}
+
+fn text(environment: &str, planner: &str) -> String {
+    format!(
         r#"
         name = "small"
         seed = 5
@@ -22,8 +26,7 @@ fn job(environment: &str, planner: &str) -> Job {
         [planner]
         {planner}
         "#
-    ))
-    .unwrap()
+    )
 }
 
 fn trial(job: &Job, candidate: u32) -> Trial {
@@ -263,6 +266,44 @@ fn a_planning_job_ends_at_its_goal_and_a_scored_tree_does_not() {
     let unreachable = stepper(Some((5.5, 2.5, 0.1)));
     assert!(!unreachable.at_goal());
     assert_eq!(unreachable.tree(), whole.tree());
+}
+
+/// Two gaits lead to one place, with the only joint at 0 and at 1 rad, where it is at the root.
+#[test]
+fn postures_count_as_far_as_the_metric_weighs_them() {
+    let nodes = |joints: f64| {
+        let own = job("empty", &format!("iterations = 1\nmetric = {{ joints = {joints:?} }}")).planner();
+        let posture = |angle: f64| Posture { tilt: [0.0; 2], joints: vec![angle] };
+        let root = Root { place: Place::ORIGIN, posture: posture(1.0), limits: vec![[-1.5, 1.5]] };
+        let mut rrt = own.start(root, Stream::new(1, Purpose::Planner, 0, 0, 0));
+        assert_eq!(rrt.ask(&|_, _| 0.0), Ask::Expand(0));
+        rrt.postures(vec![posture(0.0), posture(1.0)]);
+        rrt.tell(vec![Arrival::Free(Place { x: 1.0, ..Place::ORIGIN }); 2]);
+        rrt.tree().nodes.len()
+    };
+    // The second is 1 mu from its parent, and as far as the weight from the first.
+    assert_eq!([0.0, 0.5, 0.9, 1.1, 2.0].map(nodes), [2, 2, 2, 3, 3]);
+}
+
+#[test]
+fn trees_in_a_metric_of_postures_are_the_job_s_own() {
+    let grown = |planner: &str| {
+        let job = job("empty", planner);
+        let genotype = job.optimiser().ask().genotypes[0].clone();
+        let mut trials = [Trial::new(&job, &genotype, job.reuse().tolerance, search_streams(&job, 0, 0))];
+        grow(&job, &mut trials, &|| false).unwrap();
+        (trials[0].tree().clone(), job.digest())
+    };
+    let (plain, digest) = grown("iterations = 30");
+    for weights in ["roll = 2.0", "pitch = 2.0", "joints = 2.0", "z = 5.0, joints = 0.5"] {
+        let planner = format!("iterations = 30\nmetric = {{ {weights} }}");
+        let (tree, other) = grown(&planner);
+        assert_eq!((&tree, other), (&grown(&planner).0, grown(&planner).1));
+        assert_ne!(other, digest, "{weights}");
+        assert_ne!(tree, plain, "{weights}");
+    }
+    let refused = Checked::from_toml(&text("empty", "metric = { joints = -1.0 }")).unwrap_err().to_string();
+    assert!(refused.contains("planner.metric.joints = -1 is out of range: allowed is 0 to 1000 mu/rad"), "{refused}");
 }
 
 #[test]

@@ -8,9 +8,9 @@ use sim_core::base::settings::{Configurable, Setting, Settings};
 use sim_core::control::{Controller, Infeasible, Parameter, Signals};
 use sim_core::genotype::Space;
 use sim_core::model::environment::Environment;
-use sim_core::model::{FaceKind, HingeKind, Kind, PartKind, Place};
+use sim_core::model::{FaceKind, HingeKind, Kind, PartKind};
 use sim_core::objective::{Objective, ObjectiveKind};
-use sim_core::plan::{Arrival, Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Tree};
+use sim_core::plan::{Arrival, Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Root, Tree};
 use sim_core::problem::{Checked, Job};
 use sim_core::procedure::{
     Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told,
@@ -90,8 +90,8 @@ impl Component for BreadthFirst {
 }
 
 impl PlannerKind for BreadthFirst {
-    fn start(&self, settings: PlannerSettings, root: Place, _: Stream) -> Box<dyn Planner> {
-        Box::new(Growing { tree: Tree::new(root), expanded: 0, most: settings.iterations as usize })
+    fn start(&self, settings: PlannerSettings, root: Root, _: Stream) -> Box<dyn Planner> {
+        Box::new(Growing { tree: Tree::new(root.place), expanded: 0, most: settings.iterations as usize })
     }
 }
 
