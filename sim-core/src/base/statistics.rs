@@ -32,7 +32,10 @@ pub fn share_interval(successes: u32, n: u32) -> (f64, f64) {
     let middle = share + Z * Z / (2.0 * n);
     let half = Z * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
     let scale = 1.0 + Z * Z / n;
-    (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
+    // At the ends the exact bound is known, whatever rounding makes of it.
+    let low = if successes == 0 { 0.0 } else { (middle - half) / scale };
+    let high = if f64::from(successes) == n { 1.0 } else { (middle + half) / scale };
+    (low, high)
 }
 
 #[cfg(test)]
@@ -49,7 +52,7 @@ mod tests {
             let (below, above) = share_interval(successes, n);
             assert!((below - low).abs() < 5e-5 && (above - high).abs() < 5e-5, "{successes}/{n}: {below} to {above}");
         }
-        assert_eq!((share_interval(0, 0), share_interval(5, 5).1), ((0.0, 1.0), 1.0));
+        assert_eq!((share_interval(0, 0), share_interval(5, 5).1, share_interval(0, 50).0), ((0.0, 1.0), 1.0, 0.0));
     }
 
     #[test]

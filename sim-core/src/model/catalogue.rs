@@ -28,7 +28,9 @@ pub fn environments() -> &'static [Entry] {
 
 /// The jobs that ship.
 pub fn jobs() -> &'static [Entry] {
-    entries!("jobs": "quadropod-quick", "quadropod-empty", "quadropod-empty-paper", "lizard-column", "lizard-stairs", "quadropod-goal")
+    entries!("jobs":
+        "quadropod-quick", "quadropod-empty", "quadropod-empty-paper", "lizard-column", "lizard-stairs", "quadropod-goal",
+        "quadropod-plan", "quadropod-friction")
 }
 
 /// The entry called `name`.

@@ -4,7 +4,7 @@ use sim_core::engines::{Why, engine_digest, engine_digests, engines_digest};
 use sim_core::job::{JobSpec, Reference};
 use sim_core::model::{Robot, RobotSpec, catalogue};
 use sim_core::physics::{EngineChoice, EngineKind, JointKind};
-use sim_core::problem::Job;
+use sim_core::problem::{Checked, Job};
 
 fn text(more: &str) -> String {
     format!(
@@ -32,6 +32,32 @@ fn everything_that_ships_is_valid_and_survives_being_written() {
     for entry in catalogue::environments() {
         let environment = sim_core::model::environment::Environment::from_toml(entry.toml).unwrap();
         assert_eq!(environment.name, entry.name);
+    }
+}
+
+#[test]
+fn a_distance_weighs_only_what_its_goal_has() {
+    let job = |goal: &str, weights: &str| {
+        let map = format!(
+            "{{ name = \"map\", size = [20, 20], start = {{ x = 0, y = 0 }}, goal = {{ x = 3, y = 4{goal} }} }}"
+        );
+        let text = text("").replace("\"empty\"", &map).replace("\"coverage\"", &format!("\"distance\"{weights}"));
+        Checked::from_toml(&text)
+    };
+    let planar = job("", "").unwrap().digest();
+    assert_ne!(job(", yaw = 1.0", ", yaw_weight = 0.5").unwrap().digest(), planar);
+    assert!(job(", z = 0.5, yaw = 1.0", ", yaw_weight = 0.5, z_weight = 1.0").is_ok());
+    for (goal, weights, said) in [
+        ("", ", yaw_weight = 0.5", "fitness.yaw_weight: the goal of environment \"map\" has no yaw: add one to it"),
+        (
+            ", yaw = 1.0",
+            ", z_weight = 1.0",
+            "fitness.z_weight: the goal of environment \"map\" has no z: add one to it",
+        ),
+        (", yaw = 100.0", "", "environment.goal.yaw = 100 is out of range"),
+    ] {
+        let told = job(goal, weights).expect_err(said).to_string();
+        assert!(told.contains(said), "{told}");
     }
 }
 

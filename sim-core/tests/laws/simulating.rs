@@ -231,6 +231,20 @@ fn plans_are_made_anew_until_the_goal_is_reached() {
     assert!(one.repeats.iter().flatten().all(|run| run.replans == 1));
 }
 
+/// The plan says that its steps lead elsewhere than they do: it is made anew after the first of them.
+#[test]
+fn a_plan_that_leads_elsewhere_is_made_anew_at_once() {
+    let planner = "planner = { iterations = 60, reuse_tolerance = 0.0 }";
+    let replan = |keys: &str| {
+        let steps = "steps = [1, 1, 1]\nplaces = [[9, 9, 0, 0], [9, 9, 0, 0], [9, 9, 0, 0]]";
+        simulated(&text(NEAR, &format!("{steps}\nreplan = {{ {keys} }}"), planner)).unvaried[0].run.clone()
+    };
+    assert_eq!(replan("").gaits[0], 0, "the first step is carried out as it is given");
+    assert!(replan("").replans >= 1);
+    let patient = replan("deviation = 50.0, most = 1");
+    assert_eq!(patient.gaits[..3], [0, 0, 0], "no step is 50 mu from where the plan says");
+}
+
 #[test]
 fn start_that_is_blocked_is_told_and_its_run_is_no_success() {
     let vary = "steps = [1]\nrepeats = 4\nvary = { x = [5.0, 5.0], y = [3.0, 3.0] }";

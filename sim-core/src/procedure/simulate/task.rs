@@ -114,11 +114,11 @@ impl Run {
         job.environment().goal.map(|goal| self.end().planar_distance(&Place { x: goal.x, y: goal.y, ..Place::ORIGIN }))
     }
 
-    /// Planar distance from the end to where the plan says that it ends; `None` where it says nothing, or was made anew.
+    /// Planar distance from the end to where the plan says that it ends; `None` where it says nothing, or may be made anew.
     pub fn deviation(&self, job: &Checked) -> Option<f64> {
-        let places = job.spec().simulate.as_ref()?.places.as_ref()?;
-        let &[x, y, ..] = places.last()?;
-        (self.replans == 0).then(|| self.end().planar_distance(&Place { x, y, ..Place::ORIGIN }))
+        let simulate = job.spec().simulate.as_ref().filter(|simulate| simulate.replan.is_none())?;
+        let &[x, y, ..] = simulate.places.as_ref()?.last()?;
+        Some(self.end().planar_distance(&Place { x, y, ..Place::ORIGIN }))
     }
 
     /// Whether it ended soundly, on the map, without touching an obstacle, and within the goal's radius if there is a goal.

@@ -76,29 +76,11 @@ struct Mover<'a> {
 impl Mover<'_> {
     /// Carries the motion out once.
     fn carry_out(&self, way: Way, repeat: Option<u32>, counts: &mut Counts) -> Result<(Run, Vec<Done>), Stopped> {
-        let (job, drawn) = (self.job, Drawn::of(self.job, repeat));
-        let [x, y, yaw] = drawn.start;
-        let mut run = Run {
-            way,
-            ended: Ended::Completed,
-            seconds: 0.0,
-            end: [x, y, 0.0, yaw],
-            travelled: 0.0,
-            touched: None,
-            left_map: false,
-            work: 0.0,
-            turnover: 0.0,
-            contact: vec![0.0; job.robot().bodies.len()],
-            gaits: Vec::new(),
-            replans: 0,
-            path: vec![[x, y]],
-            drawn,
-        };
+        let job = self.job;
+        let mut run = not_begun(job, way, Drawn::of(job, repeat));
+        let [x, y, yaw] = run.drawn.start;
         // Where nothing varies the start was checked with the job.
-        let place = match repeat {
-            None => Ok(job.root()),
-            Some(_) => job.root_at(x, y, yaw),
-        };
+        let place = if repeat.is_none() { Ok(job.root()) } else { job.root_at(x, y, yaw) };
         let place = match place {
             Ok(place) => place,
             Err(blocked) => {
@@ -106,95 +88,32 @@ impl Mover<'_> {
                 return Ok((run, Vec::new()));
             }
         };
-        let (robot, physics) = weakened(job.robot(), job.physics(), &run.drawn);
+        let drawn = run.drawn.clone();
+        let (robot, physics) = weakened(job.robot(), job.physics(), &drawn);
         let stage = Stage { robot: &robot, engine: job.engine(), physics: &physics, environment: job.environment() };
+        let attempt = Attempt { mover: self, stage, repeat, drawn: &drawn };
         let start = Standing { state: job.start().clone(), place };
-        let done = match &self.simulate.replan {
-            Some(replan) => {
+        let done = match (&self.simulate.replan, &self.simulate.steps) {
+            (Some(replan), _) => {
                 let mut planning = Replanning::new(job, self.simulate, replan, repeat, self.stop);
-                let mut done: Vec<Done> = Vec::new();
-                let mut at = start.clone();
-                while let Some(gait) = planning.next(&at, counts)? {
-                    run.gaits.push(gait);
-                    let one = self.execute(&stage, &at, &[gait], (repeat, done.len() as u32), &run.drawn, counts)?;
-                    at = one.executed.end();
-                    let over =
-                        one.executed.rollout.outcome != Outcome::Completed || touched(&stage, &one.executed).is_some();
-                    done.push(one);
-                    if over {
-                        break;
-                    }
-                }
-                run.replans = planning.made();
+                let (done, gaits) = attempt.planned_anew(&start, &mut planning, counts)?;
+                (run.gaits, run.replans) = (gaits, planning.made());
                 done
             }
-            None => {
-                let steps: Vec<u32> = match &self.simulate.steps {
-                    Some(steps) => steps.iter().map(|step| step - 1).collect(),
-                    None => vec![0],
-                };
-                if self.simulate.steps.is_some() {
-                    run.gaits = steps.clone();
-                }
+            (None, Some(steps)) => {
+                run.gaits = steps.iter().map(|step| step - 1).collect();
                 match way {
-                    Way::Continuous => vec![self.execute(&stage, &start, &steps, (repeat, 0), &run.drawn, counts)?],
-                    Way::Resimulated => self.in_turn(&stage, &start, &steps, repeat, &run.drawn, counts)?,
+                    Way::Continuous => vec![attempt.execute(&start, &run.gaits, 0, counts)?],
+                    Way::Resimulated => attempt.in_turn(&start, &run.gaits, counts)?,
                 }
             }
+            (None, None) => vec![attempt.execute(&start, &[0], 0, counts)?],
         };
         if way == Way::Resimulated {
             run.gaits.truncate(done.len());
         }
         self.sum_up(&mut run, &stage, &done);
         Ok((run, done))
-    }
-
-    /// Every step from the exact end of the one before, at rest, until one breaks.
-    fn in_turn(
-        &self,
-        stage: &Stage<'_>,
-        start: &Standing,
-        steps: &[u32],
-        repeat: Option<u32>,
-        drawn: &Drawn,
-        counts: &mut Counts,
-    ) -> Result<Vec<Done>, Stopped> {
-        let mut done: Vec<Done> = Vec::new();
-        let mut at = start.clone();
-        for (i, &step) in steps.iter().enumerate() {
-            let one = self.execute(stage, &at, &[step], (repeat, i as u32), drawn, counts)?;
-            at = one.executed.end();
-            let broken = one.executed.rollout.outcome != Outcome::Completed;
-            done.push(one);
-            if broken {
-                break;
-            }
-        }
-        Ok(done)
-    }
-
-    /// Steps in one simulation; `first`: the repeat, and which of its steps the first one is.
-    fn execute(
-        &self,
-        stage: &Stage<'_>,
-        from: &Standing,
-        steps: &[u32],
-        (repeat, first): (Option<u32>, u32),
-        drawn: &Drawn,
-        counts: &mut Counts,
-    ) -> Result<Done, Stopped> {
-        if (self.stop)() {
-            return Err(Stopped);
-        }
-        let noisy =
-            |(i, &step): (usize, &u32)| with_noise(self.job, &self.motions[step as usize], repeat, first + i as u32);
-        let noisy: Vec<Motion> = steps.iter().enumerate().map(noisy).collect();
-        let motion = drawn.kill(Motion::chain(&noisy.iter().collect::<Vec<_>>()));
-        let executed = stage.execute(from, &motion);
-        counts.rollouts += 1;
-        counts.unstable += u64::from(executed.rollout.outcome != Outcome::Completed);
-        counts.simulated_ms += executed.rollout.simulated_ms;
-        Ok(Done { executed, motion })
     }
 
     /// What came of a run's motions, one after the other.
@@ -205,7 +124,7 @@ impl Mover<'_> {
             let rollout = &executed.rollout;
             let extent = Extent::of(rollout);
             if run.touched.is_none() {
-                let sample = first_touch(stage.robot, &stage.environment.obstacles, &executed.frame, rollout, &extent);
+                let sample = first_touch_of(stage, executed);
                 run.touched = sample.map(|i| run.seconds + f64::from(rollout.trace.time(i)));
             }
             run.left_map |= goes_outside(stage.environment, &executed.frame, rollout, &extent);
@@ -242,6 +161,97 @@ impl Mover<'_> {
     }
 }
 
+/// One run on its way.
+struct Attempt<'a> {
+    mover: &'a Mover<'a>,
+    stage: Stage<'a>,
+    repeat: Option<u32>,
+    drawn: &'a Drawn,
+}
+
+impl Attempt<'_> {
+    /// Gaits as they are planned, until there is none, the simulation breaks, or an obstacle is touched.
+    fn planned_anew(
+        &self,
+        start: &Standing,
+        planning: &mut Replanning<'_>,
+        counts: &mut Counts,
+    ) -> Result<(Vec<Done>, Vec<u32>), Stopped> {
+        let (mut done, mut gaits) = (Vec::new(), Vec::new());
+        let mut at = start.clone();
+        while let Some(gait) = planning.next(&at, counts)? {
+            let one = self.execute(&at, &[gait], done.len() as u32, counts)?;
+            at = one.executed.end();
+            let over = one.is_broken() || first_touch_of(&self.stage, &one.executed).is_some();
+            gaits.push(gait);
+            done.push(one);
+            if over {
+                break;
+            }
+        }
+        Ok((done, gaits))
+    }
+
+    /// Every step from the exact end of the one before, at rest, until one breaks.
+    fn in_turn(&self, start: &Standing, steps: &[u32], counts: &mut Counts) -> Result<Vec<Done>, Stopped> {
+        let mut done: Vec<Done> = Vec::new();
+        let mut at = start.clone();
+        for (i, &step) in steps.iter().enumerate() {
+            let one = self.execute(&at, &[step], i as u32, counts)?;
+            at = one.executed.end();
+            let broken = one.is_broken();
+            done.push(one);
+            if broken {
+                break;
+            }
+        }
+        Ok(done)
+    }
+
+    /// Steps in one simulation; `first`: which of the run's steps the first one is.
+    fn execute(&self, from: &Standing, steps: &[u32], first: u32, counts: &mut Counts) -> Result<Done, Stopped> {
+        let Mover { job, motions, stop, .. } = self.mover;
+        if stop() {
+            return Err(Stopped);
+        }
+        let noisy = |(i, &step): (usize, &u32)| with_noise(job, &motions[step as usize], self.repeat, first + i as u32);
+        let noisy: Vec<Motion> = steps.iter().enumerate().map(noisy).collect();
+        let motion = self.drawn.kill(Motion::chain(&noisy.iter().collect::<Vec<_>>()));
+        let executed = self.stage.execute(from, &motion);
+        counts.rollouts += 1;
+        counts.unstable += u64::from(executed.rollout.outcome != Outcome::Completed);
+        counts.simulated_ms += executed.rollout.simulated_ms;
+        Ok(Done { executed, motion })
+    }
+}
+
+impl Done {
+    fn is_broken(&self) -> bool {
+        self.executed.rollout.outcome != Outcome::Completed
+    }
+}
+
+/// A run of which nothing is done yet.
+fn not_begun(job: &Job, way: Way, drawn: Drawn) -> Run {
+    let [x, y, yaw] = drawn.start;
+    Run {
+        way,
+        drawn,
+        ended: Ended::Completed,
+        seconds: 0.0,
+        end: [x, y, 0.0, yaw],
+        travelled: 0.0,
+        touched: None,
+        left_map: false,
+        work: 0.0,
+        turnover: 0.0,
+        contact: vec![0.0; job.robot().bodies.len()],
+        gaits: Vec::new(),
+        replans: 0,
+        path: vec![[x, y]],
+    }
+}
+
 /// Robot and physics as drawn.
 fn weakened(robot: &Robot, physics: &Physics, drawn: &Drawn) -> (Robot, Physics) {
     let mut robot = robot.clone();
@@ -253,7 +263,7 @@ fn weakened(robot: &Robot, physics: &Physics, drawn: &Drawn) -> (Robot, Physics)
 }
 
 /// The first sample at which an obstacle is touched.
-fn touched(stage: &Stage<'_>, executed: &Executed) -> Option<usize> {
+fn first_touch_of(stage: &Stage<'_>, executed: &Executed) -> Option<usize> {
     let extent = Extent::of(&executed.rollout);
     first_touch(stage.robot, &stage.environment.obstacles, &executed.frame, &executed.rollout, &extent)
 }
