@@ -70,7 +70,8 @@ chmod 400 "$work/munge/key"
 chown -R munge "$work/munge"
 setpriv --reuid munge --regid munge --clear-groups munged --key-file "$work/munge/key" --socket "$work/munge/socket" \
     --pid-file "$work/munge/pid" --log-file "$work/munge/log" --seed-file "$work/munge/seed"
-port=$((30000 + RANDOM % 10000))
+# Below the ports that systems give to whoever connects.
+port=$((10000 + RANDOM % 9000))
 cat > "$work/slurm.conf" <<CONF
 ClusterName=evogait
 SlurmctldHost=localhost
