@@ -88,7 +88,7 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
     kinds::of(&spec).and_then(|_| resolve(spec)).map_err(|invalid| told_of_files(invalid, file_of))
 }
 
-/// Reads the gaits and the table of targets that a job names. Errors of its robot are told with the rest of the job.
+/// Replaces paths to gaits and to a table of targets by their content. A faulty robot is left to the checks of the job.
 fn follow_motions(spec: &mut JobSpec, source: &Source) -> Result<(), Error> {
     let Reference::Inline(robot) = &spec.robot else { return Ok(()) };
     let robot = spec.variant.as_ref().map_or_else(|| Ok((**robot).clone()), |variant| robot.variant(variant));

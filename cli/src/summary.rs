@@ -17,7 +17,7 @@ pub fn text(finished: &Finished, folder: &Path) -> String {
     }
 }
 
-/// What a job simulates, such as "a plan of 7 gaits, once with nothing varied and in 50 repeats, in 2 ways".
+/// The motion of a job in a few words, such as "a plan of 7 gaits, once with nothing varied and in 50 repeats, in 2 ways".
 pub fn motion(job: &Checked, simulate: &SimulateSpec) -> String {
     let what = match (&simulate.steps, &simulate.targets) {
         (Some(steps), _) if steps.len() == 1 => format!("gait {}", steps[0]),
@@ -78,7 +78,7 @@ fn simulated(result: &SimulationFile, folder: &Path) -> String {
     lines.join("\n")
 }
 
-/// Less than this is told as 0.
+/// Smaller numbers are printed as 0.
 const STILL: f64 = 1e-6;
 
 /// Numbers of a way's runs, those of the motion with nothing varied before those of the repeats.
@@ -106,11 +106,11 @@ fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
     ];
     for (what, value, unit, of) in rows {
         let told = repeats.and_then(of);
-        // Plans are told of where any can be made.
+        // Jobs that never plan anew have no such row.
         if value.is_none() && told.is_none() || what == "plans made anew" && unvaried.replans == 0 && told.is_none() {
             continue;
         }
-        // What a robot that stands moves by is noise of the last digits.
+        // A standing robot moves by rounding errors alone.
         let value = value.map(|value| if value.abs() < STILL { 0.0 } else { value });
         let of_repeats = told.map_or_else(String::new, |Values { mean, deviation, .. }| match deviation {
             Some(deviation) => format!("{} ± {}", score(mean), score_with(Some(deviation), unit)),

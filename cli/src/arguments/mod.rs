@@ -97,7 +97,7 @@ pub struct Simulate {
     pub to: RunTo,
 }
 
-/// What gives the robot, and gaits if they are asked for.
+/// Where the robot comes from, and the gaits of a motion that has any.
 #[derive(Debug)]
 pub enum GivenBy {
     Run(RunOf),

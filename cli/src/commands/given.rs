@@ -12,7 +12,7 @@ use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::plan::{Grown, PlanReport};
 use sim_core::report::TreeRecord;
 
-/// What a run leaves to others.
+/// Job, gaits and best plan of a finished run.
 pub struct Given {
     /// Its job.
     pub job: Checked,

@@ -43,7 +43,7 @@ struct View<'a> {
     population: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     generations: Option<u32>,
-    /// What a job that simulates carries out.
+    /// The motion of a job that simulates.
     #[serde(skip_serializing_if = "Option::is_none")]
     motion: Option<String>,
     /// Of candidates; of a job that plans, its trees; of a job that simulates, its runs.

@@ -35,7 +35,7 @@ pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_la
     finish(canvas, environment, &frame)
 }
 
-/// What stands above a map, its axes, and its obstacles and terrain. What is drawn after it does not leave the frame.
+/// Draws title, keys, axes, obstacles and terrain of a map. All that is drawn later is cut off at the frame.
 pub(super) fn ground(canvas: &mut Canvas, environment: &Environment, title: &str, said: &str, keys: &[Key]) -> Frame {
     let top = heading(canvas, title, said, WIDTH);
     let top = legend(canvas, keys, top, WIDTH) + 6.0;

@@ -32,7 +32,7 @@ pub enum Purpose {
     Reference = 9,
     /// q_rand of the planner in a job that plans with given gaits.
     Plan = 10,
-    /// What varies from repeat to repeat of a simulated motion, a stream a quantity.
+    /// Friction, start and the like of a repeat of a simulated motion; each quantity has a stream.
     Vary = 11,
     /// q_rand of the planner where a simulated plan is made anew.
     Replan = 12,

@@ -7,7 +7,7 @@ use crate::model::{Place, Robot, State};
 use crate::physics::{Engine, Motion, Physics, Request, Rollout, canonical};
 use crate::plan::standing_at;
 
-/// What motions are carried out on.
+/// A robot, an engine and an environment: enough to carry motions out.
 #[derive(Clone, Copy)]
 pub struct Stage<'a> {
     /// Who moves.

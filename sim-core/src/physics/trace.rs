@@ -26,7 +26,7 @@ pub struct Rollout {
     pub outcome: Outcome,
     /// Simulated time, ms.
     pub simulated_ms: u64,
-    /// What the motors did.
+    /// Mechanical work of the motors.
     pub effort: Effort,
 }
 

@@ -114,7 +114,7 @@ pub struct Simulate {
     #[arg(long)]
     pub replan: bool,
 
-    /// What is too far, mu [default: 1]
+    /// Deviation from the plan that is allowed, mu [default: 1]
     #[arg(long, value_name = "MU", requires = "replan", allow_negative_numbers = true)]
     pub deviation: Option<f64>,
 

@@ -48,7 +48,7 @@ struct Lane {
     velocities: Velocities,
     /// The first bound that it left, and the step at whose end it had.
     broken: Option<(u32, Bound)>,
-    /// What its motors had done then; that of all steps if it left none.
+    /// Work of its motors until then; 0 if it left none.
     effort: Effort,
 }
 
