@@ -270,7 +270,7 @@ impl Actor {
             }
             Command::Reject { worker, session, assignment, reason } => {
                 tracing::warn!(%worker, assignment = assignment.0, reason, "assignment rejected");
-                scheduler::on_reject(&mut self.scheduler, now, &worker, session, assignment);
+                scheduler::on_return(&mut self.scheduler, now, &worker, session, assignment);
             }
             Command::Drain { worker, session, finishing } => {
                 tracing::info!(%worker, finishing = finishing.len(), "worker drains");

@@ -175,6 +175,38 @@ pub struct JobRecord {
 pub(crate) const MAX_TOLD_DISPUTES: usize = 8;
 
 impl JobRecord {
+    /// A job without a name that was submitted at `submitted_at_ms` and has done nothing yet.
+    pub fn new(number: u64, job_digest: Digest, submitted_at_ms: i64) -> Self {
+        Self {
+            id: JobId::new(number, &job_digest),
+            number,
+            name: String::new(),
+            request_id: String::new(),
+            request_digest: Digest([0; 32]),
+            state: JobState::Queued,
+            job_digest,
+            engine_digest: Digest([0; 32]),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            procedure: String::new(),
+            rounds_sealed: 0,
+            rounds_kept: 0,
+            priority: 0,
+            progress: Progress::default(),
+            reason: String::new(),
+            paused: false,
+            restarted_from: None,
+            disputes: Vec::new(),
+            charges: Vec::new(),
+            poisoned: None,
+            submitted_at_ms,
+            started_at_ms: 0,
+            ended_at_ms: 0,
+            last_event: 0,
+            results_digest: ResultDigest::start(&job_digest).value(),
+            result_digest: None,
+        }
+    }
+
     /// The record as it is kept with an event: the parts that clients get.
     pub fn snapshot(&self) -> Self {
         let told = &self.disputes[self.disputes.len().saturating_sub(MAX_TOLD_DISPUTES)..];

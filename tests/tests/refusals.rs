@@ -74,13 +74,13 @@ fn noise() -> Vec<u8> {
 /// Ways to change a right delivery so that it must be refused, and a word of the reason.
 const VARIATIONS: &[(&str, &str, Change)] = &[
     ("no outcome", "missing", |r| r.outcome = None),
-    ("no results", "it has 0 results", |r| all(r, Vec::clear)),
-    ("one result too few", "results: its assignment has", |r| {
+    ("no results", "the delivery has 0 results", |r| all(r, Vec::clear)),
+    ("one result too few", "results, but its assignment has", |r| {
         all(r, |all| {
             all.pop();
         })
     }),
-    ("one result too many", "results: its assignment has", |r| all(r, |all| all.push(all[0].clone()))),
+    ("one result too many", "results, but its assignment has", |r| all(r, |all| all.push(all[0].clone()))),
     ("another worker", "never issued", |r| r.worker_id = "another".to_owned()),
     ("no worker", "worker_id", |r| r.worker_id.clear()),
     ("another job", "never issued", |r| r.job_id = "j99-0123456789ab".to_owned()),
@@ -98,7 +98,7 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
     }),
     ("another assignment", "never issued", |r| r.assignment_id -= 1),
     ("an assignment of the future", "never issued", |r| r.assignment_id += 1000),
-    ("another engine", "it ran on engine 070707070707", |r| r.engine_digest = vec![7; 32]),
+    ("another engine", "the result is from engine 070707070707", |r| r.engine_digest = vec![7; 32]),
     ("half an engine digest", "16 bytes", |r| r.engine_digest.truncate(16)),
     ("no permit", "never issued", |r| r.permit.clear()),
     ("a cut permit", "never issued", |r| {

@@ -187,5 +187,5 @@ async fn stored_result_of_no_task_fails_its_job() {
     let _coordinator = sandbox.coordinator();
     let job = sandbox.job(&id).await;
     assert_eq!(job.state(), JobState::Failed);
-    assert!(job.reason.contains("results of round 0 from 0 on don't fit"), "{}", job.reason);
+    assert!(job.reason.contains("stored results of round 0 from task 0 on are invalid"), "{}", job.reason);
 }

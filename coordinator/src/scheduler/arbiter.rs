@@ -1,5 +1,5 @@
-//! The third worker that decides a dispute: one that delivered no result of the task, on another host where there is one. Of a
-//! host that differs from others at most two workers are asked.
+//! The choice of the arbiter: a worker that delivered no result of the disputed task, if possible on another host than
+//! the workers that did. Of each host, at most two workers get a disputed task once hosts differ.
 
 use super::dispatch::Queue;
 use super::fleet::{Worker, WorkerId};
@@ -11,23 +11,23 @@ use super::{Now, Scheduler};
 use crate::record::{Dispute, JobId, Source};
 use std::collections::BTreeSet;
 
-/// Disputed tasks that wait for an arbiter, by round and index.
+/// Disputed tasks without an arbiter, by round and index.
 type Waiting = BTreeSet<(u32, u32)>;
 
-/// Hands out disputed tasks, before anything else.
-pub(super) fn ask_arbiters(core: &mut Scheduler, now: Now) {
+/// Assigns disputed tasks to arbiters, before any other work.
+pub(super) fn assign_arbiters(core: &mut Scheduler, now: Now) {
     let disputed = |job: &ActiveJob| !job.record.paused && job.open_disputes().next().is_some();
     let disputed: Vec<JobId> =
         core.jobs.active.iter().filter(|(_, job)| disputed(job)).map(|(id, _)| id.clone()).collect();
     for id in disputed {
-        // This runs after every event, and thousands of tasks may be disputed: where no slot is free nothing is looked at.
+        // This runs after every event, and thousands of tasks may be disputed: without a free slot it stops at once.
         if !is_any_slot_free(core) {
             return;
         }
-        let mut waiting = unasked(core, &id);
+        let mut waiting = without_arbiter(core, &id);
         core.queue.room.count(waiting.len());
         let mut without = BTreeSet::new();
-        while let Some((worker, range, tasks)) = next_question(core, now, &id, &mut waiting, &mut without) {
+        while let Some((worker, range, tasks)) = next_arbitration(core, now, &id, &mut waiting, &mut without) {
             let assignment = core.leases.new_id();
             let lease = Lease::new(now, &worker, &id, range, Kind::Arbitration);
             assign(core, now, assignment, lease, tasks);
@@ -35,8 +35,8 @@ pub(super) fn ask_arbiters(core: &mut Scheduler, now: Now) {
     }
 }
 
-/// Disputed tasks that no worker computes.
-fn unasked(core: &Scheduler, id: &JobId) -> Waiting {
+/// Returns the disputed tasks that have no arbitration lease.
+fn without_arbiter(core: &Scheduler, id: &JobId) -> Waiting {
     let Some(job) = core.jobs.active.get(id) else { return Waiting::new() };
     let arbitrations = core.leases.of(id).filter(|(_, l)| l.kind == Kind::Arbitration);
     let asked: Waiting =
@@ -44,9 +44,10 @@ fn unasked(core: &Scheduler, id: &JobId) -> Waiting {
     job.open_disputes().map(|d| (d.round, d.index)).filter(|task| !asked.contains(task)).collect()
 }
 
-/// The first task that waits and that a worker may decide now, with those that follow it. Neither it nor a task that no worker
-/// can decide waits any more afterwards; `without` are the sources of claims about the latter.
-fn next_question(
+/// Returns the first waiting task that a worker can decide now, with the waiting tasks that follow it. Removes these
+/// tasks from `waiting`, and also the tasks that no worker can decide. `without` collects the sources of the latter's
+/// claims.
+fn next_arbitration(
     core: &Scheduler,
     now: Now,
     id: &JobId,
@@ -85,7 +86,7 @@ fn is_any_slot_free(core: &Scheduler) -> bool {
     room.with_free_slots().iter().filter_map(|id| core.fleet.workers.get(id)).any(Worker::has_free_slot)
 }
 
-/// A worker with a free slot that may decide: on a host without a claim, if there are any.
+/// Returns a worker with a free slot that may decide; it is on a host without a claim if any such worker exists.
 fn free_arbiter(core: &Scheduler, now: Now, job: &ActiveJob, dispute: &Dispute) -> Option<WorkerId> {
     let candidates = || arbiters(core, job, dispute);
     let elsewhere = candidates().any(|(_, w)| is_elsewhere(w, dispute));
@@ -95,7 +96,7 @@ fn free_arbiter(core: &Scheduler, now: Now, job: &ActiveJob, dispute: &Dispute) 
         .map(|(id, _)| id.clone())
 }
 
-/// All workers that may decide, busy or not.
+/// Returns all workers that may decide, with or without a free slot.
 pub(super) fn arbiters<'a>(
     core: &'a Scheduler,
     job: &'a ActiveJob,
@@ -108,7 +109,7 @@ pub(super) fn arbiters<'a>(
     core.fleet.workers.iter().filter(move |(id, w)| may(id, w))
 }
 
-/// Whether a worker is on a host without a claim.
+/// Returns true if the worker is on a host without a claim.
 fn is_elsewhere(worker: &Worker, dispute: &Dispute) -> bool {
     dispute.claims.iter().all(|c| *c.source.finder.host != *worker.host())
 }

@@ -1,8 +1,8 @@
-//! Arbitration: two results of one task have different digests, so a third worker computes it. The result that two of them
-//! agree on holds, and a worker that stands alone is quarantined.
+//! Arbitration: two results of one task have different digests, so a third worker computes it. The result that two of
+//! them agree on holds, and the worker with the other result is quarantined.
 //!
-//! A round is not sealed before its disputes are decided. Of a sealed one nothing changes: if its result loses, the job ends as
-//! tainted.
+//! A round is sealed only after its disputes are decided. A sealed round does not change: if one of its results turns
+//! out wrong, the job ends as tainted.
 
 use super::fleet::WorkerId;
 use super::job::ActiveJob;
@@ -15,49 +15,49 @@ use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Committed results of tasks of a round sealed long ago that a late result contradicts, by index.
+/// Committed results that a late result contradicts, by task index; their round was sealed before the last one.
 pub type Contradicted = BTreeMap<u32, Committed>;
 
-/// A committed result of a task of a round sealed long ago.
+/// A committed result of a task in a round sealed before the last one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Committed {
     /// Digest of the result.
     pub digest: Digest,
-    /// The task, to be computed again.
+    /// The task, for the arbiter.
     pub task: Vec<u8>,
 }
 
-/// The result that holds for a task.
+/// The result that currently holds for a task.
 pub(super) struct Held {
     pub digest: Digest,
     pub finder: Finder,
     pub task: Vec<u8>,
-    /// The task, for people.
+    /// Display text of the task.
     pub what: String,
-    /// The result, while its round is at hand.
+    /// The result; `None` once its round is sealed.
     pub result: Option<Vec<u8>>,
 }
 
-/// A result as it is compared.
+/// A delivered result, to compare with the one that holds.
 pub(super) struct Delivered {
     pub index: u32,
     pub digest: Digest,
-    /// The result; `None` where only its digest counts.
+    /// The result; `None` where only digests are compared.
     pub result: Option<Arc<[u8]>>,
 }
 
-/// What a claim leads to.
-enum Heard {
-    /// It is the committed result, and that is not disputed.
+/// Effect of a claim.
+enum ClaimEffect {
+    /// It equals the result that holds, or repeats a claim: nothing changes.
     Agrees,
-    /// It opens a dispute or adds to one.
+    /// It opened the dispute at this index of the record, or was added to it.
     Added(usize),
-    /// It contradicts a decision.
+    /// It contradicts a decided dispute.
     Refuted,
 }
 
 impl ActiveJob {
-    /// The result that holds for a task of the round at hand, of the one sealed last, or of a dispute.
+    /// Returns the result that holds for a task: of the current round, of the round sealed last, or of a dispute.
     pub fn holds(&self, round: u32, index: u32) -> Option<Held> {
         if let Some(dispute) = self.dispute(round, index) {
             let Claim { digest, source, result, .. } = dispute.holding()?.clone();
@@ -87,12 +87,13 @@ impl ActiveJob {
         })
     }
 
-    /// A result for people; empty where only its digest is known.
+    /// Returns the display text of a result; empty where only its digest is known.
     pub fn show(&self, held: &Held) -> String {
         held.result.as_ref().map_or_else(String::new, |result| self.procedure.show(result))
     }
 
-    /// Whether this worker delivered another result of a task before: the one that holds, or one that is disputed.
+    /// Returns true if this worker delivered a different result of the task before: the one that holds, or one that is
+    /// disputed.
     fn has_other_result_of(&self, worker: &str, held: &Held, digest: Digest, task: (u32, u32)) -> bool {
         let claims = self.dispute(task.0, task.1).into_iter().flat_map(|dispute| &dispute.claims);
         let claimed = claims.map(|claim| (&*claim.source.finder.worker, claim.digest));
@@ -100,27 +101,28 @@ impl ActiveJob {
         !worker.is_empty() && delivered.any(|(by, other)| by == worker && other != digest)
     }
 
-    /// Adds a worker's claim about a task that is done, beside the result that holds.
-    fn hear(&mut self, now: Now, round: u32, claim: Claim, index: u32, held: (Held, Claim)) -> Heard {
+    /// Compares a worker's claim with the result that holds for a done task. Adds it to the task's dispute, or opens
+    /// one.
+    fn add_claim(&mut self, now: Now, round: u32, claim: Claim, index: u32, held: (Held, Claim)) -> ClaimEffect {
         let (held, held_claim) = held;
         let disagrees = claim.digest != held_claim.digest;
         let at = self.disputed.get(&(round, index)).copied();
         if let Some((at, dispute)) = at.and_then(|at| Some((at, self.record.disputes.get_mut(at)?))) {
             if !dispute.is_open() {
-                return if disagrees { Heard::Refuted } else { Heard::Agrees };
+                return if disagrees { ClaimEffect::Refuted } else { ClaimEffect::Agrees };
             }
             let known = |c: &Claim| c.source.finder.worker == claim.source.finder.worker && c.digest == claim.digest;
             if dispute.claims.iter().any(known) {
-                return Heard::Agrees;
+                return ClaimEffect::Agrees;
             }
             dispute.at_ms = now.unix_ms;
             dispute.claims.push(claim);
-            return Heard::Added(at);
+            return ClaimEffect::Added(at);
         }
         if !disagrees {
-            return Heard::Agrees;
+            return ClaimEffect::Agrees;
         }
-        Heard::Added(self.open_dispute(Dispute {
+        ClaimEffect::Added(self.open_dispute(Dispute {
             round,
             index,
             what: held.what,
@@ -131,7 +133,7 @@ impl ActiveJob {
         }))
     }
 
-    /// Decides a dispute if two agree. Returns the sources that were wrong.
+    /// Decides a dispute if two claims agree. Returns the sources of the wrong claims.
     fn decide(&mut self, at: usize) -> Vec<Source> {
         let dispute = &self.record.disputes[at];
         let Some(agreed) = dispute.agreed() else { return Vec::new() };
@@ -153,10 +155,10 @@ impl ActiveJob {
     }
 }
 
-/// Compares results of tasks that are done with those that hold: they agree, or open or decide a dispute. Returns whether any
-/// of them differs from what holds now. The job may be over afterwards, or its round ready to be sealed. `older`: committed
-/// results of a round of which nothing is known here.
-pub(super) fn weigh(
+/// Compares delivered results of done tasks with the results that hold. They agree, open a dispute, or decide one.
+/// Returns true if any of them differs from the result that holds afterwards. The call may end the job, or make its
+/// round ready to be sealed. `older`: committed results of a round that is no longer in memory.
+pub(super) fn compare_results(
     core: &mut Scheduler,
     now: Now,
     id: &JobId,
@@ -189,13 +191,13 @@ pub(super) fn weigh(
             claim(core, core.fleet.source(held.finder.clone()), held.digest, job.show(&held), held.result.clone());
         let claim = claim(core, source.clone(), digest, what, result.map(|result| result.to_vec()));
         let Some(job) = core.jobs.active.get_mut(id) else { return differs };
-        match job.hear(now, round, claim, index, (held, held_claim)) {
-            Heard::Added(at) => {
+        match job.add_claim(now, round, claim, index, (held, held_claim)) {
+            ClaimEffect::Added(at) => {
                 touched.insert(at);
                 wrong.extend(job.decide(at));
             }
-            Heard::Refuted => refuted = true,
-            Heard::Agrees => {}
+            ClaimEffect::Refuted => refuted = true,
+            ClaimEffect::Agrees => {}
         }
         differs |= job.holds(round, index).is_some_and(|held| held.digest != digest);
     }
@@ -214,7 +216,7 @@ fn claim(core: &Scheduler, source: Source, digest: Digest, what: String, result:
     Claim { source, digest, what, result, distrusted }
 }
 
-/// Publishes how disputes stand, and acts on those that were decided.
+/// Publishes one of the disputes that changed, and acts on those that were decided.
 fn conclude(core: &mut Scheduler, now: Now, id: &JobId, touched: &BTreeSet<usize>, mut wrong: Vec<Source>) {
     let Some(job) = core.jobs.active.get_mut(id) else { return };
     let told: Vec<&Dispute> = touched.iter().filter_map(|&at| job.record.disputes.get(at)).collect();
@@ -222,7 +224,7 @@ fn conclude(core: &mut Scheduler, now: Now, id: &JobId, touched: &BTreeSet<usize
     let first = tainted.as_ref().or(told.first().copied()).cloned();
     let why = match &first {
         Some(first) => format!("its result of {} of job {id} differs from that of two other workers", first.what),
-        None => format!("a result of job {id} contradicts one that was decided"),
+        None => format!("its result of job {id} differs from the one that arbitration confirmed"),
     };
     if let Some(first) = first {
         let write = job.change(now, Event::Dispute(Box::new(first)));
@@ -240,7 +242,7 @@ fn conclude(core: &mut Scheduler, now: Now, id: &JobId, touched: &BTreeSet<usize
     revoke_decided(core, id);
 }
 
-/// Revokes the leases on tasks whose disputes were decided meanwhile.
+/// Revokes arbitration leases on tasks without an open dispute.
 fn revoke_decided(core: &mut Scheduler, id: &JobId) {
     let Some(job) = core.jobs.active.get(id) else { return };
     let needless = |range: &Range| range.indexes().all(|index| !job.is_disputed(range.round, index));
@@ -249,20 +251,24 @@ fn revoke_decided(core: &mut Scheduler, id: &JobId) {
     revoke_leases(core, &ids, LeaseEnd::Needless);
 }
 
-/// Why a job is tainted, in a sentence.
+/// Returns the reason why a job is tainted.
 fn taint(dispute: &Dispute) -> String {
     let told = |claim: &Claim| {
         let worker = match (&*claim.source.name, &*claim.source.finder.worker) {
-            ("", "") => "a worker that is not known any more",
+            ("", "") => "a worker that is no longer known",
             ("", id) => id,
             (name, _) => name,
         };
         let (digest, what) = (claim.digest.short(), &claim.what);
-        if what.is_empty() { format!("{worker} has {digest}") } else { format!("{worker} has {what} ({digest})") }
+        if what.is_empty() {
+            format!("{worker} delivered {digest}")
+        } else {
+            format!("{worker} delivered {what} ({digest})")
+        }
     };
     let claims: Vec<String> = dispute.claims.iter().map(told).collect();
     format!(
-        "the result of {} that was sealed in round {} is wrong: {}; `evogait restart` does the job again from there",
+        "the result of {} that was sealed in round {} is wrong: {}; `evogait restart` repeats the job from that round",
         dispute.what,
         dispute.round,
         claims.join(", ")

@@ -1,10 +1,10 @@
-//! Which job gets the next free slot: start-time fair queueing (Goyal, Vin and Cheng 1996) by measured cost.
+//! The choice of the job for the next free slot: start-time fair queueing (Goyal, Vin and Cheng 1996) by measured cost.
 //!
-//! A job's tag grows by the slot time of what it is given, divided by its priority; the job with the smallest tag is
-//! next. A job that had nothing to hand out for a while may catch up on a bounded part of it: what it misses while the last
-//! candidates of a generation are out, but not hours of waiting.
+//! A job's tag grows by the slot time of its leases, divided by its priority. The job with the smallest tag is next. A
+//! job without pending tasks may later catch up on a bounded part of its missed share. The bound covers the wait for
+//! the last tasks of a round, not hours of waiting.
 
-use super::arbiter::ask_arbiters;
+use super::arbiter::assign_arbiters;
 use super::fleet::{Fleet, Worker, WorkerId};
 use super::job::ActiveJob;
 use super::lease::{Kind, Lease, assign};
@@ -18,58 +18,58 @@ use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 
-/// Slot time of a task that was not measured yet, s.
+/// Slot time of a task before the first measurement, s.
 pub(super) const UNKNOWN_COST: f64 = 1.0;
 
-/// How much of its missed share a job may catch up on, s of slot time at the priority of most jobs.
+/// Missed share that a job may catch up on, s of slot time at the default priority.
 const CREDIT: f64 = 60.0 / DEFAULT_PRIORITY as f64;
 
-/// Whether a free slot is filled, or a busy one gets its next work in advance.
+/// Kind of lease placement: into free slots, or in advance behind a slot's current lease.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fill {
     FreeSlots,
     InAdvance,
 }
 
-/// What the order of work depends on.
+/// State that decides the order of work.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
-    /// Virtual time of the fair queue: the tag of the work handed out last.
+    /// Virtual time of the fair queue: the tag of the latest lease.
     pub virtual_time: f64,
-    /// Workers that may have room.
+    /// Workers that may have room for a lease.
     pub room: Room,
-    /// Workers that are kept free for the suspects of a job.
-    pub cells: BTreeMap<JobId, WorkerId>,
+    /// Workers that are reserved for the suspects of a job.
+    pub reserved: BTreeMap<JobId, WorkerId>,
 }
 
-/// Workers that may have room, so that an event costs as much as it changes and not as many workers as there are.
+/// Workers that may have room for a lease. The sets keep the cost of an event independent of the number of workers.
 ///
-/// A worker leaves a set when it is found without room, and comes back when it may have some. So a set may hold workers
-/// that have none, but never lacks one that has.
+/// A worker leaves a set when dispatch finds it without room, and returns when it may have room again. So a set may
+/// contain workers without room, but always contains every worker with room.
 #[derive(Debug, Default)]
 pub(super) struct Room {
     free_slots: BTreeSet<WorkerId>,
     in_advance: BTreeSet<WorkerId>,
-    /// Slots of the workers that take work, by engine; nothing while it is not known.
+    /// Slots of the workers that take work, by engine; `None` until they are counted.
     slots: Option<BTreeMap<Digest, u32>>,
-    /// Workers and leases looked at, and jobs weighed for them, ever: what dispatching costs.
+    /// Total number of workers, leases and jobs that dispatch examined: the cost of dispatching.
     #[cfg(test)]
     pub steps: u64,
 }
 
 impl Room {
-    /// This worker may have room.
+    /// Adds a worker that may have room.
     pub fn may_have(&mut self, worker: &WorkerId) {
         self.free_slots.insert(worker.clone());
         self.in_advance.insert(worker.clone());
     }
 
-    /// A worker came, went, or takes work no more.
+    /// Clears the slot counts: a worker connected, left, or stopped or started taking work.
     pub fn workers_changed(&mut self) {
         self.slots = None;
     }
 
-    /// The first in a set, or the next after one.
+    /// Returns the first worker of a set, or the next one after `last`.
     fn after(&mut self, fill: Fill, last: Option<&WorkerId>) -> Option<WorkerId> {
         let from = last.map_or(Bound::Unbounded, Bound::Excluded);
         self.of(fill).range::<WorkerId, _>((from, Bound::Unbounded)).next().cloned()
@@ -82,12 +82,12 @@ impl Room {
         }
     }
 
-    /// Workers that may have a free slot.
+    /// Returns the workers that may have a free slot.
     pub fn with_free_slots(&self) -> &BTreeSet<WorkerId> {
         &self.free_slots
     }
 
-    fn know_slots(&mut self, fleet: &Fleet) {
+    fn count_slots(&mut self, fleet: &Fleet) {
         if self.slots.is_none() {
             let mut slots = BTreeMap::new();
             for worker in fleet.workers.values().filter(|w| w.takes_work()) {
@@ -103,7 +103,7 @@ impl Room {
         self.count(1);
     }
 
-    /// So many workers or leases were looked at.
+    /// Adds to the number of examined workers and leases.
     pub fn count(&mut self, _looks: usize) {
         #[cfg(test)]
         {
@@ -112,12 +112,12 @@ impl Room {
     }
 }
 
-/// Hands out what is pending: first to free slots everywhere, then one range a slot in advance where ranges are short.
+/// Assigns pending tasks: first to all free slots, then one range per slot in advance where ranges are short.
 pub(super) fn dispatch(core: &mut Scheduler, now: Now) {
-    ask_arbiters(core, now);
+    assign_arbiters(core, now);
     let kept_free = isolate_suspects(core, now);
     for fill in [Fill::FreeSlots, Fill::InAdvance] {
-        core.queue.room.know_slots(&core.fleet);
+        core.queue.room.count_slots(&core.fleet);
         let mut last: Option<WorkerId> = None;
         while core.jobs.active.values().any(|job| size_for_any(&core.queue.room, job, fill).is_some())
             && let Some(id) = core.queue.room.after(fill, last.as_ref())
@@ -130,7 +130,7 @@ pub(super) fn dispatch(core: &mut Scheduler, now: Now) {
     }
 }
 
-/// Gives a worker what there is for it; `false` if it has no room left.
+/// Assigns tasks to a worker until it has no room or no task fits; returns `false` if it has no room left.
 fn fill_worker(core: &mut Scheduler, now: Now, id: &WorkerId, fill: Fill) -> bool {
     loop {
         core.queue.room.step();
@@ -150,7 +150,7 @@ fn fill_worker(core: &mut Scheduler, now: Now, id: &WorkerId, fill: Fill) -> boo
     }
 }
 
-/// The job whose turn it is on this worker, and the size of the range.
+/// Returns the next job for this worker, and the size of the range.
 fn next_job(core: &Scheduler, now: Now, worker: &Worker, fill: Fill) -> Option<(JobId, u32)> {
     let mut next: Option<(f64, u64, &JobId, u32)> = None;
     for (id, job) in &core.jobs.active {
@@ -163,7 +163,7 @@ fn next_job(core: &Scheduler, now: Now, worker: &Worker, fill: Fill) -> Option<(
     next.map(|(_, _, id, size)| (id.clone(), size))
 }
 
-/// How many tasks this job would give to this worker; `None` if nothing.
+/// Returns the number of tasks of this job that fit this worker now; `None` if none.
 fn offer(core: &Scheduler, now: Now, worker: &Worker, job: &ActiveJob, fill: Fill) -> Option<u32> {
     if !worker.can_do(&job.record) {
         return None;
@@ -172,7 +172,7 @@ fn offer(core: &Scheduler, now: Now, worker: &Worker, job: &ActiveJob, fill: Fil
     size_for_any(&core.queue.room, job, fill).map(|size| size.min(fitting)).filter(|size| *size > 0)
 }
 
-/// How many tasks this job would give to a worker that can run it; `None` if nothing.
+/// Returns the number of tasks of this job for a worker that can run it; `None` if none.
 fn size_for_any(room: &Room, job: &ActiveJob, fill: Fill) -> Option<u32> {
     if !job.has_ordinary() {
         return None;
@@ -180,7 +180,7 @@ fn size_for_any(room: &Room, job: &ActiveJob, fill: Fill) -> Option<u32> {
     let round = &job.round;
     let most = round.at_most();
     if most == 1 {
-        // Long tasks, of which no two take the same time: none is sent in advance.
+        // Long tasks take very different times, so none is leased in advance.
         return (fill == Fill::FreeSlots).then_some(most);
     }
     let known = room.slots.as_ref().and_then(|slots| slots.get(&job.record.engine_digest));
@@ -199,7 +199,7 @@ fn hand_out(core: &mut Scheduler, now: Now, worker: &WorkerId, id: &JobId, size:
     assign(core, now, assignment, lease, tasks);
 }
 
-/// Charges a job for what it is given.
+/// Adds the cost of a lease to the job's tag, and returns it.
 pub(super) fn charge(queue: &mut Queue, job: &mut ActiveJob, count: u32) -> f64 {
     let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(count) / f64::from(job.record.priority);
     let tag = job.finish_tag.max(queue.virtual_time - CREDIT);

@@ -1,15 +1,15 @@
-//! The events: one function each.
+//! The scheduler's events: one function each.
 
 use super::dispatch::dispatch;
-use super::explain::publish_other_build;
 use super::fleet::{Greeting, Running, SessionId, Welcome, Worker, WorkerId};
 use super::job::{self, ActiveJob, NewJob, Resumed};
 use super::lease::{AssignmentId, Kind, Lease, end_lease, record_failure, revoke_leases};
-use super::leaving::{drain_leaving, stops};
+use super::leaving::{revoke_leaving, stops};
 use super::notes::{LeaseEnd, Note};
 use super::results::{self, Completed, RefusedResult, Verdict, seal};
 use super::straggler::copy_stragglers;
-use super::trust::{clear_of_blame, spare, tell_quarantined};
+use super::trust::{defer_job_on_worker, send_quarantine_drain, withdraw_crash_charges};
+use super::wait_reasons::publish_other_build;
 use super::{Now, Scheduler, stuck};
 use crate::permit::Issued;
 use crate::record::{Event, JobId, JobRecord, JobState};
@@ -19,7 +19,7 @@ use sim_core::procedure::{BadState, Refused};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-/// A client submits a job. The caller has checked that its request id is new.
+/// Adds a job that a client submitted. The caller must check before that its request id is new.
 pub fn on_submit(core: &mut Scheduler, now: Now, new: NewJob) -> JobRecord {
     let number = core.jobs.new_number();
     let (job, writes) = ActiveJob::submitted(now, number, new, core.queue.virtual_time);
@@ -30,8 +30,8 @@ pub fn on_submit(core: &mut Scheduler, now: Now, new: NewJob) -> JobRecord {
     record
 }
 
-/// A job from the store goes on where it stood; nothing is handed out before the next event. If its state can't be used it
-/// fails.
+/// Continues a job from the store where it stopped. No task is assigned before the next event. If the job's state is
+/// invalid, the job fails.
 pub fn on_resume(core: &mut Scheduler, now: Now, resumed: Resumed) -> Result<(), BadState> {
     let record = resumed.record.clone();
     let id = record.id.clone();
@@ -49,26 +49,27 @@ pub fn on_resume(core: &mut Scheduler, now: Now, resumed: Resumed) -> Result<(),
     }
 }
 
-/// A job from the store can't go on: it fails.
+/// Fails a job from the store that can't continue, for this reason.
 pub fn on_unusable(core: &mut Scheduler, now: Now, record: JobRecord, reason: String) {
     core.jobs.ended.insert(record.id.clone());
     let (_, write) = job::end(record, now, JobState::Failed, reason);
     core.out.write(write);
 }
 
-/// A client cancels a job. `None` if no job that has not ended has this id.
+/// Cancels a job for a client. Returns `None` if no active job has this id.
 pub fn on_cancel(core: &mut Scheduler, now: Now, id: &JobId) -> Option<JobRecord> {
     let record = end_job(core, now, id, JobState::Cancelled, String::new());
     dispatch(core, now);
     record
 }
 
-/// A client pauses (`true`) or resumes a job; a job that is so already stays so. `None` if no job that has not ended has this
-/// id.
+/// Pauses (`true`) or resumes a job for a client; no change if it already is in that state. Returns `None` if no active
+/// job has this id.
 pub fn on_pause(core: &mut Scheduler, now: Now, id: &JobId, paused: bool) -> Option<JobRecord> {
     let job = core.jobs.active.get_mut(id)?;
     let write = if job.record.paused == paused {
-        // Written all the same: a coordinator that was replaced meanwhile must not say that it is so.
+        // Written anyway: the commit fails if another coordinator has replaced this one, which then must not
+        // acknowledge.
         Write::Note { record: job.record.clone() }
     } else {
         job.record.paused = paused;
@@ -80,7 +81,7 @@ pub fn on_pause(core: &mut Scheduler, now: Now, id: &JobId, paused: bool) -> Opt
     Some(record)
 }
 
-/// A client offers a batch to a job whose procedure waits for one. `None` if no job that has not ended has this id.
+/// Offers a client's batch to a job with a procedure that waits for one. Returns `None` if no active job has this id.
 pub fn on_offer(core: &mut Scheduler, now: Now, id: &JobId, batch: &[u8]) -> Option<Result<JobRecord, Refused>> {
     let job = core.jobs.active.get_mut(id)?;
     if let Err(refused) = job.procedure.offer(batch) {
@@ -94,23 +95,25 @@ pub fn on_offer(core: &mut Scheduler, now: Now, id: &JobId, batch: &[u8]) -> Opt
     Some(Ok(record))
 }
 
-/// The coordinator itself stood still for a while: what its workers sent meanwhile has not been received yet, and counts.
+/// Moves the deadlines for heartbeats and progress by the time that the coordinator process was suspended. Messages
+/// that workers sent meanwhile are still unread.
 pub fn on_standstill(core: &mut Scheduler, time: Duration) {
     core.fleet.workers.values_mut().for_each(|worker| worker.expires += time);
     core.leases.all.values_mut().for_each(|lease| lease.moved += time);
 }
 
-/// Time passed: leases of silent workers expire.
+/// Expires the leases of workers without heartbeats, drains leaving workers, assigns pending tasks and copies
+/// stragglers.
 pub fn on_tick(core: &mut Scheduler, now: Now) {
     let silent: Vec<WorkerId> =
         core.fleet.workers.iter().filter(|(_, w)| w.expires <= now.since_start).map(|(id, _)| id.clone()).collect();
     for id in silent {
-        lose_worker(core, now, &id);
+        expire_leases_of_worker(core, now, &id);
     }
     for worker in core.fleet.workers.values_mut() {
         worker.refused.retain(|_, until| *until > now.since_start);
     }
-    drain_leaving(core, now);
+    revoke_leaving(core, now);
     dispatch(core, now);
     for id in core.fleet.workers.keys().cloned().collect::<Vec<_>>() {
         copy_stragglers(core, now, &id);
@@ -118,7 +121,8 @@ pub fn on_tick(core: &mut Scheduler, now: Now) {
     core.alarm.wake = earliest(core);
 }
 
-/// When the next lease expires unless a sign of life comes, or a worker is spared a job no more, or has to be told to stop.
+/// Returns the earliest deadline: a worker's leases expire, a worker may get a job again that it rejected, or a leaving
+/// worker must be drained.
 fn earliest(core: &Scheduler) -> Option<Duration> {
     let workers = || core.fleet.workers.values();
     let expiry = workers().map(|w| w.expires);
@@ -127,7 +131,7 @@ fn earliest(core: &Scheduler) -> Option<Duration> {
     expiry.chain(refusal).chain(leaving).min()
 }
 
-/// Ends a job without success.
+/// Ends a job in a state other than success.
 pub(super) fn end_job(
     core: &mut Scheduler,
     now: Now,
@@ -137,12 +141,12 @@ pub(super) fn end_job(
 ) -> Option<JobRecord> {
     let (record, write) = job::end(core.jobs.active.remove(id)?.record, now, state, reason);
     core.out.write(write);
-    forget(core, id);
+    revoke_leases_of_ended_job(core, id);
     Some(record)
 }
 
-/// A job is over: its leases are needed no more.
-pub(super) fn forget(core: &mut Scheduler, id: &JobId) {
+/// Revokes all leases of a job that has ended.
+pub(super) fn revoke_leases_of_ended_job(core: &mut Scheduler, id: &JobId) {
     core.jobs.ended.insert(id.clone());
     let running: Vec<AssignmentId> = core.leases.of(id).map(|(a, _)| *a).collect();
     revoke_leases(core, &running, LeaseEnd::Needless);
@@ -152,14 +156,15 @@ pub(super) fn forget(core: &mut Scheduler, id: &JobId) {
     }
 }
 
-/// A worker connects, for the first time or again. A lease that it still works on stays its own, or becomes its own (after a
-/// restart the coordinator knows of none), unless another worker has its tasks or they are done.
+/// Opens a session for a worker that connects, for the first time or again. The worker keeps the leases that it still
+/// runs. After a restart the coordinator has no leases in memory, so it adopts those that the worker reports if all of
+/// their tasks are still pending.
 pub fn on_connect(core: &mut Scheduler, now: Now, greeting: Greeting) -> Welcome {
     let session = core.fleet.new_session();
     let id = greeting.worker.clone();
     let before = core.fleet.workers.remove(&id);
     if before.is_none() {
-        clear_of_blame(core, &id);
+        withdraw_crash_charges(core, &id);
     }
     let held = before.as_ref().map(|w| w.held.clone()).unwrap_or_default();
     let worker = Worker {
@@ -176,7 +181,7 @@ pub fn on_connect(core: &mut Scheduler, now: Now, greeting: Greeting) -> Welcome
         known: BTreeMap::new(),
         refused: BTreeMap::new(),
         ends: greeting.time_left.map(|left| now.since_start.saturating_add(left)),
-        stuck_after: core.settings.patience(greeting.stuck_after),
+        stuck_after: core.settings.stuck_timeout(greeting.stuck_after),
         trusted: !core.trust.is_quarantined(&id),
         stuck: 0,
         suspect: before.as_ref().and_then(|w| w.suspect),
@@ -194,12 +199,12 @@ pub fn on_connect(core: &mut Scheduler, now: Now, greeting: Greeting) -> Welcome
         let kept = held.contains(&assignment) || trusted && adopt(core, now, &id, running);
         if kept { keep.push(assignment) } else { drop.push(assignment) }
     }
-    // Assignments that never reached it.
+    // Leases that the worker never received.
     for assignment in held.iter().filter(|assignment| !keep.contains(assignment)) {
         end_lease(core, *assignment, LeaseEnd::Undelivered);
     }
-    tell_quarantined(core, &id);
-    drain_leaving(core, now);
+    send_quarantine_drain(core, &id);
+    revoke_leaving(core, now);
     core.alarm.wake_by(now.since_start + core.settings.lease);
     let stays = core.fleet.workers.get(&id).filter(|w| !w.draining);
     if let Some(at) = stays.and_then(|w| stops(&core.settings, w)) {
@@ -209,11 +214,11 @@ pub fn on_connect(core: &mut Scheduler, now: Now, greeting: Greeting) -> Welcome
     Welcome { session, keep, drop }
 }
 
-/// Makes an assignment that a worker still works on its lease, if it was issued to it and all of its tasks are pending.
+/// Restores a lease that a worker still runs, if it was issued to this worker and all of its tasks are pending.
 fn adopt(core: &mut Scheduler, now: Now, worker: &WorkerId, running: Running) -> bool {
     let Running { assignment, job, range, permit } = running;
     let issued = Issued { assignment, worker, job: &job, range };
-    // An id that was never given out would collide with one that will be.
+    // An id that was never issued would collide with a later one.
     let known = core.leases.was_issued(assignment) && core.trust.key.admits(issued, &permit);
     if !known || core.leases.all.contains_key(&assignment) {
         return false;
@@ -230,8 +235,8 @@ fn adopt(core: &mut Scheduler, now: Now, worker: &WorkerId, running: Running) ->
     true
 }
 
-/// A sign of life, with the assignments that are worked on and, from a worker that counts, how far each of them is. `false` if
-/// this session is not known any more: the worker has to connect again.
+/// Records a heartbeat, with the leases that the worker runs and, if it reports progress, the count of each. Returns
+/// `false` if this session has ended: the worker must connect again.
 pub fn on_heartbeat(
     core: &mut Scheduler,
     now: Now,
@@ -245,7 +250,7 @@ pub fn on_heartbeat(
     if let Some(worker) = core.fleet.workers.get_mut(id) {
         worker.expires = now.since_start + core.settings.lease;
     }
-    // An assignment that was sent a while ago and that the worker does not know got lost on the way.
+    // A lease that was sent some time ago and that the worker does not list was lost on the way.
     let sent_before = now.since_start.saturating_sub(core.settings.lease / 2);
     for assignment in held {
         let lost = core.leases.all.get(&assignment).is_some_and(|l| l.since < sent_before);
@@ -262,7 +267,7 @@ pub fn on_heartbeat(
     true
 }
 
-/// A connection broke. The worker has a heartbeat's time to come back before its leases expire.
+/// Records that a worker's connection broke. Its leases expire unless it connects again within one heartbeat interval.
 pub fn on_disconnect(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionId) {
     if core.fleet.of_session(id, session).is_none() {
         return;
@@ -280,8 +285,8 @@ pub fn on_disconnect(core: &mut Scheduler, now: Now, id: &WorkerId, session: Ses
     dispatch(core, now);
 }
 
-/// A worker will stop: it gets nothing new, and its leases are returned at once, at no cost, but for those that it says it
-/// still finishes.
+/// Drains a worker that announced its stop: it gets no new leases, and returns at once all leases that it does not
+/// finish. Returned leases cost no attempt.
 pub fn on_drain(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionId, finishing: &[AssignmentId]) {
     let Some(worker) = core.fleet.of_session(id, session) else { return };
     let finishing: BTreeSet<_> = finishing.iter().collect();
@@ -297,18 +302,19 @@ pub fn on_drain(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionI
     dispatch(core, now);
 }
 
-/// A worker can't run an assignment. It costs no attempt; for the time of a lease it is spared that job.
-pub fn on_reject(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionId, assignment: AssignmentId) {
+/// Ends a lease that its worker returned because it can't run it. That costs no attempt. The worker gets no work of
+/// that job for one lease time.
+pub fn on_return(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionId, assignment: AssignmentId) {
     let Some(worker) = core.fleet.of_session(id, session) else { return };
     if worker.held.contains(&assignment)
         && let Some(lease) = end_lease(core, assignment, LeaseEnd::Rejected)
     {
-        spare(core, now, id, &lease.job);
+        defer_job_on_worker(core, now, id, &lease.job);
     }
     dispatch(core, now);
 }
 
-/// A worker may not go on in this session: its leases are revoked at once, and nothing is to blame.
+/// Ends a worker's session: its leases are revoked at once, at no cost to the tasks.
 pub fn on_expel(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionId) {
     let Some(worker) = core.fleet.of_session(id, session) else { return };
     for assignment in worker.held.clone() {
@@ -319,36 +325,37 @@ pub fn on_expel(core: &mut Scheduler, now: Now, id: &WorkerId, session: SessionI
     dispatch(core, now);
 }
 
-/// A worker delivers a result.
+/// Processes a worker's delivery.
 ///
 /// # Errors
-/// It can't be a result of an assignment that was issued to this worker; nothing was stored.
+/// The delivery can't belong to an assignment that was issued to this worker; no result is stored.
 pub fn on_result(core: &mut Scheduler, now: Now, completed: Completed) -> Result<Verdict, RefusedResult> {
-    results::take_and_dispatch(core, now, |core| results::take(core, now, completed))
+    results::complete_and_dispatch(core, now, |core| results::take(core, now, completed))
 }
 
-/// A result that was [`Verdict::Older`], with the digests of its sealed round.
+/// Compares a result that got [`Verdict::Older`] with the digests of its sealed round.
 ///
 /// # Errors
-/// The tasks that came with it are not those that were assigned.
+/// The tasks that were delivered with it are not those that were assigned.
 pub fn on_compare(
     core: &mut Scheduler,
     now: Now,
     completed: Completed,
     sealed: &[Digest],
 ) -> Result<Verdict, RefusedResult> {
-    results::take_and_dispatch(core, now, |core| results::compare(core, now, completed, sealed))
+    results::complete_and_dispatch(core, now, |core| results::compare(core, now, completed, sealed))
 }
 
-/// Whether another worker takes this job's work.
-pub(super) fn others_can(core: &Scheduler, worker: &WorkerId, id: &JobId) -> bool {
+/// Returns true if another worker can take this job's tasks.
+pub(super) fn has_other_able_worker(core: &Scheduler, worker: &WorkerId, id: &JobId) -> bool {
     let Some(job) = core.jobs.active.get(id) else { return false };
     core.fleet.workers.iter().any(|(other, w)| other != worker && w.takes_work() && w.can_do(&job.record))
 }
 
-/// A worker is gone. If its connection broke it crashed, and its leases are suspected of having crashed it, until it comes
-/// back; if it only fell silent (a network that swallows everything), nothing is to blame.
-fn lose_worker(core: &mut Scheduler, now: Now, id: &WorkerId) {
+/// Removes a worker that sent no heartbeat in time; its leases expire. If its connection broke, it counts as crashed,
+/// and the tasks of its leases become suspects until it comes back. If the connection is still open (a network that
+/// loses all packets), its tasks are not charged.
+fn expire_leases_of_worker(core: &mut Scheduler, now: Now, id: &WorkerId) {
     let Some(worker) = core.fleet.workers.remove(id) else { return };
     core.queue.room.workers_changed();
     let crashed = worker.session.is_none();
@@ -359,7 +366,7 @@ fn lose_worker(core: &mut Scheduler, now: Now, id: &WorkerId) {
         if let Some(lease) = end_lease(core, assignment, LeaseEnd::Lost)
             && crashed
         {
-            let why = format!("worker {} died with it", worker.name);
+            let why = format!("worker {} crashed while running it", worker.name);
             record_failure(core, now, &lease, alone, Some(id), &why);
         }
     }

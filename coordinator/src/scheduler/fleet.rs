@@ -1,4 +1,4 @@
-//! The workers that are connected, or whose leases still run.
+//! Workers that are connected or still have leases.
 
 use super::lease::{AssignmentId, Range};
 use super::stuck;
@@ -9,61 +9,61 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The host of a source address with a port, such as `10.0.0.7` of `10.0.0.7:7077`.
+/// Returns the host of a source address with port: `10.0.0.7` for `10.0.0.7:7077`.
 pub fn host_of(address: &str) -> &str {
     address.rsplit_once(':').map_or(address, |(host, _)| host)
 }
 
-/// Names one connection of a worker: messages of an older connection are ignored.
+/// Id of one connection of a worker. Messages of an older connection are ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SessionId(pub u64);
 
-/// The introduction of a worker.
+/// First message of a worker on a connection.
 #[derive(Clone, Debug)]
 pub struct Greeting {
-    /// Its id.
+    /// The worker's id.
     pub worker: WorkerId,
-    /// Its name, for people.
+    /// Its display name.
     pub name: String,
-    /// Its version of evogait, for people.
+    /// Its evogait version, for display.
     pub version: String,
-    /// The address it calls from.
+    /// Source address of its connection.
     pub address: String,
-    /// The first digits of its token's digest; empty where calls need none.
+    /// First digits of its token's digest; empty where no token is needed.
     pub credential: Arc<str>,
-    /// Assignments at once, at least 1.
+    /// Number of leases it can run at once, at least 1.
     pub slots: u32,
     /// Its engines.
     pub engines: Vec<Digest>,
-    /// The assignments that it still works on.
+    /// Leases that it still runs.
     pub running: Vec<Running>,
-    /// How long its machine will still be there, if that is known.
+    /// Time until its machine shuts down, if known.
     pub time_left: Option<Duration>,
-    /// How long a slot of it may stand still before it replaces it by itself, if it says so.
+    /// Time without progress after which the worker itself restarts a slot, if it reports that.
     pub stuck_after: Option<Duration>,
 }
 
-/// An assignment that a worker says it works on.
+/// A lease that a worker reports as running.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Running {
-    /// Its id.
+    /// The assignment's id.
     pub assignment: AssignmentId,
     /// The job.
     pub job: JobId,
     /// The tasks.
     pub range: Range,
-    /// Proof that it was issued.
+    /// Permit that came with the assignment.
     pub permit: Vec<u8>,
 }
 
 /// The answer to a [`Greeting`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Welcome {
-    /// The connection's name.
+    /// Id of the connection.
     pub session: SessionId,
-    /// Of the assignments it works on: go on with these …
+    /// Running leases that the worker continues …
     pub keep: Vec<AssignmentId>,
-    /// … and drop these.
+    /// … and those that it must drop.
     pub drop: Vec<AssignmentId>,
 }
 
@@ -77,27 +77,27 @@ pub(super) struct Worker {
     pub credential: Arc<str>,
     pub slots: u32,
     pub engines: Vec<Digest>,
-    /// Its leases, in the order they were given.
+    /// Its leases, oldest first.
     pub held: BTreeSet<AssignmentId>,
-    /// Without a sign of life until then, it is lost.
+    /// Deadline of its next heartbeat; after it the worker counts as lost and its leases expire.
     pub expires: Duration,
     pub draining: bool,
-    /// Jobs whose text this session has been sent, and the digest of the shared bytes that it was sent last.
+    /// Jobs with a text that this session was sent, and the digest of the shared bytes sent last.
     pub known: BTreeMap<JobId, Digest>,
-    /// Jobs that it gets no work of for a while, and until when.
+    /// Jobs that it gets no work of, and until when.
     pub refused: BTreeMap<JobId, Duration>,
-    /// When its machine goes away, if that is known.
+    /// Time at which its machine shuts down, if known.
     pub ends: Option<Duration>,
-    /// Work that stands still for this long is revoked.
+    /// Time without progress after which its lease is revoked.
     pub stuck_after: Duration,
-    /// It is not quarantined.
+    /// False if it is quarantined.
     pub trusted: bool,
-    /// How often its work was revoked since its last result, because it stood still.
+    /// Number of its leases revoked as stuck since its last result.
     pub stuck: u32,
-    /// The suspect that it works on, with nothing beside it.
+    /// The suspect that it runs, with no other lease beside it.
     pub suspect: Option<AssignmentId>,
     pub connected_at_ms: i64,
-    /// Tasks whose results it delivered first.
+    /// Tasks of which it delivered the first result.
     pub tasks: u64,
 }
 
@@ -106,7 +106,7 @@ impl Worker {
         self.session.is_some() && !self.draining && self.trusted && self.stuck < stuck::MOST_TIMES
     }
 
-    /// Whether it gets something now, if it has a free slot: not while it works on a suspect.
+    /// Returns true if it may get a lease in a free slot: it takes work and runs no suspect.
     pub fn is_open(&self) -> bool {
         self.takes_work() && self.suspect.is_none()
     }
@@ -115,18 +115,18 @@ impl Worker {
         self.is_open() && self.held.len() < self.slots as usize
     }
 
-    /// Whether it has the engine of a job and is not spared it.
+    /// Returns true if it has the job's engine and has not recently rejected or failed the job.
     pub fn can_do(&self, job: &JobRecord) -> bool {
         self.engines.contains(&job.engine_digest) && !self.refused.contains_key(&job.id)
     }
 
-    /// The machine it calls from: its source address.
+    /// Returns the host it connects from: its source address without the port.
     pub fn host(&self) -> &str {
         host_of(&self.address)
     }
 }
 
-/// All of them.
+/// All workers.
 #[derive(Default)]
 pub(super) struct Fleet {
     pub workers: BTreeMap<WorkerId, Worker>,
@@ -139,12 +139,12 @@ impl Fleet {
         SessionId(self.sessions)
     }
 
-    /// The worker of a session that still stands.
+    /// Returns the worker if this is its current session.
     pub fn of_session(&self, id: &WorkerId, session: SessionId) -> Option<&Worker> {
         self.workers.get(id).filter(|w| w.session == Some(session))
     }
 
-    /// A worker's lease ended.
+    /// Removes an ended lease from its worker.
     pub fn free(&mut self, id: &WorkerId, lease: AssignmentId) {
         if let Some(worker) = self.workers.get_mut(id) {
             worker.held.remove(&lease);
@@ -154,13 +154,13 @@ impl Fleet {
         }
     }
 
-    /// The worker with this id and its current host.
+    /// Returns the id of this worker with its current host.
     pub fn finder(&self, id: &WorkerId) -> Finder {
         let host = self.workers.get(id).map(|w| w.host().into()).unwrap_or_default();
         Finder { worker: id.0.clone(), host }
     }
 
-    /// The same with its name.
+    /// Adds the worker's name to a finder.
     pub fn source(&self, finder: Finder) -> Source {
         let known = self.workers.get(&WorkerId(finder.worker.clone()));
         Source { name: known.map(|w| w.name.as_str().into()).unwrap_or_default(), finder }

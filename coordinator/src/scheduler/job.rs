@@ -1,4 +1,4 @@
-//! Jobs that have not ended: round after round of their procedure.
+//! Active jobs: they have not ended and work through the rounds of their procedure.
 
 use super::restart::Carried;
 use super::round::Round;
@@ -11,54 +11,54 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How far a round is, is published at most this often.
+/// Shortest time between two published events about a round's progress.
 const PUBLISH_EVERY: Duration = Duration::from_millis(100);
-/// Decided disputes that are kept of rounds long sealed.
+/// Number of decided disputes kept from rounds before the one sealed last.
 const KEPT_DISPUTES: usize = 8;
 
-/// What the scheduler needs to know of a job to run it. Of robots it knows nothing.
+/// A submitted job, as far as the scheduler needs it. The scheduler has no data about robots.
 pub struct NewJob {
-    /// Its own name.
+    /// The job's name.
     pub name: String,
-    /// The client's name for the request.
+    /// Id that the client chose for the request.
     pub request_id: String,
     /// Digest of the request's body.
     pub request_digest: Digest,
     /// Share of the workers, 1 to 100.
     pub priority: u32,
-    /// Digest of everything that makes it the same job as another.
+    /// Digest of all inputs that decide the job's result.
     pub job_digest: Digest,
-    /// The engine it needs.
+    /// Digest of the engine that the job needs.
     pub engine_digest: Digest,
-    /// The resolved job, for workers.
+    /// Text of the resolved job, for workers.
     pub toml: Arc<str>,
     /// The name of its procedure, such as "evolve".
     pub kind: String,
-    /// Its procedure: before round 0, or after the rounds that it takes over.
+    /// Its procedure: before round 0, or after the rounds it takes over.
     pub procedure: Box<dyn Procedure>,
-    /// What it takes over, if it does an earlier job again.
+    /// Rounds taken over from an earlier job, if this job repeats one.
     pub carried: Option<Carried>,
 }
 
-/// A job from the store.
+/// A job loaded from the store.
 pub struct Resumed {
-    /// As it stood.
+    /// The stored record.
     pub record: JobRecord,
-    /// The resolved job, for workers.
+    /// Text of the resolved job, for workers.
     pub toml: Arc<str>,
-    /// Its procedure as it was saved.
+    /// Its procedure in the saved state.
     pub procedure: Box<dyn Procedure>,
     /// The round sealed last.
     pub last: Option<LastRound>,
-    /// Results of the round at hand.
+    /// Results of the current round.
     pub results: Vec<StoredRange>,
 }
 
 /// All jobs of the store.
 pub(super) struct Jobs {
-    /// Those that have not ended.
+    /// Jobs that have not ended.
     pub active: BTreeMap<JobId, ActiveJob>,
-    /// Those that will never change again.
+    /// Jobs that have ended.
     pub ended: BTreeSet<JobId>,
     next: u64,
 }
@@ -68,7 +68,7 @@ impl Jobs {
         Self { active: BTreeMap::new(), ended, next }
     }
 
-    /// The number of the next job.
+    /// Returns a new job's number.
     pub fn new_number(&mut self) -> u64 {
         self.next += 1;
         self.next - 1
@@ -82,7 +82,7 @@ pub(super) struct ActiveJob {
     pub round: Round,
     /// The round sealed last.
     pub last: Option<LastRound>,
-    /// Place in the record of the dispute about a task, by round and index.
+    /// Index in the record of the dispute about a task, by round and task index.
     pub disputed: BTreeMap<(u32, u32), usize>,
     /// Virtual finish time in the fair queue.
     pub finish_tag: f64,
@@ -92,36 +92,20 @@ pub(super) struct ActiveJob {
 }
 
 impl ActiveJob {
-    /// A new job and the writes that store it.
+    /// Creates a new job, and the writes that store it.
     pub fn submitted(now: Now, number: u64, new: NewJob, virtual_time: f64) -> (Self, Vec<Write>) {
         let plan = new.procedure.round();
         let mut record = JobRecord {
-            id: JobId::new(number, &new.job_digest),
-            number,
             name: new.name,
             request_id: new.request_id,
             request_digest: new.request_digest,
-            state: JobState::Queued,
-            job_digest: new.job_digest,
             engine_digest: new.engine_digest,
-            version: env!("CARGO_PKG_VERSION").to_owned(),
             procedure: new.kind,
             rounds_sealed: plan.number,
             rounds_kept: plan.number,
             priority: new.priority,
             progress: new.procedure.progress(),
-            reason: String::new(),
-            paused: false,
-            restarted_from: None,
-            disputes: Vec::new(),
-            charges: Vec::new(),
-            poisoned: None,
-            submitted_at_ms: now.unix_ms,
-            started_at_ms: 0,
-            ended_at_ms: 0,
-            last_event: 0,
-            results_digest: ResultDigest::start(&new.job_digest).value(),
-            result_digest: None,
+            ..JobRecord::new(number, new.job_digest, now.unix_ms)
         };
         let mut last = None;
         let carry = new.carried.map(|Carried { origin, results_digest, last: carried }| {
@@ -149,13 +133,17 @@ impl ActiveJob {
         (job, [submit].into_iter().chain(carry).collect())
     }
 
-    /// A job from the store.
+    /// Continues a job loaded from the store.
     pub fn resumed(resumed: Resumed, virtual_time: f64) -> Result<Self, BadState> {
         let Resumed { record, toml, procedure, last, results } = resumed;
         let waits = record.state == JobState::Waiting;
         let round = if waits { Round::none(record.rounds_sealed) } else { Round::new(procedure.round()) };
         if round.number() != record.rounds_sealed {
-            return Err(BadState(format!("it is at round {} and the job at {}", round.number(), record.rounds_sealed)));
+            return Err(BadState(format!(
+                "the saved procedure is at round {}, but the job's record at round {}",
+                round.number(),
+                record.rounds_sealed
+            )));
         }
         let disputed = places(&record.disputes);
         let mut job = Self {
@@ -175,11 +163,13 @@ impl ActiveJob {
         Ok(job)
     }
 
-    /// Records the stored results of the round at hand.
+    /// Records the stored results of the current round.
     fn take_up(&mut self, ranges: Vec<StoredRange>) -> Result<(), BadState> {
         for StoredRange { round, first, results, finder } in ranges {
             let range = Range { round, first, count: results.len() as u32 };
-            let unfit = |why: String| BadState(format!("results of round {round} from {first} on don't fit{why}"));
+            let unfit = |why: String| {
+                BadState(format!("the stored results of round {round} from task {first} on are invalid{why}"))
+            };
             if !self.round.contains(&range) {
                 return Err(unfit(String::new()));
             }
@@ -191,7 +181,8 @@ impl ActiveJob {
         Ok(())
     }
 
-    /// Puts right what the store still has as it was first committed.
+    /// Replaces stored results of the current round that a dispute corrected: the store has them as they were first
+    /// committed.
     fn apply_rulings(&mut self) {
         let at_hand = self.round.number();
         for dispute in self.record.disputes.iter().filter(|d| d.round == at_hand) {
@@ -202,22 +193,22 @@ impl ActiveJob {
         }
     }
 
-    /// Whether there is something to hand out.
+    /// Returns true if a pending task may be assigned.
     pub fn has_pending(&self) -> bool {
         !self.record.paused && self.round.pending() > 0
     }
 
-    /// Whether there is something to hand out that is no suspect.
+    /// Returns true if a pending task that is no suspect may be assigned.
     pub fn has_ordinary(&self) -> bool {
         self.has_pending() && self.round.pending_unsuspected() > 0
     }
 
-    /// The tasks of a range of the round at hand.
+    /// Returns the tasks of a range of the current round.
     pub fn tasks(&self, range: &Range) -> Vec<Vec<u8>> {
         range.indexes().map(|index| self.procedure.task(index)).collect()
     }
 
-    /// The first work is handed out. `None` if that was before.
+    /// Sets the job running when it gets its first lease. Returns `None` if it already was running.
     pub fn start(&mut self, now: Now) -> Option<Write> {
         (self.record.state == JobState::Queued).then(|| {
             self.record.started_at_ms = now.unix_ms;
@@ -230,16 +221,17 @@ impl ActiveJob {
         self.change(now, Event::State(state))
     }
 
-    /// An event, with the job as it stands now.
+    /// Records an event; returns the write that stores it with the job's record.
     pub fn change(&mut self, now: Now, event: Event) -> Write {
         let event = self.record.next_event(now.unix_ms, event);
         Write::Change { record: self.record.clone(), event }
     }
 
-    /// Seals the round at hand if its results are there and nothing is disputed, and goes on to the next. `None` otherwise.
-    /// The job may have ended afterwards.
+    /// Seals the current round if its results are there and no dispute is open, and begins the next round. Returns
+    /// `None` otherwise. Afterwards the job may have ended.
     pub fn seal(&mut self, now: Now) -> Option<Write> {
-        // A disputed result must not be folded, and one that was folded last would taint all that follows.
+        // A disputed result must not be sealed. Sealing over an open dispute about the previous round could taint all
+        // later rounds.
         if self.open_disputes().next().is_some() {
             return None;
         }
@@ -291,7 +283,7 @@ impl ActiveJob {
         record_state(&mut self.record, now, state, events);
     }
 
-    /// A client's batch came: the write that stores what follows.
+    /// Sets a waiting job running after a client offered a batch. Returns the write that stores it.
     pub fn resume_waiting(&mut self, now: Now) -> Write {
         self.record.progress = self.procedure.progress();
         self.record.state = JobState::Running;
@@ -299,7 +291,7 @@ impl ActiveJob {
         Write::Offer { record: self.record.clone(), state: self.state(), event }
     }
 
-    /// Goes on to the procedure's next round.
+    /// Begins the procedure's next round.
     pub fn next_round(&mut self) {
         let next = Round::new(self.procedure.round());
         if next.phase() != self.round.phase() {
@@ -309,22 +301,22 @@ impl ActiveJob {
         self.prune_disputes();
     }
 
-    /// What is kept of the round at hand once it is sealed.
+    /// Builds the record of the current round that is kept once it is sealed.
     fn last_round(&self, tasks: u32) -> LastRound {
         let task = |index: u32| {
-            let (digest, finder) = self.round.found(index).expect("every task that settles a round is done");
+            let (digest, finder) = self.round.found(index).expect("all tasks that settle a round are done");
             let (task, what) = (self.procedure.task(index), self.procedure.describe(index));
             TaskRecord { task, what, digest, finder: finder.clone() }
         };
         LastRound { number: self.round.number(), tasks: (0..tasks).map(task).collect() }
     }
 
-    /// The state before the round at hand, for the store.
+    /// Returns the procedure's state before the current round, and the round sealed last, for the store.
     pub fn state(&self) -> RunState {
         RunState { procedure: self.procedure.save(), last: self.last.clone() }
     }
 
-    /// How far the round is, at most every [`PUBLISH_EVERY`].
+    /// Returns an event about the round's progress, at most every [`PUBLISH_EVERY`].
     pub fn publish(&mut self, now: Now) -> Option<JobEvent> {
         if self.last_published.is_some_and(|last| now.since_start < last + PUBLISH_EVERY) {
             return None;
@@ -335,12 +327,12 @@ impl ActiveJob {
         Some(JobEvent { sequence: self.record.last_event, at_ms: now.unix_ms, event })
     }
 
-    /// The dispute about a task, if there is or was one.
+    /// Returns the dispute about a task, open or decided.
     pub fn dispute(&self, round: u32, index: u32) -> Option<&Dispute> {
         self.record.disputes.get(*self.disputed.get(&(round, index))?)
     }
 
-    /// Adds a dispute about a task that has none. Returns its place.
+    /// Adds a dispute about a task that has none. Returns its index in the record.
     pub fn open_dispute(&mut self, dispute: Dispute) -> usize {
         let at = self.record.disputes.len();
         self.disputed.insert((dispute.round, dispute.index), at);
@@ -348,17 +340,17 @@ impl ActiveJob {
         at
     }
 
-    /// Whether the dispute about a task is open.
+    /// Returns true if the task has an open dispute.
     pub fn is_disputed(&self, round: u32, index: u32) -> bool {
         self.dispute(round, index).is_some_and(Dispute::is_open)
     }
 
-    /// Disputes that are not decided.
+    /// Returns the disputes that are not decided.
     pub fn open_disputes(&self) -> impl Iterator<Item = &Dispute> {
         self.record.disputes.iter().filter(|d| d.is_open())
     }
 
-    /// Removes decided disputes that nothing depends on any more, but for the newest few.
+    /// Removes decided disputes of rounds before the one sealed last, except the newest [`KEPT_DISPUTES`].
     fn prune_disputes(&mut self) {
         let round = self.round.number();
         // The round sealed last can be disputed again.
@@ -373,7 +365,8 @@ impl ActiveJob {
         self.disputed = places(&self.record.disputes);
     }
 
-    /// The tasks, one by one, whose results a worker delivered, as far as they are still known.
+    /// Returns the tasks of which a worker delivered the result that holds, one range per task: those of the current
+    /// round and of the round sealed last.
     pub fn found_by(&self, worker: &str) -> Vec<Range> {
         let of = |finder: &Finder| &*finder.worker == worker;
         let one = |round: u32, first: u32| Range { round, first, count: 1 };
@@ -391,12 +384,12 @@ fn record_state(record: &mut JobRecord, now: Now, state: JobState, events: &mut 
     events.push(record.next_event(now.unix_ms, Event::State(state)));
 }
 
-/// Place of the dispute about a task, by round and index: a whole round can be disputed at once.
+/// Builds the index of disputes by round and task index: all tasks of a round may be disputed at once.
 fn places(disputes: &[Dispute]) -> BTreeMap<(u32, u32), usize> {
     disputes.iter().enumerate().map(|(at, d)| ((d.round, d.index), at)).collect()
 }
 
-/// Ends a job without success: how it stands then, and the write that stores it.
+/// Ends a job in this state. Returns the record, and the write that stores it.
 pub(super) fn end(mut record: JobRecord, now: Now, state: JobState, reason: String) -> (JobRecord, Write) {
     record.ended_at_ms = now.unix_ms;
     record.paused = false;

@@ -1,4 +1,4 @@
-//! Leases: workers' time-limited claims on tasks, and the states that tasks go through.
+//! Leases: workers' time-limited claims on tasks, and the states of tasks.
 //!
 //! ```text
 //!              assign                          complete
@@ -7,8 +7,9 @@
 //!      └─────────────────────┘  return (worker), revoke (coordinator), expire (time): see LeaseEnd
 //! ```
 //!
-//! A worker first queues a lease and then runs it ([`Stage`]); only its progress tells the two apart. A lease whose tasks are
-//! leased to another one (a copy) or done (arbitration) changes no task's state when it ends without a result.
+//! A worker first queues a lease and then runs it ([`Stage`]); its progress reports show which. Two kinds of leases
+//! change no task's state when they end without a result: copies, because another lease holds their tasks, and
+//! arbitrations, because their tasks are done.
 
 use super::fleet::{SessionId, WorkerId};
 use super::job::ActiveJob;
@@ -23,63 +24,63 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Work for one slot, as it is sent.
+/// An assignment: a lease as sent to a worker, for one slot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assign {
-    /// Its id.
+    /// Id of the lease.
     pub assignment: AssignmentId,
     /// The job.
     pub job: JobId,
-    /// The job's text, where this session has not had it yet.
+    /// The job's text; `None` if this session has it already.
     pub toml: Option<Arc<str>>,
-    /// The tasks' places.
+    /// Round and indexes of the tasks.
     pub range: Range,
-    /// The tasks, by index from the range's first on.
+    /// The tasks, in order of their index.
     pub tasks: Vec<Vec<u8>>,
-    /// Digest of what the round's tasks share …
+    /// Digest of the bytes that the round's tasks share …
     pub shared_digest: Digest,
-    /// … and that itself, where this session has not had it yet.
+    /// … and the shared bytes; `None` if this session has them already.
     pub shared: Option<Arc<[u8]>>,
-    /// Proof that it was issued.
+    /// Permit: proves that the assignment was issued.
     pub permit: Vec<u8>,
 }
 
 /// The state of a task.
 #[derive(Clone, Debug, Default)]
 pub(super) enum TaskState {
-    /// No worker has it.
+    /// It has no lease and no result.
     #[default]
     Pending,
     /// A lease covers it.
     Leased(AssignmentId),
-    /// Its result is there.
+    /// Its result was recorded.
     Done {
         /// Digest of the result.
         digest: Digest,
-        /// The worker that delivered it first.
+        /// The worker that delivered the result that holds, at first the first one.
         finder: Finder,
     },
 }
 
-/// How far a worker is with a lease.
+/// Stage of a lease on its worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
-    /// The worker reports no progress, or has reported none yet.
+    /// The worker has reported no progress, or never does.
     Unknown,
-    /// It waits for a slot.
+    /// It waits on the worker for a slot.
     Queued,
-    /// A slot runs it; the count grows as it moves.
+    /// A slot runs it; the count grows with progress.
     Running(u64),
 }
 
-/// What a lease is for.
+/// Purpose of a lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Its tasks are to be done: they are leased to it.
+    /// The normal case: its tasks are leased to it.
     Ordinary,
-    /// Another lease's tasks may get done sooner so. They are leased to that one.
+    /// A copy of a slow lease. The tasks stay leased to the original, and the first result counts.
     Copy(AssignmentId),
-    /// Its tasks are done and disputed: its result decides.
+    /// Arbitration: its tasks are done and disputed, and its result decides.
     Arbitration,
 }
 
@@ -89,24 +90,24 @@ pub(super) struct Lease {
     pub job: JobId,
     pub range: Range,
     pub kind: Kind,
-    /// A suspect, with nothing beside it on its worker.
+    /// True for a suspect that runs with no other lease on its worker.
     pub solo: bool,
     pub since: Duration,
-    /// What the job's fair-queue tag was charged for it.
+    /// Amount added to the job's fair-queue tag for it.
     pub charged: f64,
     pub stage: Stage,
-    /// When its stage changed last.
+    /// Time of its last progress.
     pub moved: Duration,
 }
 
 impl Lease {
-    /// A new one, that its job is not charged for.
+    /// Creates a lease with no charge to its job.
     pub fn new(now: Now, worker: &WorkerId, job: &JobId, range: Range, kind: Kind) -> Self {
         let (worker, job, since) = (worker.clone(), job.clone(), now.since_start);
         Self { worker, job, range, kind, solo: false, since, charged: 0.0, stage: Stage::Unknown, moved: since }
     }
 
-    /// Takes the count that its worker reports; 0 while it waits for a slot.
+    /// Records the progress count that its worker reports; 0 while it waits for a slot.
     pub fn report(&mut self, now: Now, count: u64) {
         let stage = if count == 0 { Stage::Queued } else { Stage::Running(count) };
         let moves = match (self.stage, stage) {
@@ -125,9 +126,9 @@ impl Lease {
 #[derive(Default)]
 pub(super) struct Leases {
     pub all: BTreeMap<AssignmentId, Lease>,
-    /// Second copies of leases, by the first.
+    /// Copies of leases, by the original.
     pub copies: BTreeMap<AssignmentId, AssignmentId>,
-    /// Suspects that are worked on, and their jobs.
+    /// Leases on suspects, and their jobs.
     pub solos: BTreeMap<AssignmentId, JobId>,
     next: u64,
 }
@@ -137,24 +138,24 @@ impl Leases {
         Self { next, ..Self::default() }
     }
 
-    /// The next assignment's id.
+    /// Returns a new lease id.
     pub fn new_id(&mut self) -> AssignmentId {
         self.next += 1;
         AssignmentId(self.next - 1)
     }
 
-    /// Whether an id was ever given out.
+    /// Returns true if this id was ever issued.
     pub fn was_issued(&self, id: AssignmentId) -> bool {
         id.0 < self.next
     }
 
-    /// Those of a job.
+    /// Returns the leases of a job.
     pub fn of<'a>(&'a self, job: &'a JobId) -> impl Iterator<Item = (&'a AssignmentId, &'a Lease)> {
         self.all.iter().filter(move |(_, lease)| lease.job == *job)
     }
 }
 
-/// Gives a lease to its worker, and sends it the tasks.
+/// Adds a lease and sends its tasks to the worker.
 pub(super) fn assign(core: &mut Scheduler, now: Now, id: AssignmentId, lease: Lease, tasks: Vec<Vec<u8>>) {
     let (Some(worker), Some(job)) = (core.fleet.workers.get_mut(&lease.worker), core.jobs.active.get_mut(&lease.job))
     else {
@@ -162,7 +163,7 @@ pub(super) fn assign(core: &mut Scheduler, now: Now, id: AssignmentId, lease: Le
     };
     let Some(session) = worker.session else { return };
     worker.held.insert(id);
-    let (toml, shared) = what_is_new(worker.known.get(&lease.job).copied(), job);
+    let (toml, shared) = missing_in_session(worker.known.get(&lease.job).copied(), job);
     worker.known.insert(lease.job.clone(), job.round.shared_digest);
     if let Some(write) = job.start(now) {
         core.out.write(write);
@@ -183,8 +184,9 @@ pub(super) fn assign(core: &mut Scheduler, now: Now, id: AssignmentId, lease: Le
     core.leases.all.insert(id, lease);
 }
 
-/// The job's text and what its round shares, as far as a session lacks them. `known`: digest of what it was sent last.
-fn what_is_new(known: Option<Digest>, job: &ActiveJob) -> (Option<Arc<str>>, Option<Arc<[u8]>>) {
+/// Returns the job's text and its round's shared bytes, as far as a session lacks them. `known`: digest of the shared
+/// bytes that it was sent last.
+fn missing_in_session(known: Option<Digest>, job: &ActiveJob) -> (Option<Arc<str>>, Option<Arc<[u8]>>) {
     let toml = known.is_none().then(|| job.toml.clone());
     let shared = job.round.shared();
     let lacks = known != Some(job.round.shared_digest) && !shared.is_empty();
@@ -195,7 +197,7 @@ fn send(core: &mut Scheduler, worker: &WorkerId, session: SessionId, message: Me
     core.out.actions.push(Action::Send(worker.clone(), session, message));
 }
 
-/// Ends a lease without a result: what it covers and is not done becomes pending again. Costs nothing.
+/// Ends a lease without a result: its unfinished tasks become pending again. Charges no attempt.
 pub(super) fn end_lease(core: &mut Scheduler, id: AssignmentId, why: LeaseEnd) -> Option<Lease> {
     let lease = core.leases.all.get(&id)?;
     let (worker, job, range) = (lease.worker.clone(), lease.job.clone(), lease.range);
@@ -203,7 +205,7 @@ pub(super) fn end_lease(core: &mut Scheduler, id: AssignmentId, why: LeaseEnd) -
     remove_lease(core, id)
 }
 
-/// Removes a lease; what it covers and is not done becomes pending again.
+/// Removes a lease; its unfinished tasks become pending again, or pass to its copy.
 pub(super) fn remove_lease(core: &mut Scheduler, id: AssignmentId) -> Option<Lease> {
     let Scheduler { leases, jobs, fleet, queue, .. } = core;
     let lease = leases.all.remove(&id)?;
@@ -218,9 +220,9 @@ pub(super) fn remove_lease(core: &mut Scheduler, id: AssignmentId) -> Option<Lea
         job.finish_tag -= lease.charged;
         if job.round.contains(&lease.range) {
             if let Some(copy) = copy {
-                job.round.pass_on(&lease.range, id, copy);
+                job.round.move_lease(&lease.range, id, copy);
             }
-            job.round.release(&lease.range, id);
+            job.round.set_pending(&lease.range, id);
         }
     }
     if let Some(copy) = copy.and_then(|copy| leases.all.get_mut(&copy)) {
@@ -229,7 +231,7 @@ pub(super) fn remove_lease(core: &mut Scheduler, id: AssignmentId) -> Option<Lea
     Some(lease)
 }
 
-/// Revokes leases, and tells their workers.
+/// Revokes leases and sends the revocations to their workers.
 pub(super) fn revoke_leases(core: &mut Scheduler, ids: &[AssignmentId], why: LeaseEnd) {
     let mut by_worker: BTreeMap<WorkerId, Vec<AssignmentId>> = BTreeMap::new();
     for &id in ids {
@@ -244,8 +246,9 @@ pub(super) fn revoke_leases(core: &mut Scheduler, ids: &[AssignmentId], why: Lea
     }
 }
 
-/// A failure while this was worked on, or the crash of the worker that was `lost` with it: its tasks are suspects. If it was
-/// one task, and it is `sure` that nothing else was the reason, that is an attempt; too many of them fail the job.
+/// Records a failure of a lease, or the crash of its worker (`lost`): its tasks become suspects. If the lease has one
+/// task and `sure` is set (nothing else can have caused the failure), the failure counts as an attempt of that task.
+/// Too many attempts fail the job.
 pub(super) fn record_failure(
     core: &mut Scheduler,
     now: Now,
@@ -256,7 +259,7 @@ pub(super) fn record_failure(
 ) {
     let Some(job) = core.jobs.active.get_mut(&lease.job) else { return };
     let range = &lease.range;
-    // Done meanwhile by another worker: not to blame.
+    // Another worker has done the tasks meanwhile, so they did not cause the failure.
     if !job.round.contains(range) || job.round.is_done(range) {
         return;
     }
@@ -273,7 +276,7 @@ pub(super) fn record_failure(
         return;
     }
     let what = job.procedure.describe(first);
-    let reason = format!("{what} failed {attempts} times; the last time: {why}");
+    let reason = format!("{what} failed {attempts} times; the last failure: {why}");
     let task = job.procedure.task(first);
     job.record.poisoned = Some(Poisoned { round, index: first, what, task, attempts });
     super::events::end_job(core, now, &lease.job, JobState::Failed, reason);

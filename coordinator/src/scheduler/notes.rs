@@ -1,37 +1,37 @@
-//! Events inside the scheduler for logs and metrics. Nothing is decided by them.
+//! Scheduler events for logs and metrics. No decision depends on them.
 
 use super::fleet::WorkerId;
 use super::lease::{AssignmentId, Range};
 use crate::record::JobId;
 
-/// Something worth a line in the log.
+/// An event for the log and the metrics.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
-    /// A worker fell silent, or its connection broke and it did not come back in time.
+    /// A worker sent no heartbeat in time, or its connection broke and it did not reconnect in time.
     WorkerLost {
-        /// Which.
+        /// The worker.
         worker: WorkerId,
-        /// For people.
+        /// Its display name.
         name: String,
-        /// Assignments that were taken from it.
+        /// Number of its leases, which expired.
         leases: u32,
-        /// Its connection broke, so it is taken for dead; otherwise it only fell silent.
+        /// True if its connection broke, so that it counts as crashed; false if it only sent no heartbeats.
         crashed: bool,
     },
-    /// An assignment ended without a result.
+    /// A lease ended without a result.
     LeaseEnded {
-        /// Who had it.
+        /// The worker that held it.
         worker: WorkerId,
-        /// Of which job.
+        /// Its job.
         job: JobId,
-        /// Which.
+        /// The lease's id.
         assignment: AssignmentId,
-        /// What it was about.
+        /// Its tasks.
         range: Range,
-        /// Why.
+        /// Reason of the end.
         why: LeaseEnd,
     },
-    /// Results that were not there before were recorded.
+    /// New results were recorded.
     Taken {
         /// The worker that delivered them.
         worker: WorkerId,
@@ -39,74 +39,74 @@ pub enum Note {
         job: JobId,
         /// The round.
         round: u32,
-        /// What the round is about, in a word.
+        /// Phase of the round.
         phase: &'static str,
-        /// How many.
+        /// Number of new results.
         count: u32,
     },
-    /// A worker delivered what can't be a result of its task.
+    /// A worker delivered an invalid result and got a mark.
     Marked {
         /// The worker.
         worker: WorkerId,
         /// Its marks so far.
         marks: u32,
-        /// What is wrong with the result.
+        /// Error in the result.
         why: String,
     },
-    /// A task was charged with a crash or a failure.
+    /// A crash or failure was counted as an attempt of a task.
     Attempt {
-        /// Of which job.
+        /// The task's job.
         job: JobId,
         /// The task: a range of one.
         range: Range,
-        /// So many it has been charged now.
+        /// Number of its attempts so far.
         attempts: u32,
-        /// What happened.
+        /// Reason of the last one.
         why: String,
     },
-    /// A worker that was taken for dead lives: what its death was blamed on is not to blame.
+    /// A worker that counted as crashed is back: its tasks' charges for that crash are withdrawn.
     ChargesWithdrawn {
-        /// Which.
+        /// The worker.
         worker: WorkerId,
-        /// Of which job.
+        /// The job with the charged tasks.
         job: JobId,
-        /// So many charges were taken back: suspicions and attempts.
+        /// Number of withdrawn charges: suspicions and attempts.
         charges: u32,
     },
-    /// What a worker found that computes wrongly is in doubt.
+    /// A worker was quarantined: results that only it delivered are disputed.
     Doubted {
-        /// Which.
+        /// The quarantined worker.
         worker: WorkerId,
-        /// Of which job.
+        /// The job.
         job: JobId,
-        /// So many tasks are asked again that nobody had doubted.
+        /// Number of tasks with a new dispute.
         tasks: u32,
     },
 }
 
-/// Why an assignment ended without a result.
+/// Reason why a lease ended without a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LeaseEnd {
-    /// Its worker was lost.
+    /// It expired: its worker sent no heartbeat in time.
     Lost,
-    /// Its worker does not know of it.
+    /// The worker does not list it, so the assignment never arrived.
     Undelivered,
-    /// Its worker will stop, or may not go on.
+    /// Its worker drains (returned), or was drained, expelled or quarantined (revoked).
     Drained,
-    /// Its worker can't run it.
+    /// The worker returned it because it can't run it.
     Rejected,
-    /// Its worker tried and failed.
+    /// The worker returned it because its computation failed.
     Failed,
-    /// It made no progress for long.
+    /// It was revoked because it made no progress.
     Stuck,
-    /// Its result was refused.
+    /// It was revoked because its result was refused.
     Refused,
-    /// Its tasks are done, or not needed any more.
+    /// It was revoked because its tasks are done or no longer needed.
     Needless,
 }
 
 impl LeaseEnd {
-    /// All of them.
+    /// All reasons.
     pub const ALL: [Self; 8] = [
         Self::Lost,
         Self::Undelivered,
@@ -118,7 +118,7 @@ impl LeaseEnd {
         Self::Needless,
     ];
 
-    /// As a word.
+    /// Returns the reason as a word, for logs and metrics.
     pub fn word(self) -> &'static str {
         match self {
             Self::Lost => "lost",

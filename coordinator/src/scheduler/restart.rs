@@ -1,34 +1,35 @@
-//! A job is done again from one of its rounds on: as a new job that takes over the rounds before it.
+//! Restart of a job from one of its rounds: a new job takes over the rounds before it.
 //!
-//! Only kept results are taken over. The procedure's state follows from them, so the result has the bits of an undisturbed
-//! run.
+//! Only rounds with kept results are taken over. The procedure's state follows from the results, so the new job's
+//! result has the same bits as an undisturbed run.
 
 use crate::record::{Finder, Origin};
 use crate::store::{LastRound, SealedRound, TaskRecord};
 use sim_core::base::digest::{Digest, ResultDigest};
 use sim_core::procedure::{BadState, Procedure, Step};
 
-/// What a job takes over from the one that it does again.
+/// Rounds that a job takes over from an earlier job.
 #[derive(Clone, Debug)]
 pub struct Carried {
-    /// That job, and how many of its rounds.
+    /// The earlier job, and the number of rounds taken over.
     pub origin: Origin,
-    /// Over their results.
+    /// Running digest of their results.
     pub results_digest: Digest,
-    /// The last of them.
+    /// The last of these rounds.
     pub last: Option<LastRound>,
 }
 
 impl Carried {
-    /// Before any round is taken over.
+    /// The state before any round is taken over.
     pub fn start(origin: Origin, job: &Digest) -> Self {
         Self { origin, results_digest: ResultDigest::start(job).value(), last: None }
     }
 
-    /// Tells a procedure the kept results of its round at hand. Workers that delivered them are not known any more.
+    /// Takes over a sealed round: feeds its kept results to the procedure. The workers that delivered them are not
+    /// recorded.
     ///
     /// # Errors
-    /// The results are not kept or don't fit, or no round follows.
+    /// The results are not kept or don't fit the procedure's round, or no round follows.
     pub fn tell(&mut self, procedure: &mut dyn Procedure, sealed: SealedRound) -> Result<(), BadState> {
         let SealedRound { number, digests, results, .. } = sealed;
         let unfit = |why: String| BadState(format!("round {number} can't be taken over: {why}"));
@@ -36,7 +37,7 @@ impl Carried {
         let round = procedure.round();
         if round.number != number || round.tasks as usize != results.len() || digests.len() != results.len() {
             return Err(unfit(format!(
-                "it has {} results, and round {} has {}",
+                "it has {} results, but round {} of the procedure has {} tasks",
                 results.len(),
                 round.number,
                 round.tasks

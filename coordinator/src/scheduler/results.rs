@@ -1,13 +1,14 @@
-//! Results come in: on time, late, twice, wrong, or of work that was never issued.
+//! Delivered results: checked, then recorded or compared. They may be late, repeated, wrong, or of work that was never
+//! issued.
 
-use super::arbitration::{Contradicted, Delivered, weigh};
+use super::arbitration::{Contradicted, Delivered, compare_results};
 use super::dispatch::dispatch;
-use super::events::{forget, others_can};
+use super::events::{has_other_able_worker, revoke_leases_of_ended_job};
 use super::fleet::WorkerId;
 use super::lease::{AssignmentId, Kind, Range, end_lease, record_failure, remove_lease, revoke_leases};
 use super::notes::{LeaseEnd, Note};
 use super::round::Recorded;
-use super::trust::{clear_of_blame, mark, spare};
+use super::trust::{defer_job_on_worker, mark, withdraw_crash_charges};
 use super::{Action, Now, Scheduler, stuck};
 use crate::permit;
 use crate::record::{Finder, JobId};
@@ -23,67 +24,68 @@ use std::time::Duration;
 pub struct Caller {
     /// Its source address without the port.
     pub host: Arc<str>,
-    /// The first digits of its token's digest; empty where calls need none.
+    /// First digits of its token's digest; empty where no token is needed.
     pub credential: Arc<str>,
 }
 
-/// A delivery of a worker.
+/// A delivery of a worker: the outcome of one lease.
 #[derive(Clone, Debug)]
 pub struct Completed {
     /// The worker.
     pub worker: WorkerId,
-    /// The assignment.
+    /// Id of the lease.
     pub assignment: AssignmentId,
     /// Its job.
     pub job: JobId,
-    /// The engine that ran.
+    /// Digest of the engine that computed it.
     pub engine: Digest,
     /// Its tasks.
     pub range: Range,
-    /// Proof that it was issued.
+    /// Permit that came with the assignment.
     pub permit: Vec<u8>,
-    /// How long a slot was busy; zero if unknown.
+    /// Time that a slot was busy; zero if unknown.
     pub compute: Duration,
     /// The outcome.
     pub delivery: Delivery,
-    /// The tasks as they were assigned, where the answer before was [`Verdict::NeedsTasks`].
+    /// The tasks as assigned; only after the answer [`Verdict::NeedsTasks`].
     pub tasks: Vec<Vec<u8>>,
-    /// The peer that delivers.
+    /// The peer that makes the call.
     pub caller: Caller,
 }
 
-/// The outcome of an assignment.
+/// The outcome of a lease.
 #[derive(Clone, Debug)]
 pub enum Delivery {
-    /// Results, by index from the range's first on.
+    /// Results, in order of the task index.
     Results(Vec<Arc<[u8]>>),
-    /// It could not be carried out.
+    /// The computation failed, for this reason.
     Failure(String),
 }
 
 /// The answer to a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It counts.
+    /// The result is recorded.
     Accepted,
-    /// The same bits were there before.
+    /// A result with the same bits was recorded before.
     Duplicate,
-    /// Other bits were there before: a worker computes wrongly.
+    /// A result with other bits was recorded before: one of the workers computes wrongly.
     Conflict,
-    /// The job ended or moved on.
+    /// The result is no longer needed: the job has ended, or the lease or the tasks no longer count.
     Obsolete,
-    /// It is of a round before the one sealed last: the store has its digests, see [`super::on_compare`].
+    /// The round was sealed before the last one. The store has its digests, see [`super::on_compare`].
     Older,
-    /// No such job or range.
+    /// The job or range does not exist.
     Unknown,
-    /// This worker's results are ignored; nothing was stored.
+    /// The worker is quarantined; nothing was stored.
     Quarantined,
-    /// It differs from a result sealed long ago: its tasks are needed, so that a third worker can decide.
+    /// It differs from a result sealed long ago. The worker must deliver again with the tasks, so that an arbiter can
+    /// decide.
     NeedsTasks,
 }
 
 impl Verdict {
-    /// All verdicts that are answered.
+    /// All verdicts that a worker can receive.
     pub const ALL: [Self; 7] = [
         Self::Accepted,
         Self::Duplicate,
@@ -94,7 +96,7 @@ impl Verdict {
         Self::NeedsTasks,
     ];
 
-    /// The verdict in a word.
+    /// Returns the verdict in a word.
     pub fn word(self) -> &'static str {
         match self {
             Self::Accepted => "accepted",
@@ -109,53 +111,55 @@ impl Verdict {
     }
 }
 
-/// A delivery that can't be a result of an assignment that was issued. Costs the worker a mark; not retryable.
+/// A refused delivery: it can't be a result of an assignment that was issued. It costs the worker a mark, and a retry
+/// does not help.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RefusedResult {
-    /// Nothing like it was issued.
+    /// No such assignment was issued.
     #[error(
         "assignment {} ({count} tasks of round {round} of job {job} from {first} on) was never issued to worker {worker}: \
          a result needs the permit that came with its assignment",
         .assignment.0, round = .range.round, first = .range.first, count = .range.count
     )]
     Unissued {
-        /// The assignment that was named.
+        /// Id of the assignment in the delivery.
         assignment: AssignmentId,
-        /// The worker that was named.
+        /// Worker in the delivery.
         worker: WorkerId,
-        /// The job that was named.
+        /// Job in the delivery.
         job: JobId,
-        /// The tasks that were named.
+        /// Tasks in the delivery.
         range: Range,
     },
-    /// It ran on an engine that the job does not use.
-    #[error("it ran on engine {}: the job needs engine {}", .ran.short(), .needed.short())]
+    /// The result is from an engine that the job does not use.
+    #[error("the result is from engine {}, but the job needs engine {}", .ran.short(), .needed.short())]
     Engine {
-        /// The engine that ran.
+        /// The engine of the result.
         ran: Digest,
-        /// The one that the job needs.
+        /// The engine that the job needs.
         needed: Digest,
     },
-    /// Too few or too many results.
-    #[error("it has {found} results: its assignment has {needed} tasks")]
+    /// The number of results differs from the number of tasks.
+    #[error("the delivery has {found} results, but its assignment has {needed} tasks")]
     Count {
-        /// Results that it has.
+        /// Number of delivered results.
         found: usize,
-        /// Tasks of the assignment.
+        /// Number of tasks of the assignment.
         needed: u32,
     },
-    /// One of its results can't be one of its task.
+    /// A result is invalid for its task.
     #[error(transparent)]
     Result(#[from] sim_core::procedure::Rejected),
-    /// The tasks beside it are not those that were assigned.
-    #[error("the tasks that came with it are not those of assignment {}", .assignment.0)]
+    /// The delivered tasks are not those that were assigned.
+    #[error("the tasks delivered with the result are not those of assignment {}", .assignment.0)]
     Tasks {
-        /// The assignment.
+        /// Id of the assignment.
         assignment: AssignmentId,
     },
 }
 
-/// Takes a result; see [`super::on_result`]. Whichever worker has the lease: the first right result wins.
+/// Processes a delivery; see [`super::on_result`]. A result counts even if another worker now holds the lease: the
+/// first valid result of a task is recorded.
 pub(super) fn take(core: &mut Scheduler, now: Now, completed: Completed) -> Result<Verdict, RefusedResult> {
     let (worker, id, assignment) = (completed.worker.clone(), completed.job.clone(), completed.assignment);
     if core.trust.is_quarantined(&worker) {
@@ -170,13 +174,13 @@ pub(super) fn take(core: &mut Scheduler, now: Now, completed: Completed) -> Resu
         }
     }
     if !core.fleet.workers.contains_key(&worker) {
-        clear_of_blame(core, &worker);
+        withdraw_crash_charges(core, &worker);
     }
     let lease = core.leases.all.get(&assignment).filter(|l| l.worker == worker && l.job == id);
     let (own, arbitrates) = (lease.is_some(), lease.is_some_and(|l| l.kind == Kind::Arbitration));
     let results = match completed.delivery {
         Delivery::Failure(reason) if own => {
-            take_failure(core, now, assignment, arbitrates, &reason);
+            return_failed(core, now, assignment, arbitrates, &reason);
             return Ok(Verdict::Accepted);
         }
         Delivery::Failure(_) => return Ok(Verdict::Obsolete),
@@ -188,12 +192,13 @@ pub(super) fn take(core: &mut Scheduler, now: Now, completed: Completed) -> Resu
     let Some(job) = core.jobs.active.get(&id) else { return Ok(Verdict::Obsolete) };
     let range = completed.range;
     if range.round == job.round.number() {
-        return Ok(take_results(core, now, &id, range, results, &worker, arbitrates));
+        return Ok(record_results(core, now, &id, range, results, &worker, arbitrates));
     }
     Ok(compare_sealed(core, now, &id, range, &results, &worker, arbitrates))
 }
 
-/// Checks that a delivery is of an assignment that was issued, and whole. Returns the verdict where there is nothing to take.
+/// Checks that a delivery belongs to an assignment that was issued, and is complete. Returns a verdict if there is
+/// nothing to record.
 fn admit(core: &Scheduler, completed: &Completed) -> Result<Option<Verdict>, RefusedResult> {
     let Completed { worker, assignment, job: id, engine, range, permit, delivery, .. } = completed;
     let issued = core.leases.was_issued(*assignment) && core.trust.key.admits(completed.issued(), permit);
@@ -225,8 +230,8 @@ fn admit(core: &Scheduler, completed: &Completed) -> Result<Option<Verdict>, Ref
     Ok(None)
 }
 
-/// A refused delivery ends its lease, at no cost to the tasks, and marks its worker: by its permit, or, where that is wrong, if
-/// the call came from the worker of that id.
+/// Refuses a delivery: revokes its lease at no cost to the tasks, and marks the worker. If the permit is wrong, it
+/// marks the worker only if the call came from the host and with the token of the worker with this id.
 fn refuse(core: &mut Scheduler, now: Now, completed: &Completed, refused: &RefusedResult) {
     let Completed { worker, assignment, job, caller, .. } = completed;
     let is_known =
@@ -239,27 +244,27 @@ fn refuse(core: &mut Scheduler, now: Now, completed: &Completed, refused: &Refus
     }
     if core.leases.all.get(assignment).is_some_and(|l| l.worker == *worker && l.job == *job) {
         end_lease(core, *assignment, LeaseEnd::Refused);
-        spare(core, now, worker, job);
+        defer_job_on_worker(core, now, worker, job);
     }
     mark(core, now, worker, &refused.to_string());
 }
 
-/// A worker could not carry its lease out.
-fn take_failure(core: &mut Scheduler, now: Now, assignment: AssignmentId, arbitrates: bool, reason: &str) {
+/// Records that a worker failed to compute its lease.
+fn return_failed(core: &mut Scheduler, now: Now, assignment: AssignmentId, arbitrates: bool, reason: &str) {
     let Some(lease) = core.leases.all.get(&assignment) else { return };
     let (worker, job) = (lease.worker.clone(), lease.job.clone());
-    let others = arbitrates || others_can(core, &worker, &job);
+    let others = arbitrates || has_other_able_worker(core, &worker, &job);
     if let Some(lease) = end_lease(core, assignment, LeaseEnd::Failed) {
         if others {
-            // It may be the worker: another one, for a while.
-            spare(core, now, &worker, &job);
+            // The worker may be at fault: another one gets the job's tasks first.
+            defer_job_on_worker(core, now, &worker, &job);
         }
         record_failure(core, now, &lease, true, None, reason);
     }
 }
 
-/// Results of the round at hand.
-fn take_results(
+/// Records results of the current round.
+fn record_results(
     core: &mut Scheduler,
     now: Now,
     id: &JobId,
@@ -270,10 +275,10 @@ fn take_results(
 ) -> Verdict {
     let finder = core.fleet.finder(worker);
     let Some(job) = core.jobs.active.get_mut(id) else { return Verdict::Unknown };
-    // New results, in ranges without a break; and those that may contradict what is there, or decide a dispute.
+    // New results, in ranges without gaps; and results that may contradict recorded ones, or decide a dispute.
     let mut ranges: Vec<(u32, Vec<Arc<[u8]>>)> = Vec::new();
     let mut there: Vec<Delivered> = Vec::new();
-    // Leases of other workers on some of it.
+    // Leases on these tasks.
     let mut holders: BTreeSet<AssignmentId> = BTreeSet::new();
     for (index, result) in range.indexes().zip(results) {
         match job.round.record(index, &result, &finder) {
@@ -295,7 +300,7 @@ fn take_results(
     if let Some(worker) = core.fleet.workers.get_mut(worker) {
         worker.tasks += u64::from(accepted);
     }
-    stuck::moves_again(core, worker);
+    stuck::clear_stuck_count(core, worker);
     if accepted > 0 {
         core.out.notes.push(Note::Taken {
             worker: worker.clone(),
@@ -306,8 +311,9 @@ fn take_results(
         });
         revoke_done(core, id, holders);
     }
-    // Before anything is sealed: a disputed result is not.
-    let conflict = !there.is_empty() && weigh(core, now, id, range.round, there, worker, &Contradicted::new());
+    // This comes before sealing, because a round with an open dispute is not sealed.
+    let conflict =
+        !there.is_empty() && compare_results(core, now, id, range.round, there, worker, &Contradicted::new());
     if accepted > 0 {
         seal_or_store(core, now, id, range.round, ranges, finder);
     } else {
@@ -320,7 +326,7 @@ fn take_results(
     }
 }
 
-/// Revokes the leases, and their copies, whose tasks are all done.
+/// Revokes those of these leases, and their copies, that have no task left to do.
 fn revoke_done(core: &mut Scheduler, id: &JobId, holders: BTreeSet<AssignmentId>) {
     let Some(job) = core.jobs.active.get(id) else { return };
     let done = |a: &AssignmentId| core.leases.all.get(a).is_some_and(|l| job.round.is_done(&l.range));
@@ -330,7 +336,7 @@ fn revoke_done(core: &mut Scheduler, id: &JobId, holders: BTreeSet<AssignmentId>
     revoke_leases(core, &needless, LeaseEnd::Needless);
 }
 
-/// Results of a round that is sealed: they can only agree or disagree.
+/// Compares results of a sealed round with those that hold.
 fn compare_sealed(
     core: &mut Scheduler,
     now: Now,
@@ -342,7 +348,7 @@ fn compare_sealed(
 ) -> Verdict {
     let Some(job) = core.jobs.active.get(id) else { return Verdict::Unknown };
     let last = job.last.as_ref().filter(|last| last.number == range.round);
-    // Tasks beyond a prefix that settled the round count for nothing.
+    // Tasks beyond the prefix that settled the round don't count.
     let beyond = last.is_some_and(|last| !range.is_within(last.tasks.len() as u32));
     let disputed = range.indexes().any(|index| job.is_disputed(range.round, index));
     if beyond {
@@ -353,8 +359,8 @@ fn compare_sealed(
     }
     let delivered = range.indexes().zip(results);
     let delivered = delivered.map(|(index, result)| Delivered { index, digest: result_digest(result), result: None });
-    let conflict = weigh(core, now, id, range.round, delivered, worker, &Contradicted::new());
-    // It may have waited for that.
+    let conflict = compare_results(core, now, id, range.round, delivered, worker, &Contradicted::new());
+    // The current round may have waited for this decision.
     seal(core, now, id);
     match (conflict, arbitrates) {
         (true, _) => Verdict::Conflict,
@@ -363,7 +369,7 @@ fn compare_sealed(
     }
 }
 
-/// Takes a result that was [`Verdict::Older`]; see [`super::on_compare`].
+/// Compares a result that got [`Verdict::Older`]; see [`super::on_compare`].
 pub(super) fn compare(
     core: &mut Scheduler,
     now: Now,
@@ -371,7 +377,7 @@ pub(super) fn compare(
     sealed: &[Digest],
 ) -> Result<Verdict, RefusedResult> {
     let Completed { worker, assignment, job: id, range, permit, delivery, tasks, .. } = completed;
-    // Either may have come to pass while the digests were read.
+    // The worker may have been quarantined, or the job may have ended, while the digests were read.
     if core.trust.is_quarantined(&worker) {
         return Ok(Verdict::Quarantined);
     }
@@ -401,11 +407,11 @@ pub(super) fn compare(
     };
     let contradicted: Contradicted = differing.iter().map(committed).collect();
     let delivered = differing.into_iter().map(|(index, digest)| Delivered { index, digest, result: None });
-    let conflict = weigh(core, now, &id, range.round, delivered, &worker, &contradicted);
+    let conflict = compare_results(core, now, &id, range.round, delivered, &worker, &contradicted);
     Ok(if conflict { Verdict::Conflict } else { Verdict::Duplicate })
 }
 
-/// Stores new results, and goes on to the next round if this one is complete.
+/// Stores new results, or seals the round if it is complete.
 fn seal_or_store(
     core: &mut Scheduler,
     now: Now,
@@ -425,7 +431,8 @@ fn seal_or_store(
     }
 }
 
-/// Seals the round at hand if it is complete. Tasks beyond those that settle it are cancelled.
+/// Seals the current round if it is complete, and revokes leases on tasks that are no longer needed. Returns true if it
+/// was sealed.
 pub(super) fn seal(core: &mut Scheduler, now: Now, id: &JobId) -> bool {
     let Some(job) = core.jobs.active.get_mut(id) else { return false };
     let round = job.round.number();
@@ -434,7 +441,7 @@ pub(super) fn seal(core: &mut Scheduler, now: Now, id: &JobId) -> bool {
     core.out.write(write);
     if ended {
         core.jobs.active.remove(id);
-        forget(core, id);
+        revoke_leases_of_ended_job(core, id);
         return true;
     }
     let beyond = core.leases.of(id).filter(|(_, l)| l.range.round == round && l.kind != Kind::Arbitration);
@@ -443,16 +450,16 @@ pub(super) fn seal(core: &mut Scheduler, now: Now, id: &JobId) -> bool {
     true
 }
 
-/// A lease was completed: its measured cost replaces the estimate.
+/// Completes a lease: its measured cost replaces the estimate.
 fn complete_lease(core: &mut Scheduler, id: AssignmentId, count: u32, compute: Duration) {
     let Some(lease) = core.leases.all.get_mut(&id) else { return };
     if let Some(job) = core.jobs.active.get_mut(&lease.job) {
         if compute.is_zero() {
-            // Unknown: the estimate stands.
+            // Unknown cost: the estimate stays.
             lease.charged = 0.0;
         } else {
             let each = compute.as_secs_f64() / f64::from(count.max(1));
-            // Another round's tasks may cost something else.
+            // Tasks of other rounds may have another cost.
             if lease.range.round == job.round.number() {
                 job.cost = Some(job.cost.map_or(each, |cost| 0.7 * cost + 0.3 * each));
             }
@@ -462,8 +469,8 @@ fn complete_lease(core: &mut Scheduler, id: AssignmentId, count: u32, compute: D
     remove_lease(core, id);
 }
 
-/// Takes a result and hands out what follows.
-pub(super) fn take_and_dispatch(
+/// Processes a delivery, then assigns pending tasks.
+pub(super) fn complete_and_dispatch(
     core: &mut Scheduler,
     now: Now,
     take: impl FnOnce(&mut Scheduler) -> Result<Verdict, RefusedResult>,

@@ -1,4 +1,4 @@
-//! The round at hand: its tasks' states, and the results that are there.
+//! The current round of a job: the states of its tasks, and their results.
 
 use super::lease::{AssignmentId, Range, TaskState};
 use crate::record::{Charge, Finder};
@@ -9,24 +9,25 @@ use std::sync::Arc;
 /// The outcome of recording a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Recorded {
-    /// It is the first; the lease that had the task, if there was one.
+    /// It is the task's first result. Contains the lease that held the task, if any.
     New(Option<AssignmentId>),
-    /// The same bits were there.
+    /// A result with the same bits was recorded before.
     Same,
-    /// Other bits were there.
+    /// A result with other bits was recorded before.
     Other,
 }
 
 #[derive(Clone, Debug, Default)]
 struct Entry {
     state: TaskState,
-    /// Crashes and failures while it was worked on alone.
+    /// Crashes and failures while it ran alone.
     attempts: u32,
-    /// A suspect: it was worked on when a worker crashed or failed. From now on it is worked on alone, to find the culprit.
+    /// True for a suspect: it was leased to a worker that crashed or failed. It runs alone from now on, to find out if
+    /// it is the cause.
     alone: bool,
 }
 
-/// The round that is being worked on.
+/// The current round.
 #[derive(Clone, Debug)]
 pub(super) struct Round {
     plan: procedure::Round,
@@ -35,14 +36,14 @@ pub(super) struct Round {
     results: Vec<Option<Arc<[u8]>>>,
     pending: u32,
     done: u32,
-    /// No task below this one is pending, suspects aside.
+    /// No task with a smaller index is pending, except suspects.
     cursor: usize,
-    /// Whether any task is suspected.
+    /// True if any task is a suspect.
     suspected: bool,
 }
 
 impl Round {
-    /// A round before its first task is handed out.
+    /// Creates a round with all tasks pending.
     pub fn new(plan: procedure::Round) -> Self {
         let n = plan.tasks as usize;
         Self {
@@ -57,7 +58,7 @@ impl Round {
         }
     }
 
-    /// A round without tasks: the procedure waits.
+    /// Creates a round without tasks, for a procedure that waits for a batch.
     pub fn none(number: u32) -> Self {
         Self::new(procedure::Round {
             number,
@@ -86,12 +87,12 @@ impl Round {
         &self.plan.shared
     }
 
-    /// Most tasks in one assignment.
+    /// Largest number of tasks in one lease.
     pub fn at_most(&self) -> u32 {
         self.plan.at_most.max(1)
     }
 
-    /// Tasks that take as long together as one alone.
+    /// Number of tasks that take as long together as one alone.
     pub fn lanes(&self) -> u32 {
         self.plan.lanes.max(1)
     }
@@ -116,7 +117,7 @@ impl Round {
         matches!(task.state, TaskState::Pending)
     }
 
-    /// Tasks that are pending and no suspects.
+    /// Number of pending tasks that are no suspects.
     pub fn pending_unsuspected(&self) -> u32 {
         if !self.suspected {
             return self.pending;
@@ -124,7 +125,7 @@ impl Round {
         self.tasks.iter().filter(|t| Self::is_pending(t) && !t.alone).count() as u32
     }
 
-    /// Whether a suspect is pending.
+    /// Returns true if a suspect is pending.
     pub fn has_pending_suspect(&self) -> bool {
         self.suspected && self.tasks.iter().any(|t| Self::is_pending(t) && t.alone)
     }
@@ -166,8 +167,8 @@ impl Round {
         true
     }
 
-    /// What a lease still held becomes pending again.
-    pub fn release(&mut self, range: &Range, assignment: AssignmentId) {
+    /// Sets the unfinished tasks of a lease back to pending.
+    pub fn set_pending(&mut self, range: &Range, assignment: AssignmentId) {
         for i in range.indexes().map(|i| i as usize) {
             if matches!(self.tasks[i].state, TaskState::Leased(a) if a == assignment) {
                 self.tasks[i].state = TaskState::Pending;
@@ -177,8 +178,8 @@ impl Round {
         }
     }
 
-    /// Hands what a lease still holds on to another one.
-    pub fn pass_on(&mut self, range: &Range, from: AssignmentId, to: AssignmentId) {
+    /// Moves the unfinished tasks of a lease to another lease.
+    pub fn move_lease(&mut self, range: &Range, from: AssignmentId, to: AssignmentId) {
         for i in range.indexes().map(|i| i as usize) {
             if let TaskState::Leased(holder) = &mut self.tasks[i].state
                 && *holder == from
@@ -188,7 +189,7 @@ impl Round {
         }
     }
 
-    /// Records a result unless there is one: the first one wins.
+    /// Records a task's result if it is the first one.
     pub fn record(&mut self, index: u32, result: &Arc<[u8]>, finder: &Finder) -> Recorded {
         let (digest, index) = (result_digest(result), index as usize);
         let holder = match &self.tasks[index].state {
@@ -206,7 +207,7 @@ impl Round {
         Recorded::New(holder)
     }
 
-    /// Replaces a result by the one that was decided.
+    /// Replaces a recorded result by the one that arbitration confirmed.
     pub fn correct(&mut self, index: u32, result: Arc<[u8]>, finder: Finder) {
         let index = index as usize;
         if let Some(task) = self.tasks.get_mut(index).filter(|task| matches!(task.state, TaskState::Done { .. })) {
@@ -215,13 +216,13 @@ impl Round {
         }
     }
 
-    /// Tasks that are not done and have crashed or failed while they were worked on alone, and how often.
+    /// Returns tasks that are not done and have crashed or failed while they ran alone, with the number of attempts.
     pub fn attempts(&self) -> impl Iterator<Item = (u32, u32)> {
         let open = |t: &Entry| t.attempts > 0 && !matches!(t.state, TaskState::Done { .. });
         (0..).zip(&self.tasks).filter(move |(_, t)| open(t)).map(|(index, task)| (index, task.attempts))
     }
 
-    /// Digest of a task's result and the worker that delivered it, if it is done.
+    /// Returns the digest of a task's result and the worker that delivered it, if the task is done.
     pub fn found(&self, index: u32) -> Option<(Digest, &Finder)> {
         match &self.tasks.get(index as usize)?.state {
             TaskState::Done { digest, finder } => Some((*digest, finder)),
@@ -229,26 +230,26 @@ impl Round {
         }
     }
 
-    /// A task's result, if it is done.
+    /// Returns a task's result, if it is done.
     pub fn result(&self, index: u32) -> Option<&Arc<[u8]>> {
         self.results.get(index as usize)?.as_ref()
     }
 
-    /// The results that settle the round, by index, once they are there.
+    /// Returns the results that settle the round, by index, once they are complete.
     pub fn settled(&self, procedure: &dyn Procedure) -> Option<Vec<Arc<[u8]>>> {
         let count = procedure.decided(&self.results).map_or(self.results.len(), |count| count as usize);
         let results = self.results.get(..count).filter(|results| !results.is_empty())?;
         results.iter().cloned().collect()
     }
 
-    /// Tasks that are worked on alone, and how often each failed so.
+    /// Returns the suspects, with the number of attempts of each.
     #[cfg(test)]
     pub fn suspects(&self) -> std::collections::BTreeMap<u32, u32> {
         let suspect = |(i, t): (usize, &Entry)| t.alone.then_some((i as u32, t.attempts));
         self.tasks.iter().enumerate().filter_map(suspect).collect()
     }
 
-    /// Holds these charges against its tasks, and nothing else.
+    /// Sets the suspects and attempts to those of these charges.
     pub fn suspect(&mut self, charges: &[Charge]) {
         for task in &mut self.tasks {
             (task.alone, task.attempts) = (false, 0);
@@ -261,16 +262,16 @@ impl Round {
             }
         }
         self.suspected = !charges.is_empty();
-        // A task that is no suspect any more may lie below it.
+        // Tasks below the cursor may no longer be suspects, and must be found again.
         self.cursor = 0;
     }
 
-    /// How often a task crashed or failed alone.
+    /// Returns the number of attempts of a task.
     pub fn attempts_of(&self, index: u32) -> u32 {
         self.tasks.get(index as usize).map_or(0, |task| task.attempts)
     }
 
-    /// Whether all of a range is done.
+    /// Returns true if all tasks of a range are done.
     pub fn is_done(&self, range: &Range) -> bool {
         range.indexes().all(|i| self.found(i).is_some())
     }

@@ -1,5 +1,5 @@
-//! Stragglers: at the end of a round, leases that take far longer than they should are given to a second worker as well. The
-//! first result wins; the bits can't differ.
+//! Stragglers: leases that take far longer than expected at the end of a round. A second worker gets a copy of each.
+//! The first result counts; both have the same bits.
 
 use super::dispatch::charge;
 use super::fleet::{Worker, WorkerId};
@@ -9,14 +9,14 @@ use super::leaving::time_for;
 use super::{Now, Scheduler};
 use std::time::Duration;
 
-/// A lease is a straggler once it has taken so many times what its tasks cost on the average …
+/// A lease is a straggler once it has taken this many times the average cost of its tasks …
 const SLOWER: f64 = 2.0;
-/// … and at least this long: a copy made sooner would hardly be done sooner.
+/// … and at least this time: an earlier copy would hardly end sooner.
 const LEAST: Duration = Duration::from_secs(1);
-/// Where there was none, they are looked for again after this time: looking costs as much as there is work out.
+/// Time between two searches that find no straggler, because a search costs time in proportion to the number of leases.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// Gives free slots of a worker that no other work needs to stragglers, the oldest first; each gets one copy.
+/// Gives copies of stragglers to a worker's free slots that no other work needs: oldest first, one copy each.
 pub(super) fn copy_stragglers(core: &mut Scheduler, now: Now, id: &WorkerId) {
     if now.since_start < core.alarm.look_again {
         return;
@@ -31,7 +31,7 @@ pub(super) fn copy_stragglers(core: &mut Scheduler, now: Now, id: &WorkerId) {
     }
 }
 
-/// Those that have no copy, the oldest first.
+/// Returns the stragglers without a copy, oldest first.
 fn stragglers(core: &mut Scheduler, now: Now) -> Vec<AssignmentId> {
     core.queue.room.count(core.leases.all.len());
     let lacks_copy = |(original, lease): &(&AssignmentId, &Lease)| {
@@ -63,7 +63,7 @@ fn copy(core: &mut Scheduler, now: Now, id: &WorkerId, original: AssignmentId) {
     assign(core, now, copy, lease, tasks);
 }
 
-/// Whether nothing is left to hand out beside it and it takes longer than its measured cost says.
+/// Returns true if no task of the job is pending and the lease takes far longer than its measured cost.
 pub(super) fn is_straggler(now: Now, job: &ActiveJob, lease: &Lease) -> bool {
     let Some(cost) = job.cost else { return false };
     let expected = Duration::try_from_secs_f64(SLOWER * cost * f64::from(lease.range.count)).unwrap_or(Duration::MAX);

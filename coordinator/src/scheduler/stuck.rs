@@ -1,16 +1,17 @@
-//! Workers that give signs of life and compute nothing: their leases are revoked.
+//! Stuck workers: they send heartbeats but make no progress. Their leases are revoked.
 
 use super::fleet::WorkerId;
 use super::lease::{AssignmentId, Stage, record_failure, revoke_leases};
 use super::notes::LeaseEnd;
-use super::trust::spare;
+use super::trust::defer_job_on_worker;
 use super::{Now, Scheduler};
 use std::time::Duration;
 
-/// A worker whose leases had to be revoked so often, without a result in between, gets no more until it connects again.
+/// Number of leases revoked as stuck, without a result in between, after which a worker gets no more until it connects
+/// again.
 pub(super) const MOST_TIMES: u32 = 3;
 
-/// Records how far a worker is, where it counts, and revokes the leases that stand still.
+/// Records a worker's reported progress, and revokes its stuck leases.
 pub(super) fn watch_progress(core: &mut Scheduler, now: Now, id: &WorkerId, progress: &[(AssignmentId, u64)]) {
     for &(assignment, count) in progress {
         if let Some(lease) = core.leases.all.get_mut(&assignment).filter(|l| l.worker == *id) {
@@ -22,8 +23,8 @@ pub(super) fn watch_progress(core: &mut Scheduler, now: Now, id: &WorkerId, prog
     }
 }
 
-/// A worker delivered a result: it is not stuck.
-pub(super) fn moves_again(core: &mut Scheduler, id: &WorkerId) {
+/// Clears a worker's stuck count: it delivered a result.
+pub(super) fn clear_stuck_count(core: &mut Scheduler, id: &WorkerId) {
     let Some(worker) = core.fleet.workers.get_mut(id) else { return };
     if std::mem::take(&mut worker.stuck) >= MOST_TIMES {
         core.queue.room.may_have(id);
@@ -31,7 +32,8 @@ pub(super) fn moves_again(core: &mut Scheduler, id: &WorkerId) {
     }
 }
 
-/// The leases that stand still. One that is queued waits, as long as every slot runs something that moves.
+/// Returns a worker's leases without progress. A queued lease is not stuck while every slot runs a lease that makes
+/// progress.
 fn stuck(core: &Scheduler, now: Now, id: &WorkerId) -> Vec<AssignmentId> {
     let Some(worker) = core.fleet.workers.get(id) else { return Vec::new() };
     let still = |since: Duration| now.since_start.saturating_sub(since) >= worker.stuck_after;
@@ -47,7 +49,7 @@ fn stuck(core: &Scheduler, now: Now, id: &WorkerId) -> Vec<AssignmentId> {
     held().filter(|(_, l)| is_stuck(l.stage) && still(l.moved)).map(|(a, _)| a).collect()
 }
 
-/// Revokes a lease that stands still. Its tasks are to blame only if a slot ran them.
+/// Revokes a stuck lease. Its tasks are charged only if a slot ran them.
 fn revoke_stuck(core: &mut Scheduler, now: Now, id: &WorkerId, assignment: AssignmentId) {
     let Some(lease) = core.leases.all.get(&assignment).cloned() else { return };
     revoke_leases(core, &[assignment], LeaseEnd::Stuck);
@@ -58,8 +60,8 @@ fn revoke_stuck(core: &mut Scheduler, now: Now, id: &WorkerId, assignment: Assig
         name.clone_from(&worker.name);
         core.queue.room.workers_changed();
     }
-    // Other workers first.
-    spare(core, now, id, &lease.job);
+    // Other workers get the tasks first.
+    defer_job_on_worker(core, now, id, &lease.job);
     if matches!(lease.stage, Stage::Running(_)) {
         let why = format!("worker {name} made no progress with it for {seconds} s");
         record_failure(core, now, &lease, true, None, &why);

@@ -1,21 +1,21 @@
-//! The scheduler under random events, held against its laws after each of them; and its laws one by one.
+//! Scheduler tests: single rules, and random events with all invariants checked after each event.
 //!
-//! The jobs' procedure is [`Fake`], whose results are a pure function of its tasks: these tests need no physics.
+//! The jobs' procedure is [`Fake`]. Its results are a pure function of its tasks, so these tests need no physics.
 
 mod batches;
 mod builds;
 mod costs;
 mod crashes;
 mod disputes;
-mod doubts;
 mod fake;
-mod finish;
-mod laws;
+mod history;
+mod lifecycle;
+mod long_tasks;
 mod model;
 mod permits;
+mod quarantine;
 mod restarts;
 mod sealed;
-mod seen;
 mod time;
 
 pub use fake::{Fake, result_of};
@@ -30,7 +30,7 @@ use std::collections::BTreeMap;
 pub const ENGINE: Digest = Digest([3; 32]);
 pub const LEASE: Duration = Duration::from_secs(10);
 
-/// A job of a procedure.
+/// A job that runs this procedure.
 pub fn job_of(name: &str, procedure: Fake) -> NewJob {
     NewJob {
         name: name.to_owned(),
@@ -46,17 +46,18 @@ pub fn job_of(name: &str, procedure: Fake) -> NewJob {
     }
 }
 
-/// A job with so many tasks in each of so many kept rounds. Two rounds of long tasks follow; one if it is called "bare".
+/// A job with this number of tasks in each of its kept rounds. Two rounds of long tasks follow, or one if the job's
+/// name begins with "bare".
 pub fn new_job(name: &str, tasks: u32, rounds: u32) -> NewJob {
     job_of(name, Fake::of(name, tasks, rounds))
 }
 
-/// The result digest of a whole job, computed without scheduler.
+/// Result digest of a whole job, computed without the scheduler.
 pub fn expected_digest(name: &str, tasks: u32, rounds: u32) -> Digest {
     digest_of(name, Fake::of(name, tasks, rounds)).0
 }
 
-/// The result digest and the artefacts of a whole job of any procedure.
+/// Result digest and artefacts of a whole job of any procedure.
 pub fn digest_of(name: &str, mut fake: Fake) -> (Digest, Vec<sim_core::procedure::Artefact>) {
     let mut digest = sim_core::base::digest::ResultDigest::start(&Digest::of("test job", &name));
     loop {
@@ -69,14 +70,14 @@ pub fn digest_of(name: &str, mut fake: Fake) -> (Digest, Vec<sim_core::procedure
         digest.round(round.number, &digests);
         match fake.tell(&results).step {
             Step::Done(artefacts) => return (digest.seal(), artefacts),
-            Step::Waiting => fake.offer(b"batch").expect("it waits"),
+            Step::Waiting => fake.offer(b"batch").expect("a waiting procedure accepts a batch"),
             Step::Next => {}
             Step::Failed(reason) => panic!("{reason}"),
         }
     }
 }
 
-/// A worker as the test plays it.
+/// First message of a simulated worker.
 pub fn greeting(id: &str, slots: u32) -> Greeting {
     Greeting {
         worker: WorkerId(id.into()),
@@ -92,7 +93,7 @@ pub fn greeting(id: &str, slots: u32) -> Greeting {
     }
 }
 
-/// Work as it reached a worker.
+/// An assignment that reached a worker.
 #[derive(Clone, Debug)]
 pub struct Given {
     pub worker: WorkerId,
@@ -100,12 +101,12 @@ pub struct Given {
 }
 
 impl Given {
-    /// The right results.
+    /// Returns the right results.
     pub fn delivery(&self) -> Delivery {
         Delivery::Results(self.assign.tasks.iter().map(|task| result_of(task).into()).collect())
     }
 
-    /// The results of a worker that computes wrongly, always in the same way for the same `how`.
+    /// Returns wrong results, always the same for the same `how`.
     pub fn wrong(&self, how: u64) -> Delivery {
         Delivery::Results(self.assign.tasks.iter().map(|task| fake::wrong_result_of(task, how).into()).collect())
     }
@@ -126,7 +127,7 @@ impl Given {
         }
     }
 
-    /// The assignment as a worker names it that still works on it.
+    /// The assignment as a worker reports it while it still runs.
     pub fn claim(&self) -> Running {
         let Assign { assignment, job, range, permit, .. } = self.assign.clone();
         Running { assignment, job, range, permit }
@@ -144,32 +145,32 @@ impl Given {
         &self.assign.job
     }
 
-    /// Whether it is one of the long tasks after the kept rounds.
+    /// Returns true if it is one of the long tasks after the kept rounds.
     pub fn is_long(&self) -> bool {
         self.assign.tasks[0][0] > 0
     }
 }
 
-/// Scheduler and store together, as the actor holds them; a store in memory answers at once.
+/// Scheduler and store together, as in the actor. The store in memory answers at once.
 pub struct Rig {
     pub scheduler: Scheduler,
     pub store: MemoryStore,
     pub epoch: u64,
     pub key: PermitKey,
     pub now: Now,
-    /// Everything that was ever sent to a worker and not cancelled.
+    /// Assignments that were sent to workers and not cancelled.
     pub given: Vec<Given>,
     pub cancelled: Vec<AssignmentId>,
-    /// The workers that were told to stop.
+    /// Workers that received a drain message.
     pub drained: Vec<WorkerId>,
-    pub seen: seen::Seen,
+    pub seen: history::Seen,
 }
 
 fn settings(epoch: u64) -> Settings {
     Settings { stuck_after: 2 * LEASE, ..Settings::new(epoch, LEASE) }
 }
 
-/// The memory store never waits.
+/// Returns the answer of the memory store, which never waits.
 pub fn at_once<T>(answer: crate::store::Answer<'_, T>) -> T {
     let mut answer = answer;
     let mut context = std::task::Context::from_waker(std::task::Waker::noop());
@@ -186,15 +187,15 @@ impl Rig {
         let (epoch, key) = (loaded.epoch, loaded.key);
         let scheduler = Scheduler::new(settings(epoch), key.clone(), 1, BTreeSet::new());
         let (given, cancelled, drained) = (Vec::new(), Vec::new(), Vec::new());
-        let (now, seen) = (Now::default(), seen::Seen::default());
+        let (now, seen) = (Now::default(), history::Seen::default());
         Self { scheduler, store, epoch, key, now, given, cancelled, drained, seen }
     }
 
-    /// Commits and collects what the scheduler wants done.
+    /// Commits the writes, and collects the messages to workers.
     pub fn settle(&mut self) {
         let actions = self.scheduler.take_actions();
         self.seen.writes(&actions);
-        seen::Seen::sends(&self.scheduler, self.now, &actions);
+        history::Seen::sends(&self.scheduler, self.now, &actions);
         let writes = actions.iter().filter_map(|a| if let Action::Write(w) = a { Some((**w).clone()) } else { None });
         at_once(self.store.commit(self.epoch, writes.collect()));
         for action in actions {
@@ -217,13 +218,13 @@ impl Rig {
         record.id
     }
 
-    /// Has an ended job of [`Rig::submit`] done again, from this round on.
+    /// Restarts an ended job of [`Rig::submit`] from this round.
     pub fn submit_again(&mut self, id: &JobId, tasks: u32, rounds: u32, from: u32) -> JobId {
         let before = self.stored(id);
         let mut fake = Fake::of(&before.name, tasks, rounds);
         let mut carried = Carried::start(Origin { job: id.clone(), rounds: from }, &before.job_digest);
         for sealed in at_once(self.store.rounds(id, 0, from)) {
-            carried.tell(&mut fake, sealed).expect("it was kept");
+            carried.tell(&mut fake, sealed).expect("the round's results were kept");
         }
         let request_id = format!("again {from} {id}");
         self.submit_job(NewJob { request_id, carried: Some(carried), ..job_of(&before.name, fake) })
@@ -243,7 +244,7 @@ impl Rig {
         on_disconnect(&mut self.scheduler, self.now, &WorkerId(id.into()), session);
     }
 
-    /// The worker announces that it stops, and finishes this.
+    /// The worker announces that it will stop, and finishes only these leases.
     pub fn drain(&mut self, id: &str, session: SessionId, finishing: &[AssignmentId]) {
         on_drain(&mut self.scheduler, self.now, &WorkerId(id.into()), session, finishing);
         self.settle();
@@ -255,7 +256,7 @@ impl Rig {
         record
     }
 
-    /// Delivers as a worker does, with the tasks once they are asked for.
+    /// Delivers like a worker: sends the tasks too if the coordinator needs them.
     pub fn deliver(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
         let verdict = self.deliver_once(completed.clone())?;
         if verdict != Verdict::NeedsTasks {
@@ -265,7 +266,7 @@ impl Rig {
         self.deliver_once(Completed { tasks, ..completed })
     }
 
-    /// Delivers, with the digests of a round sealed long ago where those are needed.
+    /// Delivers once. Compares with the stored digests if the round was sealed long ago.
     pub fn deliver_once(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
         let mut verdict = on_result(&mut self.scheduler, self.now, completed.clone());
         self.settle();
@@ -275,29 +276,29 @@ impl Rig {
         verdict
     }
 
-    /// What the shell does with a result of a round sealed long ago.
+    /// Does what the actor does with a result of a round sealed long ago.
     pub fn compare(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
-        let sealed = at_once(self.store.digests(&completed.job, completed.range.round)).expect("it was sealed");
+        let sealed = at_once(self.store.digests(&completed.job, completed.range.round)).expect("the round is sealed");
         let verdict = on_compare(&mut self.scheduler, self.now, completed, &sealed);
         self.settle();
         verdict
     }
 
     pub fn complete(&mut self, completed: Completed) -> Verdict {
-        self.deliver(completed).expect("it is not refused")
+        self.deliver(completed).expect("the delivery is not refused")
     }
 
-    /// The right results arrive.
+    /// Delivers the right results.
     pub fn answer(&mut self, given: &Given) -> Verdict {
         self.complete(given.completed(given.delivery()))
     }
 
-    /// Wrong results arrive.
-    pub fn lie(&mut self, given: &Given) -> Verdict {
+    /// Delivers wrong results.
+    pub fn deliver_wrong(&mut self, given: &Given) -> Verdict {
         self.complete(given.completed(given.wrong(0)))
     }
 
-    /// The same work as another worker once got it, before its lease ended.
+    /// The same tasks, assigned to another worker earlier.
     pub fn given_to(&self, worker: &str, given: &Given) -> Given {
         let mut assign = given.assign.clone();
         assign.assignment = AssignmentId(0);
@@ -307,7 +308,7 @@ impl Rig {
         Given { worker, assign }
     }
 
-    /// Tasks of round 0 of a job of [`Rig::submit`] as a worker once got them.
+    /// Tasks of round 0 of a job of [`Rig::submit`], assigned to this worker earlier.
     pub fn early(&self, worker: &str, job: &JobId, tasks: std::ops::Range<u32>) -> Given {
         let range = Range { round: 0, first: tasks.start, count: tasks.len() as u32 };
         let fake = Fake::new(1, 1);
@@ -324,19 +325,19 @@ impl Rig {
         self.given_to(worker, &Given { worker: WorkerId(worker.into()), assign })
     }
 
-    /// A worker's results of tasks of round 0.
-    pub fn says(&mut self, who: &str, job: &JobId, tasks: std::ops::Range<u32>, wrong: bool) -> Verdict {
-        let given = self.early(who, job, tasks);
-        if wrong { self.lie(&given) } else { self.answer(&given) }
+    /// Delivers a worker's results of tasks of round 0.
+    pub fn deliver_tasks(&mut self, worker: &str, job: &JobId, tasks: std::ops::Range<u32>, wrong: bool) -> Verdict {
+        let given = self.early(worker, job, tasks);
+        if wrong { self.deliver_wrong(&given) } else { self.answer(&given) }
     }
 
-    /// A worker's results of the first task of an assignment.
-    pub fn says_first(&mut self, who: &str, given: &Given, wrong: bool) -> Verdict {
+    /// Delivers a worker's result of the first task of an assignment.
+    pub fn deliver_first_task(&mut self, worker: &str, given: &Given, wrong: bool) -> Verdict {
         let mut first = given.clone();
         first.assign.range.count = 1;
         first.assign.tasks.truncate(1);
-        let first = self.given_to(who, &first);
-        if wrong { self.lie(&first) } else { self.answer(&first) }
+        let first = self.given_to(worker, &first);
+        if wrong { self.deliver_wrong(&first) } else { self.answer(&first) }
     }
 
     pub fn advance(&mut self, by: Duration) {
@@ -345,50 +346,50 @@ impl Rig {
         self.settle();
     }
 
-    /// A sign of life, with what the worker was given and `progress` of each.
+    /// Sends a heartbeat with the worker's assignments and `progress` for each.
     pub fn heartbeat(&mut self, id: &str, session: SessionId, progress: u64) {
         self.given.retain(|g| !self.cancelled.contains(&g.id()));
         let running: Vec<_> = self.given.iter().filter(|g| *g.worker.0 == *id).map(Given::id).collect();
         let progress = vec![progress; running.len()];
-        assert!(self.beat(id, session, &running, &progress), "the session stands");
+        assert!(self.beat(id, session, &running, &progress), "the session is open");
     }
 
-    /// A sign of life; `false` if the session is not known any more.
+    /// Sends a heartbeat; returns `false` if the session has ended.
     pub fn beat(&mut self, id: &str, session: SessionId, running: &[AssignmentId], progress: &[u64]) -> bool {
         let known = on_heartbeat(&mut self.scheduler, self.now, &WorkerId(id.into()), session, running, progress);
         self.settle();
         known
     }
 
-    /// Takes the next work that this worker has.
+    /// Removes and returns this worker's next assignment.
     pub fn take_of(&mut self, id: &str) -> Option<Given> {
         self.given.retain(|g| !self.cancelled.contains(&g.id()));
         let at = self.given.iter().position(|g| &*g.worker.0 == id)?;
         Some(self.given.remove(at))
     }
 
-    /// Takes the next unanswered work.
+    /// Removes and returns the next assignment of any worker.
     pub fn take(&mut self) -> Option<Given> {
         self.given.retain(|g| !self.cancelled.contains(&g.id()));
         (!self.given.is_empty()).then(|| self.given.remove(0))
     }
 
-    /// Answers all there is until nothing is left.
+    /// Delivers the right results of all assignments until none is left.
     pub fn work_off(&mut self) {
         while let Some(given) = self.take() {
             self.answer(&given);
         }
     }
 
-    /// Answers all there is until so many rounds are sealed.
+    /// Delivers the right results until this number of rounds is sealed.
     pub fn work_to(&mut self, job: &JobId, rounds: u32) {
         while self.stored(job).rounds_sealed < rounds {
-            let given = self.take().expect("there is work");
+            let given = self.take().expect("an assignment is left");
             self.answer(&given);
         }
     }
 
-    /// Answers work until the next is one of the long tasks; `None` if the job ends before.
+    /// Delivers the right results until the next assignment is a long task; `None` if the job ends before.
     pub fn work_to_long(&mut self) -> Option<Given> {
         loop {
             let given = self.take()?;
@@ -411,12 +412,12 @@ impl Rig {
         self.scheduler.trust.is_quarantined(&WorkerId(id.into()))
     }
 
-    /// The ids of all that are.
+    /// Ids of the quarantined workers.
     pub fn quarantined(&self) -> Vec<String> {
         self.scheduler.trust.ids().map(WorkerId::to_string).collect()
     }
 
-    /// The rulings about a job's disputed tasks.
+    /// Rulings about a job's disputed tasks.
     pub fn rulings(&self, job: &JobId) -> Vec<Option<Ruling>> {
         self.stored(job).disputes.iter().map(|d| d.ruling).collect()
     }
@@ -425,7 +426,7 @@ impl Rig {
         waits_for(&self.scheduler, job).unwrap_or_default()
     }
 
-    /// A job that was undisturbed in the end has the digest that it must have.
+    /// Checks that the job succeeded with the expected result digest.
     pub fn assert_right(&self, job: &JobId, tasks: u32, rounds: u32) {
         let record = self.stored(job);
         let expected = Some(expected_digest(&record.name, tasks, rounds));
@@ -440,7 +441,7 @@ impl Rig {
         self.scheduler = Scheduler::new(settings(loaded.epoch), loaded.key, loaded.next_job, ended)
             .with_quarantined(loaded.quarantined);
         for StoredJob { record, toml, state, results } in loaded.active {
-            let procedure = Box::new(Fake::load(&state.procedure).expect("a saved state is read back"));
+            let procedure = Box::new(Fake::load(&state.procedure).expect("a saved state can be loaded"));
             let resumed = Resumed { record, toml, procedure, last: state.last, results };
             on_resume(&mut self.scheduler, self.now, resumed).expect("a stored job resumes");
         }
@@ -448,7 +449,7 @@ impl Rig {
     }
 }
 
-/// How many of a job's leases are with workers.
+/// Number of a job's leases.
 fn leased(rig: &Rig, job: &JobId) -> usize {
     rig.scheduler.leases.of(job).count()
 }

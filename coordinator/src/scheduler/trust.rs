@@ -1,8 +1,8 @@
 //! Trust in workers: permits, marks and quarantine.
 //!
-//! A worker that delivers what can't be a result of its task gets a mark; [`MAX_MARKS`] of them, two different results of one
-//! task, or a result that two others contradict put its id into quarantine: it gets no more work, its results are ignored, and
-//! those that rest on it alone are computed again.
+//! A worker gets a mark for each invalid result. It is quarantined after [`MAX_MARKS`] marks, after two different
+//! results of one task, or after a result that two other workers contradict. A quarantined worker gets no more work and
+//! its results are ignored. Results that only it delivered are computed again.
 
 use super::fleet::WorkerId;
 use super::job::ActiveJob;
@@ -16,15 +16,15 @@ use crate::store::{Quarantined, Write};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Marks that put a worker into quarantine.
+/// Marks after which a worker is quarantined.
 pub const MAX_MARKS: u32 = 3;
 
-/// Who is trusted.
+/// State of trust in workers.
 pub(super) struct Trust {
-    /// Makes permits.
+    /// Key that issues and checks permits.
     pub key: PermitKey,
     quarantined: BTreeMap<WorkerId, Quarantined>,
-    /// By worker, at most [`MAX_QUARANTINED`] of them.
+    /// Marks by worker, at most [`MAX_QUARANTINED`] entries.
     marks: BTreeMap<WorkerId, u32>,
 }
 
@@ -41,7 +41,7 @@ impl Trust {
         self.quarantined.contains_key(worker)
     }
 
-    /// The workers in quarantine.
+    /// Returns the quarantined workers.
     #[cfg(test)]
     pub fn ids(&self) -> impl Iterator<Item = &WorkerId> {
         self.quarantined.keys()
@@ -51,7 +51,7 @@ impl Trust {
         self.quarantined.get(worker)
     }
 
-    /// Adds a mark, and returns how many there are. Reconnecting clears none.
+    /// Adds a mark and returns the worker's number of marks. Reconnecting does not reset it.
     fn mark(&mut self, worker: &WorkerId) -> u32 {
         if self.marks.len() >= MAX_QUARANTINED && !self.marks.contains_key(worker) {
             self.marks.pop_first();
@@ -61,7 +61,7 @@ impl Trust {
         *marks
     }
 
-    /// Adds an entry. Returns the oldest where there are too many, which is removed.
+    /// Adds an entry. If there are too many, removes the oldest and returns its worker.
     fn add(&mut self, entry: Quarantined) -> Option<Arc<str>> {
         let full = self.quarantined.len() >= MAX_QUARANTINED;
         let oldest = self.quarantined.values().min_by_key(|entry| entry.at_ms).filter(|_| full);
@@ -74,7 +74,7 @@ impl Trust {
     }
 }
 
-/// Marks a worker that delivered what can't be a result. Only one that is known here is marked.
+/// Marks a worker that delivered an invalid result. Unknown workers are not marked.
 pub(super) fn mark(core: &mut Scheduler, now: Now, worker: &WorkerId, why: &str) {
     if !core.fleet.workers.contains_key(worker) {
         return;
@@ -83,11 +83,11 @@ pub(super) fn mark(core: &mut Scheduler, now: Now, worker: &WorkerId, why: &str)
     core.out.notes.push(Note::Marked { worker: worker.clone(), marks, why: why.to_owned() });
     if marks >= MAX_MARKS {
         let source = core.fleet.source(core.fleet.finder(worker));
-        quarantine(core, now, &source, &format!("{marks} of its results were refused, the last one since {why}"));
+        quarantine(core, now, &source, &format!("{marks} of its results were refused; the last error: {why}"));
     }
 }
 
-/// Puts a worker's id into quarantine.
+/// Quarantines a worker's id.
 pub(super) fn quarantine(core: &mut Scheduler, now: Now, source: &Source, why: &str) {
     let id = WorkerId(source.finder.worker.clone());
     if id.0.is_empty() || core.trust.is_quarantined(&id) {
@@ -110,15 +110,15 @@ pub(super) fn quarantine(core: &mut Scheduler, now: Now, source: &Source, why: &
     if let Some(worker) = core.fleet.workers.get_mut(&id) {
         worker.trusted = false;
     }
-    tell_quarantined(core, &id);
-    doubt(core, now, source);
+    send_quarantine_drain(core, &id);
+    dispute_results_of(core, now, source);
 }
 
-/// Tells a quarantined worker that it gets nothing more, and why.
-pub(super) fn tell_quarantined(core: &mut Scheduler, id: &WorkerId) {
+/// Sends a quarantined worker a drain message with the reason.
+pub(super) fn send_quarantine_drain(core: &mut Scheduler, id: &WorkerId) {
     let Some(entry) = core.trust.entry(id) else { return };
     let reason = format!(
-        "quarantined: {}; check this machine (memory, overclocking, the build), then start the worker again: it gets a new id",
+        "quarantined: {}; check this machine (memory, overclocking, the build), then restart the worker: it gets a new id",
         entry.reason
     );
     if let Some(session) = core.fleet.workers.get(id).and_then(|w| w.session) {
@@ -126,12 +126,12 @@ pub(super) fn tell_quarantined(core: &mut Scheduler, id: &WorkerId) {
     }
 }
 
-/// Has the results that rest on this worker alone computed again, in all jobs.
-fn doubt(core: &mut Scheduler, now: Now, source: &Source) {
+/// Disputes, in all jobs, the results that only this worker delivered, so that they are computed again.
+fn dispute_results_of(core: &mut Scheduler, now: Now, source: &Source) {
     let Scheduler { jobs, out, .. } = core;
     for (id, job) in &mut jobs.active {
         let claimed = job.distrust(now, &source.finder.worker);
-        let tasks = job.open_doubts(now, source);
+        let tasks = job.open_disputes_of_worker(now, source);
         if claimed || tasks > 0 {
             out.to_note.insert(id.clone());
             let worker = WorkerId(source.finder.worker.clone());
@@ -140,9 +140,9 @@ fn doubt(core: &mut Scheduler, now: Now, source: &Source) {
     }
 }
 
-/// Withdraws what was blamed on the crash of a worker that lives: it was only cut off. A job that has failed by then stays
-/// failed.
-pub(super) fn clear_of_blame(core: &mut Scheduler, worker: &WorkerId) {
+/// Withdraws all charges for the crash of a worker that turns out to have lost only its connection. A job that has
+/// already failed stays failed.
+pub(super) fn withdraw_crash_charges(core: &mut Scheduler, worker: &WorkerId) {
     let Scheduler { jobs, out, .. } = core;
     for (id, job) in &mut jobs.active {
         let charges = job.withdraw_charges(worker);
@@ -153,18 +153,19 @@ pub(super) fn clear_of_blame(core: &mut Scheduler, worker: &WorkerId) {
     }
 }
 
-/// Whether this worker's claims count for nothing by themselves.
+/// Returns true if this worker's claims do not count on their own.
 pub(super) fn is_distrusted(core: &Scheduler, source: &Source) -> bool {
     core.trust.is_quarantined(&WorkerId(source.finder.worker.clone()))
 }
 
 impl ActiveJob {
-    /// Distrusts this worker's claims, and opens again what was decided by such claims alone. Returns whether there is any.
+    /// Marks this worker's claims as distrusted, and reopens disputes that only distrusted claims decided. Returns true
+    /// if the worker has a claim in any dispute that was checked.
     fn distrust(&mut self, now: Now, worker: &str) -> bool {
         let oldest = self.round.number().saturating_sub(1);
         let mut claimed = false;
         for dispute in &mut self.record.disputes {
-            // What was decided about an older round stays: there is nothing left to compare it with.
+            // Decisions about older rounds stay: their results are no longer in memory to compare with.
             if !dispute.has_claim_of(worker) || !dispute.is_open() && dispute.round < oldest {
                 continue;
             }
@@ -184,8 +185,8 @@ impl ActiveJob {
         claimed
     }
 
-    /// Opens a dispute about each task whose result rests on this worker alone. Returns how many.
-    fn open_doubts(&mut self, now: Now, source: &Source) -> u32 {
+    /// Opens a dispute about each task with a result that only this worker delivered. Returns their number.
+    fn open_disputes_of_worker(&mut self, now: Now, source: &Source) -> u32 {
         let mut opened = 0;
         for range in self.found_by(&source.finder.worker) {
             let (round, index) = (range.round, range.first);
@@ -210,8 +211,8 @@ impl ActiveJob {
     }
 }
 
-/// A job of which a worker's result is refused is not offered to it for a while.
-pub(super) fn spare(core: &mut Scheduler, now: Now, worker: &WorkerId, job: &JobId) {
+/// Offers this worker no work of this job for one lease time.
+pub(super) fn defer_job_on_worker(core: &mut Scheduler, now: Now, worker: &WorkerId, job: &JobId) {
     let until = now.since_start + core.settings.lease;
     if let Some(worker) = core.fleet.workers.get_mut(worker) {
         worker.refused.insert(job.clone(), until);

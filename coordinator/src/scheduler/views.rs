@@ -1,9 +1,9 @@
-//! The state at one moment, for clients, metrics and those who start workers.
+//! Snapshots of the scheduler's state, for clients, metrics and programs that start workers.
 
-use super::explain::about_worker;
 use super::fleet::WorkerId;
 use super::job::ActiveJob;
 use super::lease::Range;
+use super::wait_reasons::about_worker;
 use super::{MAX_ATTEMPTS, Now, Scheduler};
 use crate::limits::MAX_HELD_TOLD;
 use crate::record::{JobId, JobState};
@@ -12,32 +12,32 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// A worker that is connected.
+/// A connected worker.
 #[derive(Clone, Debug)]
 pub struct WorkerView {
     /// Its id.
     pub id: WorkerId,
-    /// Its name, for people.
+    /// Its display name.
     pub name: String,
-    /// Assignments at once.
+    /// Number of leases it can run at once.
     pub slots: u32,
-    /// Slots that have work.
+    /// Number of slots with a lease.
     pub busy: u32,
-    /// Its engines.
+    /// Digests of its engines.
     pub engines: Vec<Digest>,
-    /// Unix time, ms.
+    /// Unix time of its connection, ms.
     pub connected_at_ms: i64,
-    /// Tasks whose results it delivered first.
+    /// Number of tasks of which it delivered the first result.
     pub tasks: u64,
-    /// The address it calls from.
+    /// Source address of its connection.
     pub address: String,
-    /// Why it gets no work; empty if there is nothing to say.
+    /// Reason why it gets no work; empty if it gets work.
     pub reason: String,
-    /// Its results are ignored.
+    /// True if its results are ignored.
     pub quarantined: bool,
 }
 
-/// The workers that are connected.
+/// Returns the connected workers.
 pub fn workers(core: &Scheduler) -> Vec<WorkerView> {
     let connected = core.fleet.workers.iter().filter(|(_, w)| w.session.is_some());
     connected
@@ -56,41 +56,41 @@ pub fn workers(core: &Scheduler) -> Vec<WorkerView> {
         .collect()
 }
 
-/// Where a job stands: who works on what, what waits, what went wrong.
+/// Detailed state of a job: its leases, pending tasks and failed attempts.
 #[derive(Clone, Debug)]
 pub struct Detail {
-    /// Assignments that workers have, the oldest first, up to a limit …
+    /// Leases, oldest first, up to [`MAX_HELD_TOLD`] …
     pub held: Vec<Held>,
-    /// … and how many there are.
+    /// … and the number of all leases.
     pub held_total: u32,
-    /// Tasks of the round at hand that no worker has.
+    /// Number of pending tasks of the current round.
     pub pending: u32,
-    /// Tasks of the round at hand that crashed or failed while they were worked on alone, and how often.
+    /// Tasks of the current round that crashed or failed while they ran alone: index and number of attempts.
     pub attempts: Vec<(u32, u32)>,
-    /// A task that failed so often ends the job.
+    /// Number of attempts of a task that fails the job.
     pub max_attempts: u32,
-    /// Workers that could get work of it …
+    /// Number of workers that can run its tasks …
     pub workers: u32,
-    /// … and their slots.
+    /// … and the number of their slots.
     pub slots: u32,
     /// Measured time of a task on a slot, s.
     pub task_seconds: Option<f64>,
 }
 
-/// An assignment that a worker has.
+/// A lease of a worker.
 #[derive(Clone, Debug)]
 pub struct Held {
     /// The worker.
     pub worker: WorkerId,
-    /// Its name, for people.
+    /// The worker's display name.
     pub name: String,
     /// The tasks.
     pub range: Range,
-    /// Time since it was handed out.
+    /// Time since the lease began.
     pub since: Duration,
 }
 
-/// Where a job that has not ended stands. Takes time in proportion to leases, tasks and workers.
+/// Returns the detailed state of an active job. Takes time in proportion to leases, tasks and workers.
 pub fn detail(core: &Scheduler, now: Now, id: &JobId) -> Option<Detail> {
     let job = core.jobs.active.get(id)?;
     let engine = &job.record.engine_digest;
@@ -118,22 +118,22 @@ pub fn detail(core: &Scheduler, now: Now, id: &JobId) -> Option<Detail> {
     })
 }
 
-/// Slots at one moment.
+/// Slots wanted, present and busy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Demand {
-    /// Slots that the jobs that have not ended could use side by side; those that are paused use none, nor do those that were
-    /// submitted to another build, unless a worker of that one is connected.
+    /// Number of slots that active jobs could use in parallel. Paused jobs count zero. Jobs of another build count only
+    /// while a worker of that build is connected.
     pub wanted: u32,
-    /// Slots of the workers that take work.
+    /// Number of slots of the workers that take work.
     pub slots: u32,
-    /// Of these, slots with work.
+    /// Number of these slots with a lease.
     pub busy: u32,
 }
 
-/// Counts slots; takes time in proportion to jobs and workers.
+/// Counts wanted, present and busy slots. Takes time in proportion to jobs and workers.
 pub fn demand(core: &Scheduler) -> Demand {
     let workers = || core.fleet.workers.values().filter(|w| w.takes_work());
-    // Workers that are started now are of this build.
+    // Workers that are started now belong to this build.
     let connected = |digest: &Digest| workers().any(|w| w.engines.contains(digest));
     let can_be_done = |job: &&ActiveJob| {
         let engine = &job.record.engine_digest;
@@ -144,39 +144,39 @@ pub fn demand(core: &Scheduler) -> Demand {
     Demand { wanted, slots: workers().map(|w| w.slots).sum(), busy }
 }
 
-/// Slots that a job can fill: those of its whole round, not of what is left of it. So workers do not come and go with the end
-/// of each round.
+/// Returns the number of slots that a job can fill with its whole round. It does not count only the remaining tasks:
+/// otherwise autoscaled workers would stop and start at the end of each round.
 fn wanted(job: &ActiveJob) -> u32 {
-    // Tasks that fill an engine's lanes take as long together as one alone: more slots would not end sooner.
+    // Tasks that fill an engine's lanes together take as long as one alone, so more slots would not help.
     job.round.size().div_ceil(job.round.lanes())
 }
 
-/// Counts at one moment, for metrics.
+/// Counts for metrics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Census {
-    /// Jobs that have not ended, by state.
+    /// Active jobs, by state.
     pub jobs: BTreeMap<JobState, u32>,
-    /// Tasks of the rounds at hand that no worker has.
+    /// Pending tasks of the current rounds.
     pub pending: u64,
-    /// Tasks of the rounds at hand that workers have.
+    /// Leased tasks of the current rounds.
     pub leased: u64,
-    /// Slots of the workers that take work.
+    /// Number of slots of the workers that take work.
     pub slots: u64,
-    /// Slots among all workers that have work, prefetched work aside.
+    /// Slots of all workers with a lease; leases in advance don't count.
     pub busy: u64,
     /// Workers that take work.
     pub ready: u64,
-    /// Workers that are connected and will stop.
+    /// Workers that are connected and draining.
     pub draining: u64,
     /// Workers that are connected and quarantined.
     pub quarantined: u64,
-    /// Workers that are connected and make no progress.
+    /// Workers that are connected and stuck.
     pub stuck: u64,
-    /// Workers whose connection broke and whose leases still run.
+    /// Workers with a broken connection that still have leases.
     pub disconnected: u64,
 }
 
-/// Counts; takes time in proportion to jobs and workers.
+/// Counts jobs, tasks, slots and workers. Takes time in proportion to jobs and workers.
 pub fn census(core: &Scheduler) -> Census {
     let mut census = Census::default();
     for job in core.jobs.active.values() {

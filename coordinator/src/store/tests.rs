@@ -5,7 +5,7 @@ pub(crate) mod places;
 use super::*;
 use crate::record::{Charge, Claim, Dispute, Event, Origin, Poisoned, Ruling, Source};
 use places::{Database, File, Reopen, open_file};
-use sim_core::base::digest::{Digest, ResultDigest};
+use sim_core::base::digest::Digest;
 use sim_core::procedure::{Progress, Value};
 use std::path::Path;
 
@@ -21,18 +21,12 @@ fn values() -> Vec<Value> {
 pub(crate) fn record(number: u64) -> JobRecord {
     let digest = Digest::of("test", &number);
     JobRecord {
-        id: JobId::new(number, &digest),
-        number,
         name: format!("job {number}"),
         request_id: format!("request {number}"),
         request_digest: Digest([1; 32]),
-        state: JobState::Queued,
-        job_digest: digest,
         engine_digest: Digest([2; 32]),
         version: "0.9.9".to_owned(),
         procedure: "evolve".to_owned(),
-        rounds_sealed: 0,
-        rounds_kept: 0,
         priority: 10,
         progress: Progress {
             phase: "searching".into(),
@@ -41,18 +35,8 @@ pub(crate) fn record(number: u64) -> JobRecord {
             total: 2,
             values: values(),
         },
-        reason: String::new(),
-        paused: false,
-        restarted_from: None,
-        disputes: Vec::new(),
-        charges: Vec::new(),
-        poisoned: None,
-        submitted_at_ms: 1_000,
-        started_at_ms: 0,
-        ended_at_ms: 0,
         last_event: 1,
-        results_digest: ResultDigest::start(&digest).value(),
-        result_digest: None,
+        ..JobRecord::new(number, digest, 1_000)
     }
 }
 

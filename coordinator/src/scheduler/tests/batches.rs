@@ -1,4 +1,4 @@
-//! Laws about procedures that wait for batches, or whose rounds a prefix settles.
+//! Tests of procedures that wait for batches, and of rounds that a prefix of their tasks settles.
 
 use super::*;
 
@@ -14,7 +14,7 @@ fn waiting_job_goes_on_with_its_batch() {
             rig.settle();
             answer.map(|record| record.state)
         };
-        assert!(offer(&mut rig, b"batch").is_err(), "it does not wait yet");
+        assert!(offer(&mut rig, b"batch").is_err(), "a running job accepts no batch");
         for round in 1..3 {
             rig.work_off();
             let record = rig.stored(&job);
@@ -51,9 +51,9 @@ fn late_result_is_compared_while_job_waits() {
     rig.answer(&first);
     rig.work_off();
     assert_eq!(rig.answer(&first), Verdict::Duplicate);
-    assert_eq!(rig.lie(&rig.given_to("x", &first)), Verdict::Conflict);
+    assert_eq!(rig.deliver_wrong(&rig.given_to("x", &first)), Verdict::Conflict);
     rig.connect("third", 1);
-    let question = rig.take_of("third").expect("it decides");
+    let question = rig.take_of("third").expect("the third worker gets the disputed task");
     rig.answer(&question);
     assert_eq!((rig.quarantined(), rig.stored(&job).state), (vec!["x".to_owned()], JobState::Waiting));
     let answer = on_offer(&mut rig.scheduler, rig.now, &job, b"batch");
@@ -71,7 +71,7 @@ fn round_settled_by_prefix_cancels_later_tasks() {
     rig.connect("w", 10);
     let given: Vec<Given> = std::iter::from_fn(|| rig.take()).collect();
     assert_eq!(given.len(), 10);
-    // What comes first of the later tasks settles nothing.
+    // A result beyond the prefix settles nothing.
     assert_eq!(rig.answer(&given[9]), Verdict::Accepted);
     assert_eq!(rig.stored(&job).rounds_sealed, 0);
     let mut answered = 0;
@@ -87,9 +87,9 @@ fn round_settled_by_prefix_cancels_later_tasks() {
     }
     let beyond = given.iter().find(|g| g.range().first >= settled).expect("a range beyond the prefix").clone();
     assert_eq!(rig.answer(&beyond), Verdict::Obsolete);
-    assert_eq!(rig.lie(&beyond), Verdict::Obsolete, "nothing rests on it");
+    assert_eq!(rig.deliver_wrong(&beyond), Verdict::Obsolete, "a result beyond the prefix is not compared");
     rig.work_to(&job, 2);
-    assert_eq!(rig.answer(&beyond), Verdict::Obsolete, "of a round sealed long ago too");
+    assert_eq!(rig.answer(&beyond), Verdict::Obsolete, "the verdict is the same two rounds later");
     rig.work_off();
     assert_eq!(rig.stored(&job).result_digest, Some(digest_of("a", fake).0));
 }
@@ -110,7 +110,7 @@ fn shared_bytes_and_text_reach_a_session_once() {
     assert!(sent(&rig)[1..].iter().all(|sent| *sent == (false, None)));
     let digest = rig.given[0].assign.shared_digest;
     assert!(rig.given.iter().all(|g| g.assign.shared_digest == digest));
-    // Another session has nothing, and another phase shares other bytes.
+    // A new session gets both again, and each phase shares other bytes.
     rig.connect("v", 1);
     let given = rig.take_of("v");
     assert!(given.is_none_or(|g| g.assign.toml.is_some() && g.assign.shared.as_deref() == Some(b"searching")));

@@ -1,11 +1,11 @@
-//! Laws about jobs that were submitted to another build: they wait for its workers.
+//! Tests of jobs that were submitted to another build: they wait for its workers.
 
 use super::*;
 
-/// The engine of an older build.
+/// Engine of an older build.
 const OLD: Digest = Digest([7; 32]);
 
-/// A coordinator of a new build with two jobs: one that an older build took in, and one of its own.
+/// A coordinator of a new build with two jobs: one submitted to an older build, and one to this build.
 fn upgraded() -> (Rig, JobId, JobId) {
     let mut rig = Rig::new();
     let old = on_submit(&mut rig.scheduler, rig.now, NewJob { engine_digest: OLD, ..new_job("a", 20, 2) }).id;
@@ -18,7 +18,7 @@ fn old_worker(id: &str) -> Greeting {
     Greeting { engines: vec![OLD], version: "0.0.1".to_owned(), ..greeting(id, 2) }
 }
 
-/// Answers all there is, each on the engine that it is for.
+/// Delivers the right results of all assignments, with each job's own engine.
 fn work_off(rig: &mut Rig, old: &JobId) {
     while let Some(given) = rig.take() {
         let engine = if *given.job() == *old { OLD } else { ENGINE };
@@ -30,7 +30,7 @@ fn work_off(rig: &mut Rig, old: &JobId) {
 #[test]
 fn job_of_other_build_waits_for_its_workers() {
     let (mut rig, old, own) = upgraded();
-    let said = |rig: &Rig| waits_for(&rig.scheduler, &old).expect("it waits");
+    let said = |rig: &Rig| waits_for(&rig.scheduler, &old).expect("the job waits");
     let version = rig.stored(&old).version;
     assert!(!version.is_empty());
     let told = |said: &str| said.contains(&OLD.short()) && said.contains(&format!("evogait {version}"));
@@ -39,12 +39,12 @@ fn job_of_other_build_waits_for_its_workers() {
     assert!(
         rig.scheduler.needs(&[ENGINE, OLD]) && rig.scheduler.needs(&[OLD]) && !rig.scheduler.needs(&[Digest([9; 32])])
     );
-    assert_eq!(demand(&rig.scheduler).wanted, 6, "no worker that is started could do the other one");
+    assert_eq!(demand(&rig.scheduler).wanted, 6, "workers of this build can't run the old job");
 
     rig.connect("new", 2);
-    assert!(rig.given.iter().all(|g| *g.job() == own), "never on another engine");
+    assert!(rig.given.iter().all(|g| *g.job() == own), "the new worker gets no task of the old job");
     work_off(&mut rig, &old);
-    assert_eq!(rig.stored(&own).state, JobState::Succeeded, "others go on");
+    assert_eq!(rig.stored(&own).state, JobState::Succeeded, "the job of this build runs meanwhile");
     let said = said(&rig);
     assert!(told(&said) && said.contains("none of those connected has it"), "{said}");
     assert!(said.contains(&format!("evogait 0.9.9 with {}", ENGINE.short())), "{said}");
@@ -53,12 +53,12 @@ fn job_of_other_build_waits_for_its_workers() {
     let refused = rig.deliver(claimed.completed(claimed.delivery()));
     assert!(matches!(refused, Err(RefusedResult::Engine { .. })), "{refused:?}");
     let welcome = rig.greet(Greeting { running: vec![claimed.claim()], ..greeting("new", 2) });
-    assert_eq!(welcome.keep, [], "a worker of this build can't work on it");
+    assert_eq!(welcome.keep, [], "a worker of this build can't keep a lease of the old job");
 
     rig.greet(old_worker("old"));
     assert!(rig.given.iter().all(|g| *g.job() == old && &*g.worker.0 == "old") && !rig.given.is_empty());
-    assert_eq!(demand(&rig.scheduler).wanted, 20, "now they can");
+    assert_eq!(demand(&rig.scheduler).wanted, 20, "a worker of the old build is connected");
     work_off(&mut rig, &old);
     rig.assert_right(&old, 20, 2);
-    assert!(!rig.scheduler.needs(&[OLD]), "over is over");
+    assert!(!rig.scheduler.needs(&[OLD]), "an ended job needs no engine");
 }

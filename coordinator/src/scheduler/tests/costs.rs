@@ -1,41 +1,41 @@
-//! Laws about the cost of an event: it grows with the changes, not with the fleet.
+//! Tests of the cost of an event: it depends on the changes, not on the number of workers.
 
 use super::*;
 
-/// Steps of dispatching that a result costs while all workers are busy and work waits, with so many workers.
-fn steps_a_result(workers: u32) -> f64 {
+/// Dispatch steps per result with this number of workers, while all are busy and tasks are pending.
+fn steps_per_result(workers: u32) -> f64 {
     let mut rig = Rig::new();
     for worker in 0..workers {
         rig.connect(&format!("w{worker}"), 1);
     }
     rig.submit("long", 20 * workers, 20);
-    let a_round_of_results = |rig: &mut Rig| {
+    let one_result_per_worker = |rig: &mut Rig| {
         for _ in 0..workers {
-            let given = rig.take().expect("work waits");
+            let given = rig.take().expect("tasks are pending");
             let mut completed = given.completed(given.delivery());
             completed.compute = Duration::from_millis(50) * given.range().count;
             rig.complete(completed);
         }
         rig.scheduler.queue.room.steps
     };
-    // Every worker has worked once: tasks are known to be short, and some is handed out in advance.
-    let before = a_round_of_results(&mut rig);
-    (a_round_of_results(&mut rig) - before) as f64 / f64::from(workers)
+    // Every worker has delivered once: tasks are known to be short, so some are leased in advance.
+    let before = one_result_per_worker(&mut rig);
+    (one_result_per_worker(&mut rig) - before) as f64 / f64::from(workers)
 }
 
 #[test]
 fn cost_of_result_is_constant_in_workers() {
-    let (few, many) = (steps_a_result(10), steps_a_result(1000));
+    let (few, many) = (steps_per_result(10), steps_per_result(1000));
     assert!(many <= few + 2.0, "{few} steps with 10 workers, {many} with 1000");
 }
 
-/// Looks that a heartbeat of an idle worker costs while as many others are busy.
-fn steps_a_heartbeat(busy: u32) -> f64 {
+/// Dispatch steps per heartbeat of an idle worker, while this number of other workers is busy.
+fn steps_per_heartbeat(busy: u32) -> f64 {
     let mut rig = Rig::new();
     let workers: Vec<String> = (0..2 * busy).map(|worker| format!("w{worker}")).collect();
     let sessions: Vec<SessionId> = workers.iter().map(|id| rig.connect(id, 1)).collect();
     rig.submit("wide", busy, 2);
-    let given = rig.take().expect("work");
+    let given = rig.take().expect("an assignment");
     rig.answer(&given);
     rig.now.since_start += Duration::from_millis(900);
     let before = rig.scheduler.queue.room.steps;
@@ -48,12 +48,12 @@ fn steps_a_heartbeat(busy: u32) -> f64 {
 
 #[test]
 fn cost_of_heartbeat_is_constant_in_leases() {
-    let (few, many) = (steps_a_heartbeat(10), steps_a_heartbeat(500));
-    assert!(many <= few + 2.0, "{few} looks with 10 ranges out, {many} with 500");
+    let (few, many) = (steps_per_heartbeat(10), steps_per_heartbeat(500));
+    assert!(many <= few + 2.0, "{few} steps with 10 leases, {many} with 500");
 }
 
-/// Looks that a result costs while a suspect waits for a worker that has nothing else, with so many workers.
-fn steps_beside_a_suspect(workers: u32) -> f64 {
+/// Dispatch steps per result with this number of workers, while a suspect waits for an idle worker.
+fn steps_with_pending_suspect(workers: u32) -> f64 {
     let mut rig = Rig::new();
     let sessions: Vec<SessionId> = (0..workers).map(|worker| rig.connect(&format!("w{worker}"), 1)).collect();
     rig.submit("long", 40 * workers, 20);
@@ -65,24 +65,24 @@ fn steps_beside_a_suspect(workers: u32) -> f64 {
     };
     // Every worker has a lease in advance from now on.
     (0..workers).for_each(|_| result(&mut rig, 0));
-    let dead = WorkerId("w0".into());
-    on_disconnect(&mut rig.scheduler, rig.now, &dead, sessions[0]);
-    rig.given.retain(|g| g.worker != dead);
+    let lost = WorkerId("w0".into());
+    on_disconnect(&mut rig.scheduler, rig.now, &lost, sessions[0]);
+    rig.given.retain(|g| g.worker != lost);
     rig.advance(LEASE / 5);
-    let cell = rig.scheduler.queue.cells.values().next().expect("one is kept free").clone();
+    let cell = rig.scheduler.queue.reserved.values().next().expect("a worker is reserved").clone();
     let before = rig.scheduler.queue.room.steps;
     for _ in 1..workers {
-        let other = rig.given.iter().position(|g| g.worker != cell).expect("work");
+        let other = rig.given.iter().position(|g| g.worker != cell).expect("an assignment of another worker");
         result(&mut rig, other);
     }
-    assert!(rig.scheduler.queue.cells.values().eq([&cell]), "it is still waited for");
+    assert!(rig.scheduler.queue.reserved.values().eq([&cell]), "the worker is still reserved");
     (rig.scheduler.queue.room.steps - before) as f64 / f64::from(workers - 1)
 }
 
 #[test]
 fn waiting_suspect_costs_no_scan_of_workers() {
-    let (few, many) = (steps_beside_a_suspect(10), steps_beside_a_suspect(500));
-    assert!(many <= few + 2.0, "{few} looks with 10 workers, {many} with 500");
+    let (few, many) = (steps_with_pending_suspect(10), steps_with_pending_suspect(500));
+    assert!(many <= few + 2.0, "{few} steps with 10 workers, {many} with 500");
 }
 
 #[test]

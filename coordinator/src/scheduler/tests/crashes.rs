@@ -1,9 +1,9 @@
-//! Laws about tasks that crash workers.
+//! Tests of tasks that crash workers.
 
 use super::*;
 
-/// Workers with so many slots come and crash whenever they work on a poisoned task, until the job ends. Returns how
-/// many crashed.
+/// Connects one worker after another. Each crashes when it gets the poisoned task, until the job fails. Returns the
+/// number of crashes.
 fn run_until_poisoned(rig: &mut Rig, job: &JobId, slots: u32, poison: u32, restarts: bool) -> u32 {
     for crashes in 0..100 {
         if rig.stored(job).state == JobState::Failed {
@@ -28,24 +28,24 @@ fn run_until_poisoned(rig: &mut Rig, job: &JobId, slots: u32, poison: u32, resta
             rig.answer(&given);
         }
     }
-    panic!("the job does not end");
+    panic!("the job has not failed after 100 crashes");
 }
 
-/// Tasks that are worked on alone, and how often each failed so.
+/// Suspects of the current round, with the number of attempts of each.
 fn suspects(rig: &Rig, job: &JobId) -> BTreeMap<u32, u32> {
     rig.scheduler.jobs.active[job].round.suspects()
 }
 
 #[test]
-fn culprit_of_shared_crash_is_found_alone() {
+fn crashing_task_is_found_by_running_alone() {
     for restarts in [false, true] {
         let mut rig = Rig::new();
         let job = rig.submit("a", 20, 1);
         let crashes = run_until_poisoned(&mut rig, &job, 4, 13, restarts);
-        assert_eq!(crashes, MAX_ATTEMPTS + 1, "once in company, then alone; restarts: {restarts}");
+        assert_eq!(crashes, MAX_ATTEMPTS + 1, "one shared crash, then {MAX_ATTEMPTS} alone; restarts: {restarts}");
         let record = rig.stored(&job);
         assert!(record.reason.contains("task 13 of round 0 failed 3 times"), "{}", record.reason);
-        let poisoned = record.poisoned.expect("what to look at");
+        let poisoned = record.poisoned.expect("the record names the poisoned task");
         assert_eq!((poisoned.round, poisoned.index, poisoned.attempts), (0, 13, MAX_ATTEMPTS));
         assert_eq!((poisoned.task, &*poisoned.what), (Fake::new(20, 1).task(13), "task 13 of round 0"));
     }
@@ -56,7 +56,7 @@ fn failed_range_makes_suspects_without_attempts() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2000, 1);
     rig.connect("w", 1);
-    // Short work comes in ranges.
+    // Short tasks are leased in ranges.
     let first = rig.take().unwrap();
     let compute = Duration::from_millis(2) * first.range().count;
     let delivery = first.delivery();
@@ -65,27 +65,27 @@ fn failed_range_makes_suspects_without_attempts() {
     assert!(range.range().count > 1);
     rig.complete(range.completed(Delivery::Failure("it panicked".to_owned())));
     let expected: BTreeMap<u32, u32> = range.range().indexes().map(|index| (index, 0)).collect();
-    assert_eq!(suspects(&rig, &job), expected, "which of them it was is not known");
+    assert_eq!(suspects(&rig, &job), expected, "all tasks of the failed range are suspects");
 }
 
 #[test]
 fn suspect_runs_alone_while_other_workers_continue() {
     let mut rig = Rig::new();
     let (job, other) = (rig.submit("a", 20, 1), rig.submit("b", 1000, 1));
-    let session = rig.connect("dies", 8);
-    rig.disconnect("dies", session);
+    let session = rig.connect("crashes", 8);
+    rig.disconnect("crashes", session);
     rig.given.clear();
     rig.advance(LEASE);
     let suspects = suspects(&rig, &job).len() + suspects(&rig, &other).len();
     assert!(suspects > 8, "{suspects}");
-    assert!(rig.stored(&job).charges.iter().all(|charge| !charge.attempt), "a crash of several is no attempt");
+    assert!(rig.stored(&job).charges.iter().all(|charge| !charge.attempt), "a crash with several leases is no attempt");
 
     rig.connect("x", 4);
     rig.connect("y", 4);
     while let Some(given) = rig.take() {
         for worker in rig.scheduler.fleet.workers.values() {
             let solo = worker.held.iter().any(|a| rig.scheduler.leases.all[a].solo);
-            assert!(!solo || worker.held.len() == 1, "a suspect has company");
+            assert!(!solo || worker.held.len() == 1, "a suspect runs beside another lease");
         }
         rig.answer(&given);
     }
@@ -108,15 +108,15 @@ fn charges_survive_restart_and_end_with_round() {
     assert!(rig.stored(&job).charges.is_empty(), "charges end with their round");
 }
 
-/// The worker's connection breaks, and its lease runs out before it is back.
-fn cut_off(rig: &mut Rig, id: &str, session: SessionId) {
+/// Breaks the worker's connection and lets its leases expire.
+fn break_connection_and_expire(rig: &mut Rig, id: &str, session: SessionId) {
     rig.disconnect(id, session);
     rig.advance(LEASE);
-    assert!(!rig.scheduler.fleet.workers.contains_key(&WorkerId(id.into())), "it is taken for dead");
+    assert!(!rig.scheduler.fleet.workers.contains_key(&WorkerId(id.into())), "the worker counts as lost");
 }
 
-/// The same worker is back, with the leases that it still works on.
-fn back(rig: &mut Rig, id: &str, slots: u32) -> SessionId {
+/// Connects the worker again with the leases that it still runs.
+fn reconnect(rig: &mut Rig, id: &str, slots: u32) -> SessionId {
     let mine = rig.given.iter().filter(|g| &*g.worker.0 == id);
     let running = mine.map(Given::claim).collect();
     let welcome = rig.greet(Greeting { running, ..greeting(id, slots) });
@@ -132,16 +132,16 @@ fn returning_worker_withdraws_its_charges() {
         let job = rig.submit("a", 1, 2);
         let mut session = rig.connect("w", 1);
         for _ in 0..2 * MAX_ATTEMPTS {
-            cut_off(&mut rig, "w", session);
-            assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "for all that is known it died with it");
+            break_connection_and_expire(&mut rig, "w", session);
+            assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "the task is charged for the crash");
             if restarts {
                 rig.restart();
                 assert_eq!(suspects(&rig, &job), [(0, 1)].into());
             }
-            session = back(&mut rig, "w", 1);
+            session = reconnect(&mut rig, "w", 1);
             assert_eq!(suspects(&rig, &job), [].into());
-            assert!(rig.stored(&job).charges.is_empty(), "that is stored, too");
-            assert_eq!(leased(&rig, &job), 1, "it goes on with what it had");
+            assert!(rig.stored(&job).charges.is_empty(), "the stored charges are withdrawn");
+            assert_eq!(leased(&rig, &job), 1, "the worker keeps its lease");
         }
         rig.work_off();
         rig.assert_right(&job, 1, 2);
@@ -153,13 +153,13 @@ fn late_result_withdraws_its_workers_charges() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1000, 1);
     let session = rig.connect("w", 4);
-    cut_off(&mut rig, "w", session);
+    break_connection_and_expire(&mut rig, "w", session);
     assert!(suspects(&rig, &job).len() >= 4, "{:?}", suspects(&rig, &job));
     let late = rig.take().unwrap();
     assert_eq!(rig.answer(&late), Verdict::Accepted);
-    assert_eq!(suspects(&rig, &job), [].into(), "what it had beside is not to blame either");
+    assert_eq!(suspects(&rig, &job), [].into(), "the other tasks of that crash are no suspects either");
     rig.given.clear();
-    // Nothing is forgotten, nor handed out one by one.
+    // No task is lost, and none has to run alone.
     rig.connect("v", 4);
     assert!(rig.given.iter().any(|g| g.range().count > 1), "{:?}", rig.given);
     rig.work_off();
@@ -170,19 +170,19 @@ fn late_result_withdraws_its_workers_charges() {
 fn returning_worker_withdraws_no_other_charges() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1, 1);
-    let session = rig.connect("dies", 1);
-    cut_off(&mut rig, "dies", session);
+    let session = rig.connect("crashes", 1);
+    break_connection_and_expire(&mut rig, "crashes", session);
     rig.given.clear();
     let session = rig.connect("w", 1);
-    cut_off(&mut rig, "w", session);
+    break_connection_and_expire(&mut rig, "w", session);
     assert_eq!(suspects(&rig, &job), [(0, 2)].into());
-    let session = back(&mut rig, "w", 1);
-    assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "another one did die with it");
+    let session = reconnect(&mut rig, "w", 1);
+    assert_eq!(suspects(&rig, &job), [(0, 1)].into(), "the charge for the other worker's crash stays");
     // A failure that the worker reported is not withdrawn.
     let given = rig.take_of("w").unwrap();
     rig.complete(given.completed(Delivery::Failure("why".to_owned())));
     assert_eq!(suspects(&rig, &job), [(0, 2)].into());
     rig.disconnect("w", session);
-    back(&mut rig, "w", 1);
+    reconnect(&mut rig, "w", 1);
     assert_eq!(suspects(&rig, &job), [(0, 2)].into());
 }

@@ -1,16 +1,16 @@
-//! Laws about results that differ.
+//! Tests of results that differ.
 
 use super::*;
 use crate::record::Event;
 
-/// A job whose first task was, committed by "a" and disputed by "b"; a third worker has not come yet.
-fn disputed(honest: &str) -> (Rig, JobId, Given) {
+/// A job with its first task committed by worker "a" and disputed by worker "b". No third worker is connected yet.
+fn disputed(correct: &str) -> (Rig, JobId, Given) {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     rig.connect("a", 1);
     let given = rig.take().unwrap();
     rig.connect("b", 1);
-    let by = |who: &str| if who == honest { given.delivery() } else { given.wrong(0) };
+    let by = |worker: &str| if worker == correct { given.delivery() } else { given.wrong(0) };
     assert_eq!(rig.complete(given.completed(by("a"))), Verdict::Accepted);
     let other = rig.given_to("b", &given).completed(by("b"));
     assert_eq!(rig.complete(other), Verdict::Conflict);
@@ -18,26 +18,26 @@ fn disputed(honest: &str) -> (Rig, JobId, Given) {
 }
 
 #[test]
-fn disputed_round_is_not_sealed_and_says_why() {
+fn disputed_round_is_not_sealed_and_reports_why() {
     let (mut rig, job, _) = disputed("a");
     rig.work_off();
-    assert_eq!(rig.scheduler.round(&job), Some((2, 2)), "all is done");
-    assert_eq!(rig.stored(&job).rounds_sealed, 0, "and nothing is sealed");
+    assert_eq!(rig.scheduler.round(&job), Some((2, 2)), "all tasks are done");
+    assert_eq!(rig.stored(&job).rounds_sealed, 0, "the round is not sealed");
     let why = rig.waits_for(&job);
     assert!(why.contains("waits for another worker: two results of task 0 of round 0 differ"), "{why}");
     assert_eq!(rig.rulings(&job), [None]);
     let events = at_once(rig.store.events(&job, 0, 100));
     let told = events.iter().filter(|e| matches!(e.event.event, Event::Dispute(_))).count();
-    assert_eq!(told, 1, "clients that watch are told");
+    assert_eq!(told, 1, "number of dispute events for watching clients");
 }
 
 #[test]
 fn third_worker_decides_and_minority_is_quarantined() {
-    for (honest, ruling) in [("a", Ruling::Upheld), ("b", Ruling::Corrected)] {
-        let liar = if honest == "a" { "b" } else { "a" };
-        let (mut rig, job, first) = disputed(honest);
+    for (correct, ruling) in [("a", Ruling::Upheld), ("b", Ruling::Corrected)] {
+        let faulty = if correct == "a" { "b" } else { "a" };
+        let (mut rig, job, first) = disputed(correct);
         rig.connect("c", 1);
-        let question = rig.take_of("c").expect("the third is asked");
+        let question = rig.take_of("c").expect("the third worker is the arbiter");
         assert_eq!(question.range(), first.range());
         assert!(rig.waits_for(&job).contains("another worker is deciding"));
         assert_eq!(rig.answer(&question), Verdict::Accepted);
@@ -45,17 +45,17 @@ fn third_worker_decides_and_minority_is_quarantined() {
 
         let workers = workers(&rig.scheduler);
         let quarantined: Vec<&str> = workers.iter().filter(|w| w.quarantined).map(|w| &*w.id.0).collect();
-        assert_eq!(quarantined, [liar]);
+        assert_eq!(quarantined, [faulty]);
         assert!(workers.iter().any(|w| w.quarantined && w.reason.contains("differs from that of two other workers")));
-        assert!(rig.drained.contains(&WorkerId(liar.into())), "it is told");
-        let late = rig.given_to(liar, &first).completed(first.delivery());
+        assert!(rig.drained.contains(&WorkerId(faulty.into())), "{faulty} gets a drain message");
+        let late = rig.given_to(faulty, &first).completed(first.delivery());
         assert_eq!(rig.complete(late), Verdict::Quarantined);
 
-        // It stays so, whatever starts again; under another id it may come back.
+        // The quarantine survives a restart of the coordinator; another worker id gets work.
         rig.given.clear();
         rig.restart();
-        rig.connect(liar, 4);
-        assert!(rig.given.is_empty(), "nothing for {liar}");
+        rig.connect(faulty, 4);
+        assert!(rig.given.is_empty(), "{faulty} gets no work");
         assert!(rig.waits_for(&job).contains("quarantined"));
         rig.connect("new", 1);
         rig.work_off();
@@ -74,9 +74,9 @@ fn result_that_decides_and_completes_round_survives_restart() {
         rig.connect("b", 1);
         let first = rig.take_of("a").unwrap();
         rig.answer(&first);
-        let lie = rig.given_to("b", &first).completed(first.wrong(0));
-        assert_eq!(rig.complete(lie), Verdict::Conflict);
-        // A third one, cut off since before, brings both tasks at once.
+        let wrong = rig.given_to("b", &first).completed(first.wrong(0));
+        assert_eq!(rig.complete(wrong), Verdict::Conflict);
+        // A third worker delivers both tasks at once.
         let both = rig.early("c", &job, 0..2);
         rig.answer(&both);
         assert_eq!(
@@ -119,28 +119,32 @@ fn arbiter_is_on_another_host_if_possible() {
     rig.pause(&job, false);
     rig.settle();
     let mut asked = rig.scheduler.leases.all.values().filter(|l| l.kind == lease::Kind::Arbitration);
-    assert_eq!(asked.next().map(|l| l.worker.to_string()).as_deref(), Some("z"), "\"c\" is where the others are");
+    assert_eq!(
+        asked.next().map(|l| l.worker.to_string()).as_deref(),
+        Some("z"),
+        "\"c\" is on the host of the other two"
+    );
 }
 
 #[test]
-fn sealed_result_that_loses_taints_its_job() {
+fn wrong_sealed_result_taints_its_job() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 3);
-    rig.connect("liar", 1);
+    rig.connect("faulty", 1);
     let first = rig.take().unwrap();
-    rig.lie(&first);
+    rig.deliver_wrong(&first);
     let second = rig.take().unwrap();
     rig.answer(&second);
     let sealed = at_once(rig.store.digests(&job, 0)).unwrap();
     assert_eq!(rig.stored(&job).rounds_sealed, 1);
 
-    // A worker that had it before delivers late; the finders are known after a restart too.
+    // Another worker delivers the task late. A restart keeps the workers of the results.
     rig.given.clear();
     rig.restart();
     let late = rig.given_to("late", &first).completed(first.delivery());
     assert_eq!(rig.complete(late), Verdict::Conflict);
     assert_eq!(rig.rulings(&job), [None]);
-    // Meanwhile the job goes on, but no round is sealed.
+    // Meanwhile the job continues, but no round is sealed.
     rig.connect("late", 1);
     rig.work_off();
     assert_eq!((rig.stored(&job).state, rig.stored(&job).rounds_sealed), (JobState::Running, 1));
@@ -153,11 +157,11 @@ fn sealed_result_that_loses_taints_its_job() {
     let record = rig.stored(&job);
     assert_eq!(record.state, JobState::Tainted);
     let bits = sealed[0].short();
-    for part in ["task 0 of round 0", "sealed in round 0", &bits, "liar", "evogait restart"] {
+    for part in ["task 0 of round 0", "sealed in round 0", &bits, "faulty", "evogait restart"] {
         assert!(record.reason.contains(part), "{part}: {}", record.reason);
     }
-    assert_eq!(at_once(rig.store.digests(&job, 0)).unwrap(), sealed, "what is sealed stays");
-    assert!(rig.is_quarantined("liar"), "though it is not connected");
+    assert_eq!(at_once(rig.store.digests(&job, 0)).unwrap(), sealed, "a sealed round does not change");
+    assert!(rig.is_quarantined("faulty"), "a worker without connection can be quarantined");
 }
 
 #[test]
@@ -180,12 +184,12 @@ fn self_contradicting_worker_has_no_vote() {
     let job = rig.submit("a", 3, 1);
     rig.connect("a", 1);
     let (given, second) = (rig.early("a", &job, 0..1), rig.early("a", &job, 1..2));
-    rig.lie(&given);
+    rig.deliver_wrong(&given);
     rig.answer(&second);
     assert_eq!(rig.answer(&given), Verdict::Conflict);
     assert_eq!(rig.quarantined(), ["a"]);
-    assert_eq!(rig.says("b", &job, 0..1, false), Verdict::Conflict);
-    assert_eq!(rig.rulings(&job), [None, None], "one claim against none; what else it found is in doubt");
+    assert_eq!(rig.deliver_tasks("b", &job, 0..1, false), Verdict::Conflict);
+    assert_eq!(rig.rulings(&job), [None, None], "only \"b\" votes, and the other result of \"a\" is disputed too");
     rig.given.clear();
     rig.connect("c", 1);
     rig.work_off();
@@ -198,52 +202,52 @@ fn connect_at(rig: &mut Rig, id: &str, host: u8) {
     rig.settle();
 }
 
-/// A worker answers what it was given.
-fn answers(rig: &mut Rig, who: &str, wrong: bool) {
-    let question = rig.take_of(who).expect("it has work");
+/// The worker delivers results of its next assignment.
+fn deliver_next(rig: &mut Rig, worker: &str, wrong: bool) {
+    let question = rig.take_of(worker).expect("the worker has an assignment");
     let delivery = if wrong { question.wrong(0) } else { question.delivery() };
     rig.complete(question.completed(delivery));
 }
 
-fn is_asked(rig: &Rig, worker: &str) -> bool {
+fn is_arbiter(rig: &Rig, worker: &str) -> bool {
     rig.scheduler.leases.all.values().any(|l| l.kind == lease::Kind::Arbitration && &*l.worker.0 == worker)
 }
 
-/// "bad" on one host and "good" on another differ about a task, and no third worker has decided.
-fn two_machines_differ() -> (Rig, JobId, Given) {
+/// "bad" on one host and "good" on another deliver different results of a task, and no arbiter has decided.
+fn two_hosts_differ() -> (Rig, JobId, Given) {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     connect_at(&mut rig, "bad", 1);
     let given = rig.take().unwrap();
-    rig.says_first("bad", &given, true);
+    rig.deliver_first_task("bad", &given, true);
     connect_at(&mut rig, "good", 2);
-    rig.says_first("good", &given, false);
+    rig.deliver_first_task("good", &given, false);
     (rig, job, given)
 }
 
 #[test]
 fn host_with_more_workers_has_no_majority() {
-    let (mut rig, job, _) = two_machines_differ();
+    let (mut rig, job, _) = two_hosts_differ();
     connect_at(&mut rig, "bad too", 1);
-    assert!(is_asked(&rig, "bad too"), "there is no other worker");
-    answers(&mut rig, "bad too", true);
-    assert_eq!(rig.rulings(&job), [None], "one machine against another");
+    assert!(is_arbiter(&rig, "bad too"), "no other worker can decide");
+    deliver_next(&mut rig, "bad too", true);
+    assert_eq!(rig.rulings(&job), [None], "one host against another");
     assert!(rig.quarantined().is_empty());
 
     connect_at(&mut rig, "good too", 2);
-    assert!(is_asked(&rig, "good too"), "its machine can still be confirmed");
-    answers(&mut rig, "good too", false);
+    assert!(is_arbiter(&rig, "good too"), "its host has only one claim");
+    deliver_next(&mut rig, "good too", false);
     assert_eq!(rig.rulings(&job), [None]);
     let why = rig.waits_for(&job);
     let told = "waits for a worker on a third machine: two results of task 0 of round 0 differ";
     assert!(why.contains(told), "{why}");
     for (id, host) in [("bad again", 1), ("good again", 2)] {
         connect_at(&mut rig, id, host);
-        assert!(!is_asked(&rig, id), "{id} would say nothing new");
+        assert!(!is_arbiter(&rig, id), "{id} is on a host with two claims");
     }
     connect_at(&mut rig, "third", 3);
-    assert!(is_asked(&rig, "third"));
-    answers(&mut rig, "third", false);
+    assert!(is_arbiter(&rig, "third"));
+    deliver_next(&mut rig, "third", false);
     assert_eq!(rig.rulings(&job), [Some(Ruling::Corrected)]);
     let quarantined: Vec<String> = rig.quarantined();
     assert_eq!(quarantined, ["bad", "bad too"]);
@@ -251,11 +255,11 @@ fn host_with_more_workers_has_no_majority() {
 
 #[test]
 fn claim_of_unknown_host_does_not_decide() {
-    let (mut rig, job, given) = two_machines_differ();
-    rig.says_first("never connected", &given, true);
-    assert_eq!(rig.rulings(&job), [None], "it may be on the first one");
+    let (mut rig, job, given) = two_hosts_differ();
+    rig.deliver_first_task("never connected", &given, true);
+    assert_eq!(rig.rulings(&job), [None], "the worker may be on the first host");
     connect_at(&mut rig, "third", 3);
-    answers(&mut rig, "third", false);
+    deliver_next(&mut rig, "third", false);
     assert_eq!(rig.rulings(&job), [Some(Ruling::Corrected)]);
 }
 
@@ -267,10 +271,10 @@ fn same_host_can_refute_its_own_worker() {
         connect_at(&mut rig, id, host);
     }
     let given = rig.take().unwrap();
-    rig.says_first("bad", &given, true);
-    rig.says_first("good", &given, false);
-    rig.says_first("beside it", &given, false);
-    assert_eq!(rig.rulings(&job), [Some(Ruling::Corrected)], "two machines agree");
+    rig.deliver_first_task("bad", &given, true);
+    rig.deliver_first_task("good", &given, false);
+    rig.deliver_first_task("beside it", &given, false);
+    assert_eq!(rig.rulings(&job), [Some(Ruling::Corrected)], "two hosts agree");
     assert!(rig.is_quarantined("bad"));
 }
 
@@ -280,37 +284,37 @@ fn self_contradicting_worker_counts_for_no_host() {
     let job = rig.submit("a", 2, 2);
     connect_at(&mut rig, "a", 1);
     let given = rig.take().unwrap();
-    rig.says_first("a", &given, true);
-    rig.says_first("a", &given, false);
+    rig.deliver_first_task("a", &given, true);
+    rig.deliver_first_task("a", &given, false);
     for (id, host) in [("b", 2), ("c", 2)] {
         connect_at(&mut rig, id, host);
-        rig.says_first(id, &given, false);
+        rig.deliver_first_task(id, &given, false);
     }
     assert_eq!(rig.rulings(&job), [Some(Ruling::Corrected)]);
 }
 
 #[test]
-fn workers_on_one_host_decide_alone() {
+fn workers_on_single_host_decide_by_majority() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     for id in ["a", "b", "c"] {
         connect_at(&mut rig, id, 1);
     }
     let given = rig.take().unwrap();
-    rig.says_first("a", &given, true);
-    rig.says_first("b", &given, false);
+    rig.deliver_first_task("a", &given, true);
+    rig.deliver_first_task("b", &given, false);
     assert_eq!(rig.rulings(&job), [None]);
-    rig.says_first("c", &given, false);
+    rig.deliver_first_task("c", &given, false);
     assert_eq!(rig.rulings(&job), [Some(Ruling::Corrected)]);
 }
 
-/// A result of host 1, its round sealed or not, and a coordinator that was restarted since.
-fn found_before_a_restart(sealed: bool, wrong: bool) -> (Rig, JobId, Given) {
+/// A result of host 1, in a round that is sealed or not; then the coordinator restarts.
+fn result_before_restart(sealed: bool, wrong: bool) -> (Rig, JobId, Given) {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 3);
     connect_at(&mut rig, "first", 1);
     let given = rig.take().unwrap();
-    rig.says_first("first", &given, wrong);
+    rig.deliver_first_task("first", &given, wrong);
     if sealed {
         let second = rig.take().unwrap();
         rig.answer(&second);
@@ -324,21 +328,21 @@ fn found_before_a_restart(sealed: bool, wrong: bool) -> (Rig, JobId, Given) {
 #[test]
 fn hosts_of_results_survive_restart() {
     for sealed in [false, true] {
-        let (mut rig, job, given) = found_before_a_restart(sealed, true);
+        let (mut rig, job, given) = result_before_restart(sealed, true);
         for (id, host) in [("good", 2), ("bad too", 1)] {
             connect_at(&mut rig, id, host);
         }
-        rig.says_first("good", &given, false);
-        rig.says_first("bad too", &given, true);
-        assert_eq!(rig.rulings(&job), [None], "one machine has no more weight; sealed: {sealed}");
+        rig.deliver_first_task("good", &given, false);
+        rig.deliver_first_task("bad too", &given, true);
+        assert_eq!(rig.rulings(&job), [None], "workers on one host must not decide; sealed: {sealed}");
 
-        let (mut rig, job, given) = found_before_a_restart(sealed, false);
+        let (mut rig, job, given) = result_before_restart(sealed, false);
         for (id, host) in [("bad", 2), ("good", 3)] {
             connect_at(&mut rig, id, host);
         }
-        rig.says_first("bad", &given, true);
+        rig.deliver_first_task("bad", &given, true);
         assert_eq!(rig.rulings(&job), [None]);
-        rig.says_first("good", &given, false);
-        assert_eq!(rig.rulings(&job), [Some(Ruling::Upheld)], "and no less; sealed: {sealed}");
+        rig.deliver_first_task("good", &given, false);
+        assert_eq!(rig.rulings(&job), [Some(Ruling::Upheld)], "two hosts decide; sealed: {sealed}");
     }
 }

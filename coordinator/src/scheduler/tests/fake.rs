@@ -1,22 +1,22 @@
-//! A procedure for tests. Each round's tasks follow from the results of the one before: a change of one bit changes all
-//! that follows.
+//! A procedure for tests. Each round's tasks follow from the results of the previous round, so a change of one bit
+//! changes everything after it.
 
 use sim_core::procedure::{Artefact, BadState, Procedure, Progress, Refused, Rejected, Round, Row, Step, Told, Value};
 use std::sync::Arc;
 
 const PHASES: [&str; 3] = ["searching", "finishing", "reporting"];
 
-/// Kept rounds of many short tasks, then rounds of a few long ones.
+/// A procedure with kept rounds of many short tasks, then rounds of a few long ones.
 #[derive(Clone, Debug)]
 pub struct Fake {
     tasks: u32,
     rounds: u32,
-    /// Has no finishing round.
+    /// True if it has no finishing round.
     bare: bool,
     lanes: u32,
-    /// A kept round is settled by the tasks up to this success; 0: by all.
+    /// Number of successes that settle a kept round; 0: all tasks must be done.
     successes: u32,
-    /// Waits for a batch after each kept round but the last.
+    /// True if it waits for a batch after each kept round but the last.
     serves: bool,
     waits: bool,
     number: u32,
@@ -32,19 +32,19 @@ fn word(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"))
 }
 
-/// The fake physics: one task in seven fails, but never the first of a round.
+/// Computes a task's result. One task in seven fails, but never the first of a round.
 pub fn result_of(task: &[u8]) -> Vec<u8> {
     let bits = mix(word(task, 1), u64::from(task[0]));
     let fails = bits.is_multiple_of(7) && word(task, 9) > 0;
     encode((!fails).then_some(bits >> 1))
 }
 
-/// A result of this task that is wrong, but well-formed.
+/// Returns a wrong but well-formed result of this task.
 pub fn wrong_result_of(task: &[u8], how: u64) -> Vec<u8> {
     encode(Some(word(&result_of(task), 1) ^ (1 + how)))
 }
 
-/// A result: whether it succeeded, and its value.
+/// Encodes a result: a success with a value, or a failure.
 pub fn encode(value: Option<u64>) -> Vec<u8> {
     [&[u8::from(value.is_some())], value.unwrap_or(0).to_le_bytes().as_slice()].concat()
 }
@@ -55,29 +55,29 @@ impl Fake {
         Self { tasks, rounds, bare, lanes: 1, successes: 0, serves, waits, number: 0, memory: 17 }
     }
 
-    /// The procedure of the job of this name.
+    /// Creates the procedure for a job of this name.
     pub fn of(name: &str, tasks: u32, rounds: u32) -> Self {
         Self { bare: name.starts_with("bare"), ..Self::new(tasks, rounds) }
     }
 
-    /// So many tasks take as long together as one alone.
+    /// Sets the number of tasks that take as long together as one alone.
     pub fn with_lanes(self, lanes: u32) -> Self {
         Self { lanes, ..self }
     }
 
-    /// A kept round is settled once this many of its first tasks succeeded.
+    /// Settles each kept round once this many of its first tasks succeeded.
     pub fn settled_by(self, successes: u32) -> Self {
         Self { successes, ..self }
     }
 
-    /// It waits for a batch after each kept round but the last.
+    /// Makes it wait for a batch after each kept round but the last.
     pub fn serving(self) -> Self {
         Self { serves: true, ..self }
     }
 
     pub fn load(saved: &[u8]) -> Result<Self, BadState> {
         if saved.len() != 72 {
-            return Err(BadState(format!("{} bytes", saved.len())));
+            return Err(BadState(format!("a saved state has {} bytes, not 72", saved.len())));
         }
         let w = |i: usize| word(saved, 8 * i);
         Ok(Self {
@@ -126,7 +126,7 @@ impl Procedure for Fake {
 
     fn check(&self, index: u32, result: &[u8]) -> Result<(), Rejected> {
         let whole = result.len() == 9 && encode((result[0] == 1).then(|| word(result, 1))) == result;
-        let reason = "it has 9 bytes: 1 and a value, or 0 and zeros".to_owned();
+        let reason = "a result must have 9 bytes: 1 and a value, or 0 and zeros".to_owned();
         if whole { Ok(()) } else { Err(Rejected { task: self.describe(index), reason }) }
     }
 
@@ -168,7 +168,9 @@ impl Procedure for Fake {
 
     fn offer(&mut self, batch: &[u8]) -> Result<(), Refused> {
         if !self.waits || batch.is_empty() {
-            return Err(Refused("it takes one batch while it waits for one".to_owned()));
+            return Err(Refused(
+                "a batch is accepted only while the procedure waits, and must not be empty".to_owned(),
+            ));
         }
         self.waits = false;
         self.memory = batch.iter().fold(self.memory, |memory, byte| mix(memory, u64::from(*byte)));

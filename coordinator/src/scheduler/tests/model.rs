@@ -1,4 +1,4 @@
-//! Random interleavings of everything that can happen, with the invariants checked after each event.
+//! Random sequences of all events, with the invariants checked after each event.
 
 mod check;
 
@@ -8,42 +8,42 @@ use proptest::prelude::*;
 const TASKS: [u32; 3] = [1, 5, 13];
 const ROUNDS: u32 = 3;
 const WORKERS: u8 = 4;
-/// One of the workers now and then computes wrongly.
-const LIAR: u8 = 0;
-/// One of them has one round of long tasks, the others have two.
+/// Worker that sometimes computes wrongly.
+const FAULTY: u8 = 0;
+/// Job names: the first job has one round of long tasks, the others have two.
 const NAMES: [&str; 3] = ["bare0", "job1", "job2"];
 
 #[derive(Clone, Debug)]
 enum Step {
     Submit(u8),
-    /// `left`: seconds until its machine goes away.
+    /// `left`: seconds until the worker's machine shuts down.
     Connect {
         worker: u8,
         slots: u32,
         left: Option<u64>,
     },
-    /// Answers some work; `keep` leaves it in the hands of the worker, to be delivered once more later.
+    /// Delivers an assignment's right results; with `keep` the worker can deliver them again later.
     Complete {
         pick: usize,
         keep: bool,
     },
-    /// The liar answers something of its own wrongly, in one of two ways.
-    Lie {
+    /// The faulty worker delivers wrong results, in one of two ways.
+    CompleteWrong {
         pick: usize,
         keep: bool,
         how: u64,
     },
-    /// A result reaches the coordinator again, long after it was answered.
+    /// The right results of an earlier delivery arrive again.
     Late(usize),
-    /// A worker computes what another one was given, as after a partition.
+    /// A worker delivers results of another worker's assignment, as after a network partition.
     Twice {
         pick: usize,
         worker: u8,
     },
-    /// A worker's connection breaks; it may or may not come back.
+    /// A worker's connection breaks; it may or may not connect again.
     Disconnect(u8),
     Reconnect(u8),
-    /// With or without progress since the last one.
+    /// A heartbeat, with progress or without.
     Heartbeat {
         worker: u8,
         moves: bool,
@@ -52,12 +52,12 @@ enum Step {
     Expel(u8),
     Reject(usize),
     Fail(usize),
-    /// A result of an assignment that was not issued so.
+    /// A delivery of an assignment that was not issued.
     Forge {
         pick: usize,
         how: u8,
     },
-    /// The liar delivers what can't be a result of its task.
+    /// The faulty worker delivers an invalid result.
     Garble {
         pick: usize,
         how: u8,
@@ -81,7 +81,7 @@ fn step() -> impl Strategy<Value = Step> {
         3 => (0u8..3).prop_map(Step::Submit),
         5 => (worker.clone(), 1u32..4, left).prop_map(|(worker, slots, left)| Step::Connect { worker, slots, left }),
         30 => (any::<usize>(), any::<bool>()).prop_map(|(pick, keep)| Step::Complete { pick, keep }),
-        2 => (any::<usize>(), any::<bool>(), 0u64..2).prop_map(|(pick, keep, how)| Step::Lie { pick, keep, how }),
+        2 => (any::<usize>(), any::<bool>(), 0u64..2).prop_map(|(pick, keep, how)| Step::CompleteWrong { pick, keep, how }),
         3 => any::<usize>().prop_map(Step::Late),
         3 => (any::<usize>(), worker.clone()).prop_map(|(pick, worker)| Step::Twice { pick, worker }),
         2 => worker.clone().prop_map(Step::Disconnect),
@@ -102,24 +102,24 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// The test's own view.
+/// The scheduler and the test's own record of events.
 struct World {
     rig: Rig,
     sessions: BTreeMap<u8, SessionId>,
     jobs: BTreeMap<u8, JobId>,
-    /// What was answered once.
+    /// Assignments with delivered results.
     answered: Vec<Given>,
-    /// Jobs that were ever lied to.
-    deceived: BTreeSet<JobId>,
-    /// Tasks that were, as long as nobody has contradicted.
-    lies: BTreeSet<(JobId, u32, u32)>,
-    /// Crashes and failures: no more attempts than that.
+    /// Jobs that ever received a wrong result.
+    got_wrong_results: BTreeSet<JobId>,
+    /// Tasks with a wrong result and no decided dispute.
+    undecided: BTreeSet<(JobId, u32, u32)>,
+    /// Number of crashes and failures: the upper limit on attempts.
     faults: u32,
-    /// How far each assignment was at the last heartbeat that counted, …
+    /// Progress of each assignment at the last heartbeat that reported it, …
     counts: BTreeMap<AssignmentId, u64>,
-    /// … and since when it stands still.
+    /// … and the time of its last progress.
     still: BTreeMap<AssignmentId, Duration>,
-    /// Whether work was ever taken over from before a restart: it may run beside a suspect.
+    /// True if a worker ever kept a lease when it connected: that lease may run beside a suspect.
     adopted: bool,
 }
 
@@ -134,8 +134,8 @@ impl World {
             sessions: BTreeMap::new(),
             jobs: BTreeMap::new(),
             answered: Vec::new(),
-            deceived: BTreeSet::new(),
-            lies: BTreeSet::new(),
+            got_wrong_results: BTreeSet::new(),
+            undecided: BTreeSet::new(),
             faults: 0,
             counts: BTreeMap::new(),
             still: BTreeMap::new(),
@@ -147,41 +147,41 @@ impl World {
         let id = worker_id(worker);
         let mine = self.rig.given.iter().filter(|g| g.worker == id);
         let running = mine.map(Given::claim).collect();
-        // The liar is not alone on its machine.
+        // Another worker shares the faulty worker's host.
         let address = format!("10.0.0.{}:7", worker.max(1));
         Greeting { running, address, ..greeting(&id.0, slots) }
     }
 
-    /// Something that a worker has been given.
+    /// Returns the index of one of the assignments that match.
     fn pick(&self, pick: usize, of: impl Fn(&Given) -> bool) -> Option<usize> {
         let all: Vec<usize> = (0..self.rig.given.len()).filter(|&i| of(&self.rig.given[i])).collect();
         (!all.is_empty()).then(|| all[pick % all.len()])
     }
 
     fn deliver(&mut self, given: &Given, worker: WorkerId, delivery: Delivery) {
-        let honest = worker != worker_id(LIAR);
-        let lie = differs(&delivery, &given.delivery());
+        let correct = worker != worker_id(FAULTY);
+        let wrong = differs(&delivery, &given.delivery());
         let own = if worker == given.worker { given.clone() } else { self.rig.given_to(&worker.0, given) };
         let verdict = self.rig.complete(own.completed(delivery));
-        assert_ne!(verdict, Verdict::Unknown, "all of it was issued");
-        assert!(!(honest && verdict == Verdict::Quarantined), "only the liar is");
-        if lie && matches!(verdict, Verdict::Accepted | Verdict::Conflict) {
-            self.deceived.insert(given.job().clone());
+        assert_ne!(verdict, Verdict::Unknown, "all delivered assignments were issued");
+        assert!(!(correct && verdict == Verdict::Quarantined), "only the faulty worker may be quarantined");
+        if wrong && matches!(verdict, Verdict::Accepted | Verdict::Conflict) {
+            self.got_wrong_results.insert(given.job().clone());
             let range = given.range();
-            self.lies.extend(range.indexes().map(|index| (given.job().clone(), range.round, index)));
+            self.undecided.extend(range.indexes().map(|index| (given.job().clone(), range.round, index)));
         }
-        if !lie && verdict == Verdict::Conflict {
-            assert!(self.deceived.contains(given.job()), "a conflict without a lie");
+        if !wrong && verdict == Verdict::Conflict {
+            assert!(self.got_wrong_results.contains(given.job()), "conflict without a wrong result");
         }
         self.answered.push(given.clone());
     }
 
-    /// The jobs in this world.
+    /// Records of the submitted jobs.
     fn records(&self) -> Vec<JobRecord> {
         self.jobs.values().map(|id| self.rig.stored(id)).collect()
     }
 
-    /// A delivery of an assignment that was not issued so: it changes nothing.
+    /// Delivers an assignment that was not issued, which must change nothing.
     fn forge(&mut self, pick: usize, how: u8) {
         let Some(at) = self.pick(pick, |_| true) else { return };
         let given = self.rig.given[at].clone();
@@ -203,15 +203,15 @@ impl World {
         assert_eq!(self.rig.quarantined(), quarantined);
     }
 
-    /// The liar delivers what can't be a result: at most its lease ends, and its marks grow.
+    /// The faulty worker delivers an invalid result. Only its lease and its marks may change.
     fn garble(&mut self, pick: usize, how: u8) {
-        let Some(at) = self.pick(pick, |g| g.worker == worker_id(LIAR)) else { return };
+        let Some(at) = self.pick(pick, |g| g.worker == worker_id(FAULTY)) else { return };
         let given = self.rig.given[at].clone();
         let at_hand = self.rig.scheduler.jobs.active.get(given.job()).map(|job| job.round.number());
         let count = given.range().count as usize;
         let bytes = |bytes: &[u8], count| std::iter::repeat_n(Arc::from(bytes), count).collect();
         let results: Vec<Arc<[u8]>> = match how {
-            // Of a sealed round only digests are compared, so these would be lies.
+            // Results of a sealed round are compared only by digest, so these would count as wrong results.
             0 | 1 if at_hand != Some(given.range().round) => Vec::new(),
             0 => bytes(&[], count),
             1 => bytes(&[2; 9], count),
@@ -222,10 +222,10 @@ impl World {
         let refused = self.rig.deliver(given.completed(Delivery::Results(results)));
         let over = matches!(refused, Ok(Verdict::Quarantined | Verdict::Obsolete));
         assert!(over || matches!(refused, Err(RefusedResult::Count { .. } | RefusedResult::Result(_))), "{refused:?}");
-        // With its third mark all that it found comes into doubt.
+        // After the third mark all of its results are disputed.
         if self.rig.quarantined() == quarantined {
             for (before, after) in before.iter().zip(self.records()) {
-                // The slot that became free may be the first that a job gets.
+                // The job may get its first lease in the slot that became free.
                 assert!(before.state == JobState::Queued || *before == after, "a refused result changed a job");
             }
         }
@@ -261,8 +261,8 @@ impl World {
                     self.deliver(&given, given.worker.clone(), given.delivery());
                 }
             }
-            Step::Lie { pick, keep, how } => {
-                if let Some(at) = self.pick(pick, |g| g.worker == worker_id(LIAR)) {
+            Step::CompleteWrong { pick, keep, how } => {
+                if let Some(at) = self.pick(pick, |g| g.worker == worker_id(FAULTY)) {
                     let given = self.rig.given[at].clone();
                     if !keep {
                         self.rig.given.remove(at);
@@ -304,7 +304,7 @@ impl World {
                     let given = self.rig.given.remove(at);
                     let worker: u8 = given.worker.0[1..].parse().unwrap();
                     if let Some(session) = self.sessions.get(&worker) {
-                        on_reject(&mut self.rig.scheduler, now, &given.worker, *session, given.id());
+                        on_return(&mut self.rig.scheduler, now, &given.worker, *session, given.id());
                     }
                 }
             }
@@ -313,7 +313,7 @@ impl World {
                     self.faults += 1;
                     let given = self.rig.given.remove(at);
                     let failure = Delivery::Failure("by the test".to_owned());
-                    self.rig.deliver(given.completed(failure)).expect("it was issued");
+                    self.rig.deliver(given.completed(failure)).expect("the assignment was issued");
                 }
             }
             Step::Forge { pick, how } => self.forge(pick, how),
@@ -363,12 +363,12 @@ impl World {
         let progress: Vec<u64> = running.iter().map(|a| self.counts[a]).collect();
         let leased = self.rig.scheduler.leases.all.len();
         on_heartbeat(&mut self.rig.scheduler, now, &id, *session, &running, &progress);
-        // What is taken back may be charged.
+        // Revoked leases may be charged.
         self.faults += leased.abs_diff(self.rig.scheduler.leases.all.len()) as u32;
         self.faults += u32::from(self.rig.scheduler.fleet.workers.get(&id).is_some_and(|w| w.stuck > 0)) * 4;
     }
 
-    /// Whatever happened, undisturbed work ends every job.
+    /// Checks that undisturbed work ends every job after these events.
     fn finish(&mut self) {
         self.rig.now.since_start += LEASE * 2;
         on_tick(&mut self.rig.scheduler, self.rig.now);
@@ -376,7 +376,7 @@ impl World {
         for id in self.jobs.values() {
             on_pause(&mut self.rig.scheduler, self.rig.now, id, false);
         }
-        // Three honest ones: two to compute, and one to decide.
+        // Three correct workers: two to compute, and one to decide.
         for worker in [97, 98, 99] {
             self.step(Step::Connect { worker, slots: 2, left: None });
         }
@@ -389,31 +389,37 @@ impl World {
             match record.state {
                 JobState::Succeeded => {
                     assert_eq!(at_once(self.rig.store.result(&id)).artefacts.len(), 1);
-                    assert!(record.disputes.iter().all(|d| d.ruling.is_some()), "nothing is in doubt at the end");
-                    if !self.lies.iter().any(|(job, ..)| *job == id) {
-                        assert_eq!(record.result_digest, Some(expected), "the same whatever happened on the way");
+                    assert!(record.disputes.iter().all(|d| d.ruling.is_some()), "a job succeeded with an open dispute");
+                    if !self.undecided.iter().any(|(job, ..)| *job == id) {
+                        assert_eq!(record.result_digest, Some(expected), "the result must not depend on the events");
                     }
                 }
                 JobState::Cancelled => {}
                 JobState::Failed => assert!(record.reason.contains("failed 3 times"), "{}", record.reason),
                 JobState::Tainted => {
-                    assert!(self.deceived.contains(&id), "{}", record.reason);
+                    assert!(self.got_wrong_results.contains(&id), "{}", record.reason);
                     let wrong = |d: &&crate::record::Dispute| d.ruling == Some(Ruling::Tainted);
-                    let from = record.disputes.iter().find(wrong).expect("why it is").round.min(ROUNDS);
+                    let from = record
+                        .disputes
+                        .iter()
+                        .find(wrong)
+                        .expect("a tainted job has a tainted dispute")
+                        .round
+                        .min(ROUNDS);
                     let again = self.rig.submit_again(&id, TASKS[slot as usize], ROUNDS, from);
                     self.rig.work_off();
-                    // Unless an earlier lie was never found out.
-                    if !self.lies.iter().any(|(job, round, _)| *job == id && *round < from) {
-                        assert_eq!(self.rig.stored(&again).result_digest, Some(expected), "done again from {from}");
+                    // Except if an earlier wrong result was never compared.
+                    if !self.undecided.iter().any(|(job, round, _)| *job == id && *round < from) {
+                        assert_eq!(self.rig.stored(&again).result_digest, Some(expected), "repeated from round {from}");
                     }
                 }
-                state => panic!("job{slot} ended as {state:?}: {:?}", self.rig.waits_for(&id)),
+                state => panic!("job {slot} is {state:?} after all work: {:?}", self.rig.waits_for(&id)),
             }
         }
     }
 }
 
-/// Whether two deliveries have different results.
+/// Returns true if two deliveries have different results.
 fn differs(a: &Delivery, b: &Delivery) -> bool {
     matches!((a, b), (Delivery::Results(a), Delivery::Results(b)) if a != b)
 }
@@ -422,7 +428,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn random_events_lose_nothing_and_keep_the_bits(steps in prop::collection::vec(step(), 1..150)) {
+    fn random_events_keep_invariants_and_result_bits(steps in prop::collection::vec(step(), 1..150)) {
         let mut world = World::new();
         world.step(Step::Submit(1));
         for step in steps {

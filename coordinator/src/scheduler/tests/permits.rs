@@ -1,10 +1,10 @@
-//! Laws about results that can't be those of an assignment that was issued.
+//! Tests of results that don't belong to an issued assignment or are invalid.
 
 use super::*;
 use crate::limits::MAX_QUARANTINED;
 use crate::store::Quarantined;
 
-/// All that a refused result must leave alone.
+/// State that a refused result must not change.
 fn state(rig: &Rig, job: &JobId) -> (JobRecord, Option<(u32, u32)>, Vec<AssignmentId>) {
     (rig.stored(job), rig.scheduler.round(job), rig.scheduler.leases.all.keys().copied().collect())
 }
@@ -17,7 +17,7 @@ fn at(id: &str, address: &str, credential: &str) -> Greeting {
     Greeting { address: address.to_owned(), credential: credential.into(), ..greeting(id, 1) }
 }
 
-/// Ways to name an assignment that was not issued.
+/// Deliveries of assignments that were not issued.
 fn forgeries(given: &Given, other: &Given) -> Vec<Completed> {
     let right = || given.completed(given.delivery());
     let Range { round, first, count } = given.range();
@@ -57,7 +57,7 @@ fn result_without_its_permit_is_refused() {
             assert_eq!((state(&rig, &job), state(&rig, &second)), before, "{i}");
         }
     }
-    assert_eq!(marks(&mut rig), 0, "anybody could have sent it");
+    assert_eq!(marks(&mut rig), 0, "an unauthenticated delivery must not mark the worker");
     for unknown in 0..100 {
         let worker = WorkerId(format!("unknown{unknown}").into());
         rig.deliver(Completed { worker, ..given.completed(given.delivery()) }).unwrap_err();
@@ -100,9 +100,9 @@ fn malformed_result_ends_its_lease_at_no_cost() {
         let refused = rig.deliver(given.completed(Delivery::Results(results)));
         assert!(matches!(refused, Err(RefusedResult::Count { .. } | RefusedResult::Result(_))), "{i}: {refused:?}");
         assert_eq!((marks(&mut rig), leased(&rig, &job), rig.scheduler.round(&job)), (1, 0, Some((0, 1))));
-        assert!(rig.stored(&job).charges.is_empty(), "the task is not to blame");
+        assert!(rig.stored(&job).charges.is_empty(), "a refused result charges no task");
         rig.connect("good", 1);
-        assert_eq!(rig.take_of("good").expect("others get it").range(), given.range());
+        assert_eq!(rig.take_of("good").expect("another worker gets the task").range(), given.range());
         assert!(rig.quarantined().is_empty());
     }
     let mut on_other_engine = rig.given_to("good", &rig.early("good", &job, 0..1));
@@ -121,7 +121,7 @@ fn third_refused_result_quarantines_the_worker() {
     for i in 1..=MAX_MARKS {
         assert_eq!(rig.quarantined().len(), 0);
         let given = loop {
-            // It is spared the job for a while.
+            // The worker gets no work of the job for a while.
             match rig.given.pop().filter(|g| !rig.cancelled.contains(&g.id()) && g.range().first > 0) {
                 Some(given) => break given,
                 None => {
@@ -136,7 +136,7 @@ fn third_refused_result_quarantines_the_worker() {
     }
     assert_eq!(rig.quarantined(), ["bad"]);
     let record = rig.stored(&job);
-    assert_eq!((record.disputes.len(), record.charges.len()), (1, 0), "what it found before is computed again");
+    assert_eq!((record.disputes.len(), record.charges.len()), (1, 0), "its earlier result is disputed");
     assert!(rig.drained.contains(&WorkerId("bad".into())));
     let views = workers(&rig.scheduler);
     assert!(views[0].reason.contains("3 of its results were refused"), "{views:?}");
@@ -148,7 +148,7 @@ fn third_refused_result_quarantines_the_worker() {
 }
 
 #[test]
-fn permit_holds_after_restart_on_its_own_store_alone() {
+fn permit_is_valid_only_on_its_own_store() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 3, 1);
     rig.connect("w", 1);
@@ -197,7 +197,7 @@ fn quarantine_keeps_a_bounded_number_of_entries() {
     assert_eq!(all.len(), MAX_QUARANTINED);
     assert!(!rig.is_quarantined("w00000") && rig.is_quarantined("w00001") && rig.is_quarantined("one more"));
     rig.restart();
-    assert_eq!(rig.quarantined(), all, "the store keeps no more");
+    assert_eq!(rig.quarantined(), all, "the store has the same entries");
 }
 
 #[test]
@@ -205,7 +205,7 @@ fn worker_that_reconnects_keeps_its_marks() {
     let mut rig = Rig::new();
     rig.submit("a", 1, 1);
     rig.connect("w", 1);
-    let given = rig.take_of("w").expect("it gets work");
+    let given = rig.take_of("w").expect("the worker has an assignment");
     for _ in 0..MAX_MARKS {
         assert!(!rig.is_quarantined("w"));
         let session = rig.connect("w", 1);

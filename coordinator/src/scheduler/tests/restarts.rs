@@ -1,9 +1,9 @@
-//! Laws about jobs that are done again.
+//! Tests of jobs that repeat an earlier job from one of its rounds.
 
 use super::*;
 
 #[test]
-fn job_done_again_from_any_round_has_same_bits() {
+fn restarted_job_from_any_round_has_same_bits() {
     for from in 0..=3 {
         let mut rig = Rig::new();
         let job = rig.submit("a", 7, 3);
@@ -16,7 +16,7 @@ fn job_done_again_from_any_round_has_same_bits() {
         assert_eq!((record.rounds_sealed, record.rounds_kept), (from, from));
         assert_eq!(record.progress.done, from);
         assert_eq!(record.restarted_from, Some(Origin { job: job.clone(), rounds: from }));
-        // In the midst of it, too.
+        // The coordinator restarts in the middle of the new job.
         rig.given.clear();
         rig.restart();
         rig.connect("v", 2);
@@ -55,25 +55,25 @@ fn late_result_of_carried_round_is_compared() {
     rig.connect("w", 1);
     rig.work_off();
     let again = rig.submit_again(&job, 3, 2, 1);
-    assert_eq!(rig.says("late", &again, 0..1, false), Verdict::Duplicate);
-    assert_eq!(rig.says("liar", &again, 0..1, true), Verdict::Conflict);
+    assert_eq!(rig.deliver_tasks("late", &again, 0..1, false), Verdict::Duplicate);
+    assert_eq!(rig.deliver_tasks("faulty", &again, 0..1, true), Verdict::Conflict);
     assert_eq!(rig.rulings(&again), [None]);
     rig.connect("third", 1);
     rig.work_off();
-    assert_eq!(rig.quarantined(), ["liar"]);
+    assert_eq!(rig.quarantined(), ["faulty"]);
     rig.assert_right(&again, 3, 2);
 }
 
 #[test]
-fn tainted_job_done_again_has_undisturbed_digest() {
+fn restarted_tainted_job_has_undisturbed_digest() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 5, 3);
-    rig.connect("liar", 1);
+    rig.connect("faulty", 1);
     rig.work_to(&job, 1);
-    let lie = rig.take().unwrap();
-    rig.lie(&lie);
+    let wrong = rig.take().unwrap();
+    rig.deliver_wrong(&wrong);
     rig.work_to(&job, 2);
-    rig.answer(&rig.given_to("late", &lie));
+    rig.answer(&rig.given_to("late", &wrong));
     rig.connect("third", 1);
     let question = rig.take_of("third").unwrap();
     rig.answer(&question);
@@ -82,5 +82,5 @@ fn tainted_job_done_again_has_undisturbed_digest() {
     let again = rig.submit_again(&job, 5, 3, 1);
     rig.work_off();
     rig.assert_right(&again, 5, 3);
-    assert_eq!(rig.stored(&job).state, JobState::Tainted, "the old one stays as it ended");
+    assert_eq!(rig.stored(&job).state, JobState::Tainted, "the earlier job stays tainted");
 }

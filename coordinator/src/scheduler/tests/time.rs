@@ -1,15 +1,15 @@
-//! Laws about time: stragglers, work that stands still, machines that go away.
+//! Tests of time limits: stragglers, stuck leases, machines that shut down.
 
 use super::*;
 
-/// Delivers with a cost of one second a task.
-fn in_a_second(rig: &mut Rig, given: &Given) -> Verdict {
+/// Delivers the right results with a measured cost of 1 s per task.
+fn deliver_in_one_second(rig: &mut Rig, given: &Given) -> Verdict {
     let compute = Duration::from_secs(1) * given.range().count;
     rig.complete(Completed { compute, ..given.completed(given.delivery()) })
 }
 
-/// A job of two tasks, the second with a slow worker; "fast" has a free slot.
-fn straggling() -> (Rig, JobId, Given, BTreeMap<&'static str, SessionId>) {
+/// A job of two tasks, with the second on a slow worker; worker "fast" has a free slot.
+fn job_with_straggler() -> (Rig, JobId, Given, BTreeMap<&'static str, SessionId>) {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 1);
     let mut sessions = BTreeMap::new();
@@ -17,7 +17,7 @@ fn straggling() -> (Rig, JobId, Given, BTreeMap<&'static str, SessionId>) {
         sessions.insert(id, rig.connect(id, 1));
     }
     let fast = rig.take_of("fast").unwrap();
-    assert_eq!(in_a_second(&mut rig, &fast), Verdict::Accepted);
+    assert_eq!(deliver_in_one_second(&mut rig, &fast), Verdict::Accepted);
     let slow = rig.given[0].clone();
     (rig, job, slow, sessions)
 }
@@ -25,25 +25,25 @@ fn straggling() -> (Rig, JobId, Given, BTreeMap<&'static str, SessionId>) {
 #[test]
 fn straggler_gets_one_copy_and_first_result_wins() {
     for first in ["fast", "slow"] {
-        let (mut rig, job, slow, sessions) = straggling();
+        let (mut rig, job, slow, sessions) = job_with_straggler();
         rig.now.since_start += Duration::from_millis(1900);
         rig.heartbeat("fast", sessions["fast"], 0);
-        assert!(rig.take_of("fast").is_none(), "not before it has taken twice as long as it should");
+        assert!(rig.take_of("fast").is_none(), "no copy before twice the expected time");
         rig.now.since_start += Duration::from_millis(200);
         rig.heartbeat("slow", sessions["slow"], 1);
-        assert_eq!(leased(&rig, &job), 1, "not beside itself");
+        assert_eq!(leased(&rig, &job), 1, "no copy on the same worker");
         rig.heartbeat("fast", sessions["fast"], 0);
-        let copy = rig.take_of("fast").expect("a copy");
+        let copy = rig.take_of("fast").expect("the straggler gets a copy");
         assert_eq!(copy.range(), slow.range());
         let why = rig.waits_for(&job);
         assert!(why.contains("computed twice"), "{why}");
         rig.connect("idle", 4);
         rig.advance(Duration::from_secs(1));
-        assert!(rig.take_of("idle").is_none(), "one copy is enough");
+        assert!(rig.take_of("idle").is_none(), "a straggler gets one copy");
 
         let (winner, loser) = if first == "fast" { (&copy, &slow) } else { (&slow, &copy) };
         assert_eq!(rig.answer(winner), Verdict::Accepted);
-        assert!(rig.cancelled.contains(&loser.id()), "the other one may stop");
+        assert!(rig.cancelled.contains(&loser.id()), "the other lease is revoked");
         assert_eq!(rig.answer(loser), Verdict::Duplicate);
         rig.given.retain(|g| g.id() != slow.id());
         rig.work_off();
@@ -53,22 +53,26 @@ fn straggler_gets_one_copy_and_first_result_wins() {
 
 #[test]
 fn copy_takes_over_from_drained_original() {
-    let (mut rig, job, slow, sessions) = straggling();
+    let (mut rig, job, slow, sessions) = job_with_straggler();
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
     let copy = rig.take_of("fast").expect("a copy");
     on_drain(&mut rig.scheduler, rig.now, &slow.worker, sessions["slow"], &[]);
     rig.settle();
-    assert_eq!(leased(&rig, &job), 1, "it is not handed out a third time");
+    assert_eq!(leased(&rig, &job), 1, "the copy continues, with no third lease");
     assert_eq!(rig.scheduler.jobs.active[&job].round.pending(), 0);
     assert_eq!(rig.answer(&copy), Verdict::Accepted);
 
-    let (mut rig, job, _, sessions) = straggling();
+    let (mut rig, job, _, sessions) = job_with_straggler();
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
     rig.drain("fast", sessions["fast"], &[]);
     rig.settle();
-    assert_eq!((leased(&rig, &job), rig.scheduler.leases.copies.len()), (1, 0), "the first goes on alone");
+    assert_eq!(
+        (leased(&rig, &job), rig.scheduler.leases.copies.len()),
+        (1, 0),
+        "the original continues without a copy"
+    );
     rig.drain("slow", sessions["slow"], &[]);
     rig.settle();
     assert_eq!(rig.scheduler.jobs.active[&job].round.pending(), 1);
@@ -88,7 +92,7 @@ fn stuck_lease_is_revoked_despite_heartbeats() {
         rig.heartbeat("stuck", session, progress);
         rig.heartbeat("other", other, beats);
     };
-    // As long as it grows it is fine; then it has two leases' time.
+    // While the count grows the lease stays. Then it has two lease times.
     for progress in 1..8 {
         beat(&mut rig, progress);
     }
@@ -97,17 +101,17 @@ fn stuck_lease_is_revoked_despite_heartbeats() {
         assert!(!rig.cancelled.contains(&stuck.id()));
     }
     beat(&mut rig, 7);
-    assert!(rig.cancelled.contains(&stuck.id()), "its worker is told");
-    assert!(rig.take_of("stuck").is_none(), "others first");
+    assert!(rig.cancelled.contains(&stuck.id()), "the stuck worker gets the revocation");
+    assert!(rig.take_of("stuck").is_none(), "another worker gets the task first");
     rig.given.retain(|g| g.id() != fine.id());
-    assert_eq!(in_a_second(&mut rig, &fine), Verdict::Accepted);
-    let again = rig.take_of("other").expect("another worker gets it");
+    assert_eq!(deliver_in_one_second(&mut rig, &fine), Verdict::Accepted);
+    let again = rig.take_of("other").expect("another worker gets the task");
     assert_eq!(again.range(), stuck.range());
     assert_eq!(rig.stored(&job).state, JobState::Running);
 }
 
 #[test]
-fn queued_or_uncounted_lease_is_not_revoked() {
+fn queued_or_unreported_lease_is_not_revoked() {
     let mut rig = Rig::new();
     rig.submit("a", 2000, 1);
     let session = rig.connect("w", 1);
@@ -119,7 +123,7 @@ fn queued_or_uncounted_lease_is_not_revoked() {
     let ids: Vec<_> = rig.given.iter().map(|g| g.id()).collect();
     for beat in 0..10 {
         rig.now.since_start += LEASE / 2;
-        // The first moves, the second waits behind it.
+        // The first lease makes progress, the second waits behind it.
         assert!(rig.beat("w", session, &ids, &[beat + 1, 0]));
     }
     for _ in 0..10 {
@@ -131,22 +135,22 @@ fn queued_or_uncounted_lease_is_not_revoked() {
 }
 
 #[test]
-fn undelivered_lease_is_given_again() {
+fn undelivered_lease_is_assigned_again() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 1, 1);
     let session = rig.connect("w", 1);
     let lost = rig.take().unwrap();
-    // It may be on its way for a while.
+    // The assignment may be on its way for a while.
     for _ in 0..4 {
         rig.now.since_start += LEASE / 5;
         assert!(rig.beat("w", session, &[], &[]));
         rig.settle();
     }
-    let again = rig.take().expect("it is given again");
+    let again = rig.take().expect("the task is assigned again");
     assert!(again.id() != lost.id() && again.range() == lost.range());
-    assert!(rig.stored(&job).charges.is_empty(), "no task is to blame");
-    // The first one came through after all, late: so much the better.
-    assert_eq!(in_a_second(&mut rig, &lost), Verdict::Accepted);
+    assert!(rig.stored(&job).charges.is_empty(), "a lease that never ran charges no task");
+    // The first assignment arrived after all: its late result counts.
+    assert_eq!(deliver_in_one_second(&mut rig, &lost), Verdict::Accepted);
 }
 
 #[test]
@@ -154,12 +158,12 @@ fn lease_behind_hung_slots_is_revoked_without_charge() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 1);
     let session = rig.connect("lost", 2);
-    // Both slots hang in something that was cancelled long ago, so nothing begins, and nothing crashes either.
+    // Both slots still run cancelled leases. The new leases stay queued, and nothing crashes.
     for _ in 0..6 {
         rig.now.since_start += LEASE / 2;
         rig.heartbeat("lost", session, 0);
     }
-    assert_eq!(rig.cancelled.len(), 2, "taken back");
+    assert_eq!(rig.cancelled.len(), 2, "both leases are revoked");
     assert!(rig.stored(&job).charges.is_empty(), "{:?}", rig.stored(&job).charges);
     rig.connect("other", 2);
     rig.work_off();
@@ -206,19 +210,20 @@ fn leaving_worker_gets_only_tasks_that_fit() {
     let job = rig.submit("a", 100, 1);
     rig.connect("w", 1);
     let first = rig.take().unwrap();
-    in_a_second(&mut rig, &first);
+    deliver_in_one_second(&mut rig, &first);
     let seconds = |s| Some(Duration::from_secs(s));
     let connect = |rig: &mut Rig, id: &str, time_left| {
         rig.greet(Greeting { time_left, ..greeting(id, 1) });
         rig.settle();
         rig.take_of(id).map(|g| g.range().count)
     };
-    // 4 s of them are for the farewell, and a range of 5 tasks would take 5 s.
+    // The worker is drained 4 s before its machine shuts down, so 3 of its 7 s remain, and a range of 5 tasks would
+    // take 5 s.
     assert_eq!(connect(&mut rig, "short", seconds(7)), Some(3));
     assert_eq!(connect(&mut rig, "shorter", seconds(4)), None);
     assert!(connect(&mut rig, "long", seconds(100)).is_some_and(|count| count > 3));
-    assert_eq!(rig.drained, [WorkerId("shorter".into())], "at once");
-    // "short" is told in time, and what it has goes back.
+    assert_eq!(rig.drained, [WorkerId("shorter".into())], "a worker without time for any task is drained at once");
+    // "short" is drained in time, and its lease ends.
     assert_eq!(rig.scheduler.next_deadline(), Some(rig.now.since_start + Duration::from_secs(3)));
     let before = leased(&rig, &job);
     rig.advance(Duration::from_secs(3));

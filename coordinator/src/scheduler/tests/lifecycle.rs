@@ -1,4 +1,4 @@
-//! Laws about the course of a job and of its leases.
+//! Tests of the course of a job and of its leases.
 
 use super::*;
 
@@ -45,9 +45,9 @@ fn demand_counts_whole_rounds_of_active_jobs() {
     assert_eq!(demand(&rig.scheduler), Demand { wanted: 23, slots: 2, busy: 2 });
     let first = rig.take().unwrap();
     rig.answer(&first);
-    assert_eq!(demand(&rig.scheduler).wanted, 23, "what is done of a round changes nothing");
+    assert_eq!(demand(&rig.scheduler).wanted, 23, "done tasks do not change the demand");
     rig.pause(&a, true);
-    assert_eq!(demand(&rig.scheduler).wanted, 3, "a paused job wants none");
+    assert_eq!(demand(&rig.scheduler).wanted, 3, "a paused job counts for no slots");
     rig.pause(&a, false);
     rig.work_off();
     assert_eq!(demand(&rig.scheduler), Demand { wanted: 0, slots: 2, busy: 0 });
@@ -74,16 +74,16 @@ fn repeated_late_or_wrong_result_gets_its_verdict() {
     let delivery = given.delivery();
     assert_eq!(rig.complete(given.completed(delivery.clone())), Verdict::Accepted);
     assert_eq!(rig.complete(given.completed(delivery.clone())), Verdict::Duplicate);
-    assert_eq!(rig.lie(&rig.given_to("x", &given)), Verdict::Conflict);
-    // A third worker decides, and the round is sealed: the same answers.
+    assert_eq!(rig.deliver_wrong(&rig.given_to("x", &given)), Verdict::Conflict);
+    // A third worker decides and the round is sealed. The verdicts stay the same.
     rig.connect("third", 1);
     rig.work_to(&job, 1);
     assert_eq!(rig.complete(given.completed(delivery.clone())), Verdict::Duplicate);
-    assert_eq!(rig.lie(&rig.given_to("y", &given)), Verdict::Conflict);
+    assert_eq!(rig.deliver_wrong(&rig.given_to("y", &given)), Verdict::Conflict);
     for id in ["x", "y"] {
-        assert_eq!(rig.answer(&rig.given_to(id, &given)), Verdict::Quarantined, "a wrong result was its own");
+        assert_eq!(rig.answer(&rig.given_to(id, &given)), Verdict::Quarantined, "{id} delivered a wrong result before");
     }
-    // Another round later it is compared with the store.
+    // One round later the result is compared with the stored digests.
     rig.work_to(&job, 2);
     assert_eq!(rig.answer(&rig.given_to("z", &given)), Verdict::Duplicate);
     assert_eq!(rig.answer(&rig.given_to("x", &given)), Verdict::Quarantined);
@@ -114,10 +114,10 @@ fn late_result_after_expired_lease_counts() {
     let session = rig.scheduler.fleet.workers[&WorkerId("other".into())].session.unwrap();
     assert!(rig.beat("other", session, &[], &[]));
     rig.advance(LEASE / 2);
-    let again = rig.take().expect("leased to the other worker");
+    let again = rig.take().expect("the task is leased to the other worker");
     assert_eq!((again.range(), again.worker.to_string()), (late.range(), "other".to_owned()));
     assert_eq!(rig.answer(&late), Verdict::Accepted);
-    assert!(rig.cancelled.contains(&again.id()), "the needless copy is called off");
+    assert!(rig.cancelled.contains(&again.id()), "the second lease is revoked");
     rig.work_off();
     assert_eq!(rig.stored(&job).state, JobState::Succeeded);
 }
@@ -130,22 +130,22 @@ fn paused_job_stays_paused_over_restart() {
     let running = rig.take().unwrap();
     let paused = rig.pause(&job, true).unwrap();
     assert!(paused.paused && rig.stored(&job).paused);
-    assert_eq!(rig.stored(&job).state, JobState::Running, "it does not forget where it stands");
+    assert_eq!(rig.stored(&job).state, JobState::Running, "pausing does not change the job's state");
     rig.work_off();
-    assert_eq!(rig.answer(&running), Verdict::Accepted, "what runs counts");
-    assert_eq!((leased(&rig, &job), rig.given.len()), (0, 0), "nothing new is handed out");
+    assert_eq!(rig.answer(&running), Verdict::Accepted, "results of running leases count");
+    assert_eq!((leased(&rig, &job), rig.given.len()), (0, 0), "a paused job gets no new leases");
     let events = rig.stored(&job).last_event;
     rig.pause(&job, true);
-    assert_eq!(rig.stored(&job).last_event, events, "twice is once");
+    assert_eq!(rig.stored(&job).last_event, events, "pausing a paused job adds no event");
 
     rig.restart();
     rig.connect("w", 2);
-    assert_eq!(leased(&rig, &job), 0, "an acknowledged pause survives");
+    assert_eq!(leased(&rig, &job), 0, "the pause survives a restart");
     assert!(rig.waits_for(&job).contains("until `evogait resume"));
     assert!(!rig.pause(&job, false).unwrap().paused);
     rig.work_off();
     rig.assert_right(&job, 8, 2);
-    assert_eq!(rig.pause(&job, true), None, "it has ended");
+    assert_eq!(rig.pause(&job, true), None, "an ended job can't be paused");
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn heartbeat_of_lost_worker_is_refused() {
 }
 
 #[test]
-fn returned_leases_cost_nothing() {
+fn returned_leases_cost_no_attempt() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 4, 1);
     for round in 0..5 {
@@ -187,9 +187,9 @@ fn returned_leases_cost_nothing() {
     rig.given.drain(..rig.given.len() - 1);
     for _ in 0..5 {
         let given = rig.take().unwrap();
-        on_reject(&mut rig.scheduler, rig.now, &given.worker, session, given.id());
+        on_return(&mut rig.scheduler, rig.now, &given.worker, session, given.id());
         rig.settle();
-        assert_eq!(leased(&rig, &job), 0, "no hot loop: it is spared this job for a while");
+        assert_eq!(leased(&rig, &job), 0, "the worker gets no work of a job that it just rejected");
         rig.now.since_start += LEASE / 2;
         assert!(on_heartbeat(&mut rig.scheduler, rig.now, &given.worker, session, &[], &[]));
         rig.advance(LEASE / 2);
@@ -204,14 +204,14 @@ fn draining_worker_keeps_only_what_it_finishes() {
     let job = rig.submit("a", 8, 1);
     let session = rig.connect("leaves", 3);
     let leaves = WorkerId("leaves".into());
-    let kept = rig.take().expect("it has work");
+    let kept = rig.take().expect("the worker has an assignment");
     on_drain(&mut rig.scheduler, rig.now, &leaves, session, &[kept.id()]);
     rig.settle();
     assert_eq!(leased(&rig, &job), 1);
 
-    // A second announcement returns the rest.
+    // A second drain message returns the remaining leases.
     let second = rig.connect("also leaves", 1);
-    let given_up = rig.given.pop().expect("it has work");
+    let given_up = rig.given.pop().expect("the worker has an assignment");
     on_drain(&mut rig.scheduler, rig.now, &given_up.worker, second, &[given_up.id()]);
     on_drain(&mut rig.scheduler, rig.now, &given_up.worker, second, &[]);
     rig.settle();
@@ -248,7 +248,7 @@ fn poisoned_task_fails_its_job_with_reason() {
     let record = rig.stored(&job);
     assert_eq!(record.state, JobState::Failed);
     assert!(record.reason.contains("task 3 of round 0 failed 3 times"), "{}", record.reason);
-    assert!(record.reason.contains("died with it"), "{}", record.reason);
+    assert!(record.reason.contains("crashed while running it"), "{}", record.reason);
 }
 
 #[test]
@@ -272,7 +272,7 @@ fn one_failing_worker_fails_no_job() {
     let job = rig.submit("a", 5, 2);
     rig.connect("healthy", 1);
     rig.connect("a-sick", 1);
-    // It is always the first to be free again.
+    // This worker is always the first to be free again.
     while !JobState::is_end(rig.stored(&job).state) {
         if let Some(given) = rig.take_of("a-sick") {
             rig.complete(given.completed(Delivery::Failure("it panicked".to_owned())));
@@ -289,7 +289,7 @@ fn one_failing_worker_fails_no_job() {
 }
 
 #[test]
-fn standstill_of_coordinator_expires_no_lease() {
+fn suspended_coordinator_expires_no_lease() {
     let mut rig = Rig::new();
     rig.submit("a", 5, 1);
     rig.connect("w", 1);
@@ -298,7 +298,7 @@ fn standstill_of_coordinator_expires_no_lease() {
     rig.advance(Duration::ZERO);
     assert_eq!(rig.scheduler.leases.all.len(), 1);
     rig.advance(LEASE);
-    assert!(rig.scheduler.leases.all.is_empty(), "a worker that stays silent from then on is lost");
+    assert!(rig.scheduler.leases.all.is_empty(), "leases expire after a lease time without heartbeats");
 }
 
 #[test]
@@ -315,7 +315,7 @@ fn reconnected_worker_keeps_its_leases() {
     rig.settle();
     assert_eq!(welcome.keep, [first.id()]);
     assert_eq!(welcome.drop, [AssignmentId(5), AssignmentId(u64::MAX)]);
-    let again = rig.take().expect("what it does not know of any more is handed out again");
+    let again = rig.take().expect("the lease that the worker did not report is assigned again");
     assert_eq!(again.range().first, second.range().first);
 }
 
@@ -330,14 +330,14 @@ fn running_work_is_adopted_after_restart() {
     let welcome = rig.greet(Greeting { running: vec![claim], ..greeting("w", 1) });
     rig.settle();
     assert_eq!(welcome.keep, [running.id()]);
-    assert!(rig.given.is_empty(), "the only slot is busy");
+    assert!(rig.given.is_empty(), "the only slot is busy with the adopted lease");
     assert_eq!(rig.answer(&running), Verdict::Accepted);
     rig.work_off();
     rig.assert_right(&job, 8, 1);
 }
 
-/// Runs two endless jobs on four workers for a while, in simulated time; a task of the first takes `costs.0` ms,
-/// of the second `costs.1`. Returns the slot time each got.
+/// Runs two endless jobs on four workers in simulated time. A task of the first takes `costs.0` ms, of the second
+/// `costs.1`. Returns the slot time that each job got.
 fn shares(priorities: (u32, u32), costs: (u64, u64)) -> (f64, f64) {
     let mut rig = Rig::new();
     let job = |rig: &mut Rig, name, priority| {
@@ -355,7 +355,7 @@ fn shares(priorities: (u32, u32), costs: (u64, u64)) -> (f64, f64) {
         rig.given.retain(|g| !rig.cancelled.contains(&g.id()));
         let compute =
             |g: &Given| Duration::from_millis(if *g.job() == a { costs.0 } else { costs.1 }) * g.range().count;
-        // Each worker works on the oldest it was given; the one that is ready first delivers.
+        // Each worker runs its oldest assignment; the first that is ready delivers.
         let mut ready: BTreeMap<&WorkerId, (Duration, usize)> = BTreeMap::new();
         for (i, given) in rig.given.iter().enumerate() {
             let start = free_at.get(&given.worker).copied().unwrap_or_default();
@@ -372,7 +372,7 @@ fn shares(priorities: (u32, u32), costs: (u64, u64)) -> (f64, f64) {
         }
         let delivery = given.delivery();
         rig.complete(Completed { compute, ..given.completed(delivery) });
-        // Idle workers go on from now.
+        // Idle workers continue from now.
         for worker in rig.scheduler.fleet.workers.keys() {
             let idle = !rig.given.iter().any(|g| g.worker == *worker) || *worker == given.worker;
             let free = free_at.entry(worker.clone()).or_default();
@@ -389,8 +389,8 @@ fn jobs_share_slot_time_by_priority() {
     let ratio = |(a, b): (f64, f64)| a / b;
     let even = ratio(shares((10, 10), (100, 100)));
     assert!((0.85..1.18).contains(&even), "{even}");
-    // By tasks it would be 20. Not quite 1: a slot that became free while the cheap job waited for the last of a
-    // round is the dear one's for a whole range.
+    // With equal numbers of tasks the ratio would be 20. It is not exactly 1: while the cheap job waits for the last
+    // task of a round, the expensive one gets each free slot for a whole range.
     let dear_and_cheap = ratio(shares((10, 10), (1000, 50)));
     assert!((0.75..1.33).contains(&dear_and_cheap), "{dear_and_cheap}");
     let twice = ratio(shares((20, 10), (100, 100)));
@@ -398,7 +398,7 @@ fn jobs_share_slot_time_by_priority() {
 }
 
 #[test]
-fn job_of_missing_engine_waits_and_says_so() {
+fn job_of_missing_engine_waits_with_reason() {
     let mut rig = Rig::new();
     let other = NewJob { engine_digest: Digest([8; 32]), ..new_job("a", 4, 1) };
     let job = on_submit(&mut rig.scheduler, rig.now, other).id;

@@ -1,4 +1,4 @@
-//! Laws about rounds of long tasks that follow those of short ones.
+//! Tests of rounds with long tasks, which follow rounds with short ones.
 
 use super::*;
 
@@ -10,7 +10,7 @@ fn long_tasks_are_leased_one_per_slot() {
     let first = rig.work_to_long().unwrap();
     assert_eq!(rig.phase(&job), "finishing");
     rig.connect("v", 3);
-    assert_eq!(leased(&rig, &job), 4, "none in advance");
+    assert_eq!(leased(&rig, &job), 4, "no lease in advance");
     assert_eq!(rig.scheduler.round(&job), Some((0, 8)));
     rig.answer(&first);
     assert_eq!(rig.scheduler.round(&job), Some((1, 8)));
@@ -29,33 +29,33 @@ fn measured_cost_holds_within_a_phase() {
     let cost = |rig: &Rig| rig.scheduler.jobs.active[&job].cost;
     assert_eq!(cost(&rig), None);
     rig.work_to(&job, 1);
-    assert!(cost(&rig).is_some(), "the next round searches too");
+    assert!(cost(&rig).is_some(), "the next round is in the same phase");
     let first = rig.work_to_long().unwrap();
-    assert_eq!(cost(&rig), None, "another phase has other tasks");
-    // One that is measured as short is not sent in advance either.
+    assert_eq!(cost(&rig), None, "the cost of another phase is unknown");
+    // A long task that turns out short is not leased in advance either.
     rig.complete(Completed { compute: Duration::from_millis(1), ..first.completed(first.delivery()) });
     assert!(cost(&rig).is_some_and(|cost| cost < 0.01));
     assert_eq!(leased(&rig, &job), 2);
 }
 
 #[test]
-fn repeated_or_wrong_result_of_long_task_gets_its_verdict() {
+fn repeated_or_wrong_long_result_gets_its_verdict() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 6, 1);
     rig.connect("w", 1);
     let given = rig.work_to_long().unwrap();
     assert_eq!(rig.answer(&given), Verdict::Accepted);
     assert_eq!(rig.answer(&given), Verdict::Duplicate);
-    assert_eq!(rig.lie(&rig.given_to("x", &given)), Verdict::Conflict);
+    assert_eq!(rig.deliver_wrong(&rig.given_to("x", &given)), Verdict::Conflict);
     rig.connect("third", 1);
     let mut beyond = given.clone();
     beyond.assign.range.first = 99;
     assert_eq!(rig.answer(&rig.given_to("w", &beyond)), Verdict::Unknown);
     rig.work_to(&job, 2);
-    // The round is sealed: the same answers, after a restart too.
+    // The round is sealed. The verdicts stay the same, also after a restart.
     assert_eq!(rig.answer(&given), Verdict::Duplicate);
     rig.restart();
-    assert_eq!(rig.lie(&rig.given_to("z", &given)), Verdict::Conflict);
+    assert_eq!(rig.deliver_wrong(&rig.given_to("z", &given)), Verdict::Conflict);
     rig.connect("v", 1);
     rig.given.retain(|g| &*g.worker.0 == "v");
     rig.work_off();
@@ -77,7 +77,7 @@ fn job_resumes_in_mid_round_after_restart() {
         let (state, round) = (rig.stored(&job), rig.scheduler.round(&job));
         rig.restart();
         assert_eq!((rig.stored(&job), rig.scheduler.round(&job)), (state, round), "{name} {answered}");
-        // Work that still runs is not done twice.
+        // A task that still runs is not leased again.
         let welcome = rig.greet(Greeting { running: vec![given.claim()], ..greeting("w", 1) });
         assert_eq!((welcome.keep, rig.take().is_none()), (vec![given.id()], true));
         assert_eq!(rig.answer(&given), Verdict::Accepted);
@@ -95,7 +95,7 @@ fn long_task_that_crashes_all_workers_fails_its_job() {
         let id = format!("w{round}");
         let session = rig.connect(&id, 1);
         loop {
-            let given = rig.work_to_long().expect("a long task");
+            let given = rig.work_to_long().expect("a long task is assigned");
             if given.range().round == 2 {
                 break;
             }
@@ -111,7 +111,7 @@ fn long_task_that_crashes_all_workers_fails_its_job() {
 }
 
 #[test]
-fn procedure_that_fails_ends_its_job_with_the_reason() {
+fn failed_procedure_fails_its_job_with_reason() {
     let mut rig = Rig::new();
     let job = rig.submit("a", 2, 2);
     rig.connect("w", 2);
@@ -132,7 +132,7 @@ fn dispute_about_long_task_corrects_or_taints() {
         let job = rig.submit("a", 6, 1);
         rig.connect("w", 1);
         let given = rig.work_to_long().unwrap();
-        rig.lie(&given);
+        rig.deliver_wrong(&given);
         if sealed {
             rig.work_to(&job, 2);
         }
@@ -155,12 +155,16 @@ fn round_is_not_sealed_while_any_dispute_is_open() {
     rig.answer(&first);
     rig.work_to(&job, 1);
     // The dispute is about the round before.
-    assert_eq!(rig.lie(&rig.given_to("x", &first)), Verdict::Conflict);
+    assert_eq!(rig.deliver_wrong(&rig.given_to("x", &first)), Verdict::Conflict);
     rig.work_off();
-    assert_eq!(rig.scheduler.round(&job), Some((3, 3)), "all is done");
+    assert_eq!(rig.scheduler.round(&job), Some((3, 3)), "all tasks are done");
     assert_eq!((rig.stored(&job).rounds_sealed, rig.rulings(&job)), (1, vec![None]));
     rig.restart();
-    assert_eq!((rig.stored(&job).rounds_sealed, rig.scheduler.round(&job)), (1, Some((3, 3))), "after a restart too");
+    assert_eq!(
+        (rig.stored(&job).rounds_sealed, rig.scheduler.round(&job)),
+        (1, Some((3, 3))),
+        "a restart changes nothing"
+    );
     rig.connect("third", 1);
     rig.answer(&rig.given[0].clone());
     assert_eq!((rig.stored(&job).rounds_sealed, rig.rulings(&job)), (2, vec![Some(Ruling::Upheld)]));

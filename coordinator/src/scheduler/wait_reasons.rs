@@ -1,4 +1,4 @@
-//! Why a job gets nothing done, or a worker no work: sentences for people.
+//! Reasons, for display, why a job makes no progress or a worker gets no work.
 
 use super::arbiter::arbiters;
 use super::fleet::{Worker, WorkerId};
@@ -8,10 +8,10 @@ use super::{Now, Scheduler, stuck};
 use crate::record::{Dispute, Event, JobId, JobRecord, JobState};
 use std::collections::BTreeSet;
 
-/// Builds of workers that are told one by one.
+/// Most worker builds that a message lists.
 const MOST_OFFERS: usize = 3;
 
-/// Why a job gets nothing done, or less than it might; `None` if there is nothing to say.
+/// Returns the reasons why a job makes no progress, or less than it could; `None` if there are none.
 pub fn waits_for(core: &Scheduler, id: &JobId) -> Option<String> {
     let job = core.jobs.active.get(id)?;
     let mut said = Vec::new();
@@ -30,7 +30,7 @@ fn about_pause(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<String> 
     let running = core.leases.of(id).count();
     job.record.paused.then(|| match running {
         0 => format!("nothing new is handed out until `evogait resume {id}`"),
-        n => format!("nothing new is handed out until `evogait resume {id}`, {} may still finish", ranges(n)),
+        n => format!("nothing new is handed out until `evogait resume {id}`; {} may still finish", ranges(n)),
     })
 }
 
@@ -40,11 +40,11 @@ fn about_disputes(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<Strin
     let (contradicted, alone): (Vec<&Dispute>, Vec<_>) = job.open_disputes().partition(|d| d.is_contradicted());
     let contradicted = contradicted.first().map(|first| match contradicted.len() {
         1 => format!("two results of {} differ", first.what),
-        n => format!("results of {n} tasks differ, {} for one", first.what),
+        n => format!("results of {n} tasks differ, such as {}", first.what),
     });
     let alone = alone.first().map(|first| match alone.len() {
-        1 => format!("{} was computed by a worker that computes wrongly", first.what),
-        n => format!("{n} tasks were computed by a worker that computes wrongly, {} for one", first.what),
+        1 => format!("only a quarantined worker computed {}", first.what),
+        n => format!("only a quarantined worker computed {n} tasks, such as {}", first.what),
     });
     let what = contradicted.into_iter().chain(alone).collect::<Vec<_>>().join(", and ");
     let may_decide = || arbiters(core, job, first).next().is_some();
@@ -53,13 +53,13 @@ fn about_disputes(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<Strin
     } else if may_decide() {
         format!("{what}: another worker will decide as soon as it has a free slot")
     } else if let Some(machine) = first.needs_host() {
-        format!("waits for a worker on {machine}: {what}, and what only one machine says does not hold")
+        format!("waits for a worker on {machine}: {what}, and each machine confirms only its own result")
     } else {
-        format!("waits for another worker: {what}, and only one that has had no part in it can decide")
+        format!("waits for another worker: {what}; only a worker that delivered no result of the task can decide")
     })
 }
 
-/// Why no worker computes what is pending.
+/// Returns the reason why no worker computes the pending tasks.
 fn about_workers(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<String> {
     if core.leases.of(id).next().is_some() {
         return None;
@@ -94,15 +94,19 @@ fn about_workers(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<String
         return None;
     }
     if willing().all(|w| w.refused.contains_key(id)) {
-        return Some("waits: every worker rejected it or got nowhere with it, they are asked again soon".to_owned());
+        return Some(
+            "waits: every worker rejected it or made no progress with it; it is offered to them again soon".to_owned(),
+        );
     }
     if willing().all(|w| w.held.len() >= w.slots as usize) {
-        return Some("waits for a free slot: other jobs have all of them, it gets its share as they end".to_owned());
+        return Some(
+            "waits for a free slot: other jobs use all slots; this job gets its share as they become free".to_owned(),
+        );
     }
-    Some("waits: what is left does not fit into the time that the workers have".to_owned())
+    Some("waits: the remaining tasks take longer than the workers have left; start another worker".to_owned())
 }
 
-/// Publishes to those who watch a job that it was submitted to another build, if so.
+/// Publishes to watching clients that the job was submitted to another build, if so.
 pub(super) fn publish_other_build(core: &mut Scheduler, now: Now, id: &JobId) {
     let Some(job) = core.jobs.active.get(id) else { return };
     if core.is_of_this_build(&job.record.engine_digest) {
@@ -118,21 +122,21 @@ pub(super) fn publish_other_build(core: &mut Scheduler, now: Now, id: &JobId) {
 fn about_stragglers(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<String> {
     let copied = core.leases.of(id).filter(|(_, l)| matches!(l.kind, Kind::Copy(_))).count();
     (copied > 0 && job.round.pending() == 0)
-        .then(|| format!("{} of the round take far longer than others and are computed twice", ranges(copied)))
+        .then(|| format!("{} of the round take far longer than expected and are computed twice", ranges(copied)))
 }
 
-/// Why a worker gets no work, in a sentence; empty if there is nothing to say.
+/// Returns the reason why a worker gets no work; empty if it gets work.
 pub(super) fn about_worker(core: &Scheduler, id: &WorkerId, worker: &Worker) -> String {
     match core.trust.entry(id) {
-        Some(entry) => format!("quarantined: {}; started again it gets a new id", entry.reason),
+        Some(entry) => format!("quarantined: {}; a restarted worker gets a new id", entry.reason),
         None if worker.stuck >= stuck::MOST_TIMES => {
-            format!("stuck: its work stood still {} times; start it again", worker.stuck)
+            format!("stuck: its leases made no progress {} times; restart it", worker.stuck)
         }
         None => idle_because(worker).unwrap_or_default().to_owned(),
     }
 }
 
-/// Why a worker gets no work, in a word or two.
+/// Returns the reason why a worker gets no work, in a word or two.
 fn idle_because(worker: &Worker) -> Option<&'static str> {
     if !worker.trusted {
         Some("quarantined")
@@ -147,18 +151,18 @@ fn idle_because(worker: &Worker) -> Option<&'static str> {
     }
 }
 
-/// The kind of worker that a job needs that was submitted to another build.
+/// Describes the worker that a job of another build needs.
 fn worker_of(record: &JobRecord) -> String {
     let (engine, version) = (record.engine_digest.short(), &record.version);
     let version = if version.is_empty() { "of an unknown version" } else { version };
     let own = env!("CARGO_PKG_VERSION");
     format!(
         "a worker of the build that the job was submitted to (evogait {version} with engine {engine}), since this one \
-         (evogait {own}) computes other bits"
+         (evogait {own}) computes different bits"
     )
 }
 
-/// What a worker computes on.
+/// Describes a worker's build and engines.
 fn offer(worker: &Worker) -> String {
     let engines: Vec<String> = worker.engines.iter().map(|digest| digest.short()).collect();
     format!("evogait {} with {}", worker.version, engines.join(", "))
