@@ -6,6 +6,7 @@ use proto::v1;
 use serde::{Deserialize, Serialize};
 use sim_core::base::digest::Digest;
 use sim_core::base::score::{Direction, mean};
+use sim_core::base::statistics::median;
 use sim_core::engines::NUMERIC_CRATES;
 use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Archived, Audit, Report, Rescored};
@@ -348,12 +349,6 @@ fn finish(counts: sim_core::base::score::Counts) -> FinishCounts {
     FinishCounts { rollouts: counts.rollouts, simulated_seconds: counts.simulated_ms as f64 / 1000.0 }
 }
 
-/// Of sorted values; between the middle two if there are two.
-fn median(sorted: &[f64]) -> Option<f64> {
-    let n = sorted.len();
-    (n > 0).then(|| (sorted[(n - 1) / 2] + sorted[n / 2]) / 2.0)
-}
-
 /// Sample standard deviation.
 pub(super) fn deviation(scores: &[Option<f64>]) -> Option<f64> {
     let mean = mean(scores)?;
@@ -365,12 +360,6 @@ pub(super) fn deviation(scores: &[Option<f64>]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_median_is_the_middle() {
-        assert_eq!((median(&[]), median(&[1.0]), median(&[1.0, 4.0])), (None, Some(1.0), Some(2.5)));
-        assert_eq!(median(&[1.0, 2.0, 9.0]), Some(2.0));
-    }
 
     #[test]
     fn failed_evaluations_take_no_part_in_mean_and_deviation() {

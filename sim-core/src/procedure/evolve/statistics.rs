@@ -1,6 +1,7 @@
 //! The distribution of a generation's scores in seven numbers.
 
 use crate::base::score::Counts;
+use crate::base::statistics::quantile;
 use crate::procedure::values::{counted, number};
 use crate::procedure::{Row, Value};
 
@@ -8,7 +9,7 @@ use crate::procedure::{Row, Value};
 pub(super) const SERIES: &str = "generations";
 
 /// A generation's row: statistics over the evaluations that did not fail, without a value if all did, then what it took.
-/// Quartiles are interpolated linearly between the sorted scores (Hyndman and Fan's type 7, the default of NumPy and R).
+/// For the definition of quartiles see [`quantile`].
 pub(super) fn row(
     generation: u32,
     scores: &[Option<f64>],
@@ -16,29 +17,22 @@ pub(super) fn row(
     best_so_far: Option<f64>,
     unit: &'static str,
 ) -> Row {
-    let mut sorted: Vec<f64> = scores.iter().flatten().copied().filter(|s| !s.is_nan()).collect();
-    let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
-    sorted.sort_by(f64::total_cmp);
+    let scored: Vec<f64> = scores.iter().flatten().copied().filter(|s| !s.is_nan()).collect();
+    let mean = scored.iter().sum::<f64>() / scored.len() as f64;
+    let of = |p: f64| quantile(&scored, p);
     let score = |name: &'static str, value: Option<f64>| Value { name: name.into(), unit: unit.into(), value };
     let mut values = vec![
-        score("min", quantile(&sorted, 0.0)),
-        score("lower_quartile", quantile(&sorted, 0.25)),
-        score("median", quantile(&sorted, 0.5)),
-        score("upper_quartile", quantile(&sorted, 0.75)),
-        score("max", quantile(&sorted, 1.0)),
-        score("mean", (!sorted.is_empty()).then_some(mean)),
+        score("min", of(0.0)),
+        score("lower_quartile", of(0.25)),
+        score("median", of(0.5)),
+        score("upper_quartile", of(0.75)),
+        score("max", of(1.0)),
+        score("mean", (!scored.is_empty()).then_some(mean)),
         score("best_so_far", best_so_far),
         number("failed", scores.iter().filter(|s| s.is_none()).count() as u64),
     ];
     values.extend(counted(&counts));
     Row { series: SERIES.into(), index: generation, values }
-}
-
-fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
-    let last = sorted.len().checked_sub(1)?;
-    let at = q * last as f64;
-    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
-    Some(low + (high - low) * at.fract())
 }
 
 #[cfg(test)]
