@@ -33,6 +33,8 @@ fn help_teaches() {
         "robot",
         "certs",
         "scenarios",
+        "completions",
+        "man",
     ];
     for command in commands {
         let help = run(folder.path(), &[command, "--help"]).success();

@@ -17,11 +17,18 @@ pub use robot::{PictureFormat, Robot, RobotOutput};
 use crate::certs::Host;
 use crate::client::Url;
 pub use crate::load::JobFile;
+use clap::CommandFactory as _;
+use clap_complete::Shell;
 use sim_core::genotype::Genotype;
 use sim_core::problem::{VarySpec, Way};
 use sim_core::procedure::evolve::finish::Question;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+
+/// Returns the definition of the command line.
+pub fn definition() -> clap::Command {
+    raw::Cli::command()
+}
 
 /// A command with all that it needs to know.
 #[derive(Debug)]
@@ -58,6 +65,8 @@ pub enum Command {
     Robot(Robot),
     Certs(Certs),
     Scenarios { show: Option<String>, json: bool },
+    Completions(Shell),
+    Man { out: Option<PathBuf> },
 }
 
 #[derive(Debug)]

@@ -4,6 +4,7 @@ mod bench;
 mod coordinator;
 mod job;
 mod number;
+mod shell;
 
 pub use bench::{
     Bench, BenchCommand, BenchDispatch, BenchEvaluate, BenchFidelity, BenchFitness, BenchFleet, BenchPlan, BenchReuse,
@@ -16,6 +17,8 @@ pub use job::{
     Compare, Evaluate, JobFile, Plan, Replay, Robot, RobotFormat, RobotScale, Run, RunTo, Scenarios, ScenariosAction,
     Simulate, SimulateWhat, Validate, Verify,
 };
+
+pub use shell::{Completions, Man};
 
 use clap::{Parser, Subcommand};
 
@@ -316,4 +319,21 @@ Examples:
   evogait scenarios
   evogait scenarios show quadropod-empty > my-job.toml")]
     Scenarios(Scenarios),
+
+    /// Print completions for a shell
+    #[command(after_help = "\
+Examples:
+  evogait completions bash > ~/.local/share/bash-completion/completions/evogait
+  evogait completions zsh > ~/.zfunc/_evogait
+  evogait completions fish > ~/.config/fish/completions/evogait.fish")]
+    Completions(Completions),
+
+    /// Print the man page, or write the pages of all commands
+    #[command(after_help = "\
+Examples:
+  evogait man | man -l -
+  evogait man --out ~/.local/share/man/man1
+
+With --out, pages of an earlier version are replaced.")]
+    Man(Man),
 }

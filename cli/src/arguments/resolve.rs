@@ -109,6 +109,8 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             };
             Command::Certs(Certs { action, folder, hosts, days })
         }
+        raw::Command::Completions(completions) => Command::Completions(completions.shell),
+        raw::Command::Man(man) => Command::Man { out: man.out },
         raw::Command::Scenarios(scenarios) => Command::Scenarios {
             show: scenarios.action.map(|raw::ScenariosAction::Show { name }| name),
             json: scenarios.json,

@@ -4,12 +4,14 @@ mod bench;
 mod cancel;
 mod certs;
 mod compare;
+mod completions;
 mod demand;
 mod evaluate;
 mod fetch;
 mod given;
 mod health;
 mod list;
+mod man;
 mod pause;
 mod plan;
 mod replay;
@@ -61,6 +63,8 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
         Command::Robot(args) => robot::run(args, quiet),
         Command::Certs(args) => certs::run(args, quiet),
         Command::Scenarios { show, json } => scenarios::run(show, json),
+        Command::Completions(shell) => completions::run(shell),
+        Command::Man { out } => man::run(out.as_deref(), quiet),
     }
 }
 

@@ -1,0 +1,20 @@
+//! Options of the commands for shells and their users: completions and man pages.
+
+use clap::Args;
+use clap_complete::Shell;
+use std::path::PathBuf;
+
+/// Options of `evogait completions`.
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// The shell
+    pub shell: Shell,
+}
+
+/// Options of `evogait man`.
+#[derive(Debug, Args)]
+pub struct Man {
+    /// Write a page for each command to this folder [default: print the page of `evogait`]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
