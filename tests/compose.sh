@@ -109,11 +109,15 @@ export EVOGAIT_COORDINATOR=https://localhost:$port,https://localhost:$((port + 1
 evogait list --json | grep -q '"succeeded"' || fail "the first job did not run on the cluster"
 evogait health --quiet || fail "the coordinator is not healthy from outside"
 
+# Long enough for all that is done to it, and no longer.
+evogait scenarios show quadropod-empty | sed 's/^generations = 100 .*/generations = 60/' > "$work/job.toml"
+grep -q '^generations = 60$' "$work/job.toml" || fail "the job that ships has another number of generations"
+
 # field JSON-FIELD: of the JSON on standard input.
 field() { python3 -c 'import json,sys; v=json.load(sys.stdin)
 for key in sys.argv[1].split("."): v=v[key]
 print(v)' "$1"; }
-expected() { evogait run quadropod-empty --seed "$1" --out "$work/here-$1" --workers "$(nproc)" --json --quiet | field result_digest; }
+expected() { evogait run "$work/job.toml" --seed "$1" --out "$work/here-$1" --workers "$(nproc)" --json --quiet | field result_digest; }
 generations() { evogait show "$1" --json | field generations_done; }
 state() { evogait show "$1" --json | field state; }
 # until COUNT JOB: has sealed so many more generations than when called.
@@ -150,7 +154,7 @@ want_2=$(expected 2)
 step "a job from outside; a worker is killed, one paused, one cut off, the coordinator started again"
 mapfile -t worker < <(containers worker)
 network=${COMPOSE_PROJECT_NAME}_workers
-job=$(evogait submit quadropod-empty --seed 1)
+job=$(evogait submit "$work/job.toml" --seed 1)
 until_more 2 "$job"
 command docker kill --signal KILL "${worker[0]}" > /dev/null
 echo "   killed one"; until_more 2 "$job"
@@ -179,7 +183,7 @@ compose up --detach --scale worker=3 > /dev/null 2>&1
 step "profile ha: the active coordinator dies"
 follow ha
 all_well standby
-job=$(evogait submit quadropod-empty --seed 2)
+job=$(evogait submit "$work/job.toml" --seed 2)
 until_more 2 "$job"
 command docker kill --signal KILL "$(container coordinator)" > /dev/null
 echo "   killed the active coordinator"; until_more 2 "$job"
