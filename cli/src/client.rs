@@ -1,4 +1,4 @@
-//! The coordinator as the commands see it: one call each, errors in words.
+//! Client of the coordinator's job service: a method for each call, with errors in plain words.
 
 use crate::error::Error;
 use proto::credentials::Credentials;
@@ -13,33 +13,33 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-/// Where several coordinators stand in for each other: how long to look for one that serves, which one of them does within
-/// seconds of another's death.
+/// Limit on the search for a serving coordinator where several addresses are given. A standby takes over within seconds
+/// after the serving coordinator has failed.
 const FIND_WITHIN: Duration = Duration::from_secs(20);
-/// Jobs asked for at once when listing.
+/// Jobs requested per page of a list.
 const PAGE: u32 = 200;
 
-/// Where a coordinator is, and those that stand in for it, with what is shown to them.
+/// Addresses of a coordinator and its standbys, with the credentials for them.
 #[derive(Clone, Debug)]
 pub struct Url(Dial);
 
 impl Url {
-    /// Checks addresses and credentials; `from` says in the message where the addresses were given.
+    /// Checks addresses and credentials. `from` is the source of the addresses, for the error message.
     pub fn parse(text: &str, from: &str, credentials: &Credentials) -> Result<Self, Error> {
         let wrong = |why: String| Error::Usage { message: format!("{from}: {why}") };
         let addresses: Addresses = text.parse().map_err(|e: proto::dial::BadAddress| wrong(e.to_string()))?;
         Dial::new(addresses, credentials).map(Self).map_err(|e| wrong(e.to_string()))
     }
 
-    /// A channel of its own connections.
+    /// Returns a channel with connections of its own.
     pub fn way(&self) -> Way {
         self.0.way()
     }
 
-    /// The address of a socket of this machine.
+    /// Returns the URL of a socket on this machine.
     pub fn of_socket(address: std::net::SocketAddr) -> Self {
         let dial = Dial::new(address.into(), &Credentials::default());
-        Self(dial.expect("without TLS and token there is nothing to refuse"))
+        Self(dial.expect("a URL without TLS and token is valid"))
     }
 }
 
@@ -57,14 +57,14 @@ pub struct Client {
 }
 
 impl Client {
-    /// Connects, or says that nobody is there.
+    /// Connects to the coordinator; fails if none answers.
     pub async fn connect(url: &Url) -> Result<Self, Error> {
         url.0.reach().await.map_err(|error| Error::Unreachable { url: url.to_string(), reason: reason(&error) })?;
         let service = JobServiceClient::new(url.0.way()).max_decoding_message_size(MAX_ANSWER);
         Ok(Self { url: url.clone(), service })
     }
 
-    /// Makes a call; where there are several coordinators, until one of them serves. All calls are safe to repeat.
+    /// Makes a call. With several coordinators, it repeats the call until one of them serves. All calls are safe to repeat.
     async fn call<M: Clone, T, F: Future<Output = Result<Response<T>, Status>>>(
         &self,
         id: Option<&str>,
@@ -77,7 +77,7 @@ impl Client {
                 Ok(answer) => return Ok(answer.into_inner()),
                 Err(status) => {
                     let elsewhere = self.url.0.count() > 1 && is_connection(&status);
-                    // One that fell silent is found after a while only: the search begins then.
+                    // It takes a while to detect that a coordinator does not answer: the time counts from then.
                     if !elsewhere || lost.get_or_insert_with(Instant::now).elapsed() > FIND_WITHIN {
                         return Err(self.error(&status, id));
                     }
@@ -87,30 +87,30 @@ impl Client {
         }
     }
 
-    /// Where it is.
+    /// Address of the coordinator.
     pub fn url(&self) -> &Url {
         &self.url
     }
 
-    /// Hands a job in; tells also whether it is new to the coordinator.
+    /// Submits a job; also returns true if the job is new to the coordinator.
     pub async fn submit(&mut self, request: v1::SubmitJobRequest) -> Result<(v1::Job, bool), Error> {
         let answer = self.call(None, request, |mut s, r| async move { s.submit_job(r).await }).await?;
         Ok((self.present(answer.job)?, answer.created))
     }
 
-    /// A job and its resolved file.
+    /// Returns a job and its resolved file.
     pub async fn get(&mut self, id: &str) -> Result<(v1::Job, String), Error> {
         self.standing(id).await.map(|(job, job_toml, _)| (job, job_toml))
     }
 
-    /// A job, its resolved file and, unless it has ended, where it stands at this moment.
+    /// Returns a job, its resolved file and, unless the job has ended, its current leases, queue and pace.
     pub async fn standing(&mut self, id: &str) -> Result<(v1::Job, String, Option<v1::Standing>), Error> {
         let request = v1::GetJobRequest { id: id.to_owned() };
         let answer = self.call(Some(id), request, |mut s, r| async move { s.get_job(r).await }).await?;
         Ok((self.present(answer.job)?, answer.job_toml, answer.standing))
     }
 
-    /// Jobs in these states (all if none is given), newest first, at most `limit`.
+    /// Returns at most `limit` jobs in these states (in any state if `states` is empty), newest first.
     pub async fn list(&mut self, states: &[JobState], limit: usize) -> Result<Vec<v1::Job>, Error> {
         let mut jobs = Vec::new();
         let mut page_token = String::new();
@@ -130,58 +130,58 @@ impl Client {
         }
     }
 
-    /// The job's events after a sequence number.
+    /// Streams the job's events after a sequence number.
     pub async fn watch(&mut self, id: &str, after: u64) -> Result<tonic::Streaming<v1::JobEvent>, Status> {
         let request = v1::WatchJobRequest { id: id.to_owned(), after };
         Ok(self.service.watch_job(request).await?.into_inner())
     }
 
-    /// Ends a job for good.
+    /// Cancels a job.
     pub async fn cancel(&mut self, id: &str) -> Result<v1::Job, Error> {
         let request = v1::CancelJobRequest { id: id.to_owned() };
         let answer = self.call(Some(id), request, |mut s, r| async move { s.cancel_job(r).await }).await?;
         self.present(answer.job)
     }
 
-    /// Hands out nothing more of a job.
+    /// Pauses a job: the coordinator leases no more of its tasks.
     pub async fn pause(&mut self, id: &str) -> Result<v1::Job, Error> {
         let request = v1::PauseJobRequest { id: id.to_owned() };
         let answer = self.call(Some(id), request, |mut s, r| async move { s.pause_job(r).await }).await?;
         self.present(answer.job)
     }
 
-    /// Goes on with a paused job.
+    /// Resumes a paused job.
     pub async fn resume(&mut self, id: &str) -> Result<v1::Job, Error> {
         let request = v1::ResumeJobRequest { id: id.to_owned() };
         let answer = self.call(Some(id), request, |mut s, r| async move { s.resume_job(r).await }).await?;
         self.present(answer.job)
     }
 
-    /// Does an ended job again; tells also whether that is new to the coordinator.
+    /// Restarts an ended job; also returns true if the restart is new to the coordinator.
     pub async fn restart(&mut self, request: v1::RestartJobRequest) -> Result<(v1::Job, bool), Error> {
         let id = request.id.clone();
         let answer = self.call(Some(&id), request, |mut s, r| async move { s.restart_job(r).await }).await?;
         Ok((self.present(answer.job)?, answer.created))
     }
 
-    /// What a succeeded job found.
+    /// Returns the result of a succeeded job.
     pub async fn result(&mut self, id: &str) -> Result<v1::GetResultResponse, Error> {
         let request = v1::GetResultRequest { id: id.to_owned() };
         self.call(Some(id), request, |mut s, r| async move { s.get_result(r).await }).await
     }
 
-    /// The workers that are connected now.
+    /// Returns the workers that are connected now.
     pub async fn workers(&mut self) -> Result<Vec<v1::WorkerInfo>, Error> {
         let request = v1::ListWorkersRequest {};
         Ok(self.call(None, request, |mut s, r| async move { s.list_workers(r).await }).await?.workers)
     }
 
-    /// How many slots the jobs could use, and how many there are.
+    /// Returns the number of slots that the jobs could use, and the number of slots present.
     pub async fn demand(&mut self) -> Result<v1::GetDemandResponse, Error> {
         self.call(None, v1::GetDemandRequest {}, |mut s, r| async move { s.get_demand(r).await }).await
     }
 
-    /// Whether it serves clients, as it says itself: one that stands by for another one answers, and does not.
+    /// Returns true if the coordinator reports that it serves clients. A standby answers, but does not serve.
     pub async fn serving(&mut self) -> Result<bool, Error> {
         let service =
             <proto::v1::job_service_server::JobServiceServer<()> as tonic::server::NamedService>::NAME.to_owned();
@@ -190,14 +190,14 @@ impl Client {
         Ok(answer.into_inner().status() == ServingStatus::Serving)
     }
 
-    /// An error of the coordinator in words; `id` is the job it is about.
+    /// Converts a gRPC status to an error; `id` is the job of the call.
     pub fn error(&self, status: &Status, id: Option<&str>) -> Error {
         let url = self.url.to_string();
         match (status.code(), id) {
             (Code::NotFound, Some(id)) => Error::NoSuchJob { url, id: id.to_owned() },
             (Code::AlreadyExists, None) => {
-                let why = "it has this job already, with another name, description or priority";
-                let reason = format!("{why}: `evogait submit --again` hands it in anew ({})", words(status));
+                let why = "it already has this job with another name, description or priority";
+                let reason = format!("{why}: `evogait submit --again` submits it as a new job ({})", words(status));
                 Error::Refused { url, reason }
             }
             _ if is_connection(status) => Error::Unreachable { url, reason: words(status) },
@@ -206,11 +206,11 @@ impl Client {
     }
 
     fn present(&self, job: Option<v1::Job>) -> Result<v1::Job, Error> {
-        job.ok_or_else(|| Error::Answer { url: self.url.to_string(), reason: "an answer without a job".to_owned() })
+        job.ok_or_else(|| Error::Answer { url: self.url.to_string(), reason: "the answer has no job".to_owned() })
     }
 }
 
-/// Whether an error is about the connection, so that trying again later may help.
+/// Returns true for an error of the connection, where a later retry may succeed.
 pub fn is_connection(status: &Status) -> bool {
     use std::error::Error as _;
     matches!(status.code(), Code::Unavailable | Code::Aborted | Code::DeadlineExceeded)
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_address_is_wrong_usage_and_says_where_it_was_given() {
+    fn invalid_address_is_usage_error_with_its_source() {
         let none = Credentials::default();
         assert_eq!(Url::parse("http://127.0.0.1:7077/", "x", &none).unwrap().to_string(), "http://127.0.0.1:7077");
         for wrong in ["", "127.0.0.1:7077", "http://host", "https://host:1"] {

@@ -1,4 +1,4 @@
-//! Words for people: what is printed, and how numbers and times are written.
+//! Output for people: printing, and formats of numbers and times.
 
 use crate::error::Error;
 use serde::Serialize;
@@ -6,7 +6,7 @@ use std::io::{self, Write as _};
 use std::path::Path;
 use std::time::Duration;
 
-/// Prints a line (or several) to standard output.
+/// Prints one or more lines to standard output.
 pub fn say(text: &str) -> Result<(), Error> {
     let mut out = io::stdout().lock();
     let end = if text.ends_with('\n') { "" } else { "\n" };
@@ -16,22 +16,22 @@ pub fn say(text: &str) -> Result<(), Error> {
     })
 }
 
-/// Prints a value as JSON for scripts.
+/// Prints a value as indented JSON, for scripts.
 pub fn say_json(value: &impl Serialize) -> Result<(), Error> {
     say(&json(value)?)
 }
 
-/// A value as a line of JSON, for streams of values.
+/// Prints a value as one line of JSON, for streams of values.
 pub fn say_json_line(value: &impl Serialize) -> Result<(), Error> {
     say(&serde_json::to_string(value).map_err(|e| Error::write(Path::new("standard output"), e.into()))?)
 }
 
-/// A value as readable JSON.
+/// Formats a value as indented JSON.
 pub fn json(value: &impl Serialize) -> Result<String, Error> {
     serde_json::to_string_pretty(value).map_err(|e| Error::write(Path::new("standard output"), e.into()))
 }
 
-/// Tells something on standard error. Where that is closed, nobody wants to know.
+/// Prints a line to standard error. Errors are ignored: standard error may be closed.
 pub fn note(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
@@ -41,7 +41,7 @@ pub fn warn(text: &str) {
     note(&format!("warning: {text}"));
 }
 
-/// A path or name as a word of a POSIX shell's command, which reads it as one argument and not as an option.
+/// Quotes a path or name for a POSIX shell, so that a command reads it as one argument and not as an option.
 pub fn quoted(word: impl std::fmt::Display) -> String {
     let word = word.to_string();
     let word = if word.starts_with('-') { format!("./{word}") } else { word };
@@ -49,7 +49,7 @@ pub fn quoted(word: impl std::fmt::Display) -> String {
     if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }
 
-/// Columns under a head, aligned; numbers are to be given as they shall stand.
+/// Formats rows as left-aligned columns under a head. Cells are printed as given.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count());
@@ -65,7 +65,7 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// 1234567 as "1,234,567".
+/// Formats 1234567 as "1,234,567".
 pub fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
@@ -78,7 +78,7 @@ pub fn count(n: u64) -> String {
     out
 }
 
-/// A duration as a person says it: "0.42 s", "12 s", "2 min 41 s", "3 h 5 min", "2 d 4 h".
+/// Formats a duration with one or two units: "0.42 s", "12 s", "2 min 41 s", "3 h 5 min", "2 d 4 h".
 pub fn duration(d: Duration) -> String {
     let s = d.as_secs_f64();
     let whole = s.round() as u64;
@@ -91,12 +91,12 @@ pub fn duration(d: Duration) -> String {
     }
 }
 
-/// A duration in seconds that may be huge or not finite.
+/// Formats a duration in seconds; "?" for a negative, huge or infinite one.
 pub fn seconds(s: f64) -> String {
     if s.is_finite() && (0.0..1e12).contains(&s) { duration(Duration::from_secs_f64(s)) } else { "?".to_owned() }
 }
 
-/// A score with four significant digits: "34.29", "0.01235".
+/// Formats a score with four significant digits: "34.29", "0.01235".
 pub fn score(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
@@ -106,7 +106,7 @@ pub fn score(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A score with its unit; "–" where there is none.
+/// Formats a score with its unit; "–" for none.
 pub fn score_with(value: Option<f64>, unit: &str) -> String {
     match value {
         Some(v) if unit.is_empty() => score(v),
@@ -115,14 +115,14 @@ pub fn score_with(value: Option<f64>, unit: &str) -> String {
     }
 }
 
-/// Unix time in ms as "2026-11-22 00:47:15" (UTC); "–" for 0.
+/// Formats a Unix time in ms as "2026-11-22 00:47:15" (UTC); "–" for 0 or less.
 pub fn moment(unix_ms: i64) -> String {
     if unix_ms <= 0 {
         return "–".to_owned();
     }
     let seconds = unix_ms / 1000;
     let (days, second) = (seconds / 86_400, seconds % 86_400);
-    // Days to a civil date, by eras of 400 years that begin in March.
+    // Converts days to a calendar date, in eras of 400 years that begin in March.
     let shifted = days + 719_468;
     let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
     let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moments_are_those_of_the_calendar() {
+    fn unix_times_are_formatted_as_calendar_dates() {
         assert_eq!(moment(951_782_400_000), "2000-02-29 00:00:00");
         assert_eq!(moment(1_795_308_435_999), "2026-11-22 00:47:15");
         assert_eq!(moment(1_000), "1970-01-01 00:00:01");
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_read_well() {
+    fn numbers_and_durations_are_formatted_for_people() {
         assert_eq!(count(0), "0");
         assert_eq!(count(999), "999");
         assert_eq!(count(1_234_567), "1,234,567");
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn shell_reads_a_quoted_word_as_it_was() {
+    fn shell_reads_quoted_word_unchanged() {
         for plain in ["runs/a-1.toml", "j1-0123456789ab", "/x/y", "lizard", "große", "https://a:1,https://b:2"] {
             assert_eq!(quoted(plain), plain);
         }
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_stand_under_their_heads() {
+    fn table_columns_are_aligned_with_heads() {
         let rows = vec![vec!["a".into(), "long".into(), "x".into()], vec!["bcd".into(), "s".into(), String::new()]];
         assert_eq!(table(&["id", "n", "note"], &rows), "id   n     note\na    long  x\nbcd  s");
     }

@@ -1,4 +1,4 @@
-//! What can go wrong, in one sentence each: which file, which field, which value, what to do.
+//! Errors of the commands. Each text is one sentence with the file, the field, the value and the remedy.
 
 use sim_core::base::digest::Digest;
 use sim_core::base::error::Invalid;
@@ -7,239 +7,239 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Why a command did not do what was asked.
+/// Reason why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The command line asks for something that can't be. Exit code 2.
+    /// Invalid command line. Exit code 2.
     #[error("{message}")]
     Usage {
-        /// The sentence.
+        /// Text of the error.
         message: String,
     },
-    /// Ctrl-C or a request to terminate. Exit code 130.
+    /// Ctrl-C, a closed terminal or a request to terminate. Exit code 130.
     #[error("interrupted{hint}")]
     Interrupted {
-        /// How to go on, led by a separator; or empty.
+        /// Instruction for going on, with a leading separator; may be empty.
         hint: String,
     },
-    /// The reader of our output has gone (`| head`): nobody is left to tell.
+    /// Standard output was closed by its reader (`| head`). Exit code 0, no message.
     #[error("the output was closed")]
     OutputClosed,
-    /// A file or folder can't be read.
+    /// File or folder that can't be read.
     #[error("can't read {path}: {reason}", path = .path.display(), reason = plain(.source))]
     Read {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
-        /// Why.
+        /// Cause of the failure.
         source: io::Error,
     },
-    /// A file or folder can't be written; nothing is left of the attempt.
+    /// File or folder that can't be written; no partial file remains.
     #[error("can't write {path}: {reason}", path = .path.display(), reason = plain(.source))]
     Write {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
-        /// Why.
+        /// Cause of the failure.
         source: io::Error,
     },
-    /// A file holds what can't be used.
+    /// Input with an invalid value.
     #[error("{file}: {source}")]
     Invalid {
-        /// The file, or what ships under a name.
+        /// Path of the file, or name of the shipped scenario.
         file: String,
-        /// What is wrong in it.
+        /// The invalid value.
         source: Invalid,
     },
-    /// A stored file of ours was changed or is damaged.
+    /// File of an output folder that was changed or damaged.
     #[error("{path} is damaged: {reason}", path = .path.display())]
     Damaged {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the damage.
         reason: String,
     },
-    /// A folder whose run has not come to its end.
-    #[error("{folder} has no result yet: the same `evogait run` goes on and finishes it", folder = .folder.display())]
+    /// Output folder of an unfinished run.
+    #[error("{folder} has no result yet: repeat its `evogait run` to finish it", folder = .folder.display())]
     NotFinished {
         /// The output folder.
         folder: PathBuf,
     },
-    /// A name that is neither a path nor ships.
+    /// Name that is neither a file nor a shipped scenario.
     #[error("there is no file and no {what} named \"{name}\": {what}s that ship are {known}")]
     NotFound {
-        /// "job", "robot".
+        /// Kind of scenario, such as "job" or "robot".
         what: &'static str,
-        /// What was asked for.
+        /// The unknown name.
         name: String,
-        /// The names that exist.
+        /// The shipped names.
         known: String,
     },
-    /// Output would replace a file that the command reads.
+    /// Output that would replace a file that the command reads.
     #[error(
         "{path} is a file that this command reads{alias}, and writing there would replace it: choose another place with --out",
         path = .path.display(), alias = alias(.path, .input)
     )]
     ReplacesInput {
-        /// The output.
+        /// Path of the output.
         path: PathBuf,
-        /// The same file under the name by which it was read.
+        /// Path under which the same file was read.
         input: PathBuf,
     },
-    /// The folder's job file was not written by a run.
+    /// Output folder with a job file that no run wrote.
     #[error(
-        "{path} is not a job file that evogait wrote, and a run keeps its own there: choose another folder with --out",
+        "{path} is not a job file that evogait wrote, and the run would write its own there: choose another folder with --out",
         path = .path.display()
     )]
     ForeignJob {
-        /// The job file in the folder.
+        /// Path of the job file in the folder.
         path: PathBuf,
     },
-    /// The folder belongs to another job.
+    /// Output folder of another job.
     #[error(
         "{folder} holds another job, \"{name}\" ({digest}): choose another folder with --out",
         folder = .folder.display(), digest = .digest.short()
     )]
     OtherJob {
-        /// The folder.
+        /// The output folder.
         folder: PathBuf,
         /// Name of the job in it.
         name: String,
-        /// Its digest.
+        /// Digest of the job in it.
         digest: Digest,
     },
-    /// The folder has files that no run of the job left there.
+    /// Output folder with files that no run of the job wrote.
     #[error("{folder} is not empty and holds no run of this job: choose another folder with --out", folder = .folder.display())]
     NotOurs {
-        /// The folder.
+        /// The output folder.
         folder: PathBuf,
     },
-    /// Another process is at work in the folder.
-    #[error("another evogait is at work in {folder}: wait for it, or stop it", folder = .folder.display())]
+    /// Output folder that another process uses.
+    #[error("another evogait process uses {folder}: wait until it ends, or stop it", folder = .folder.display())]
     Busy {
-        /// The folder.
+        /// The output folder.
         folder: PathBuf,
     },
-    /// Nobody answers at the coordinator's address.
+    /// Coordinator's address that does not answer.
     #[error(
-        "can't reach a coordinator at {url}: {reason}; start one with `coordinator`, or tell where it is with --coordinator URL"
+        "can't reach a coordinator at {url}: {reason}; start one with `coordinator`, or give its address with --coordinator URL"
     )]
     Unreachable {
-        /// Its address.
+        /// Address of the coordinator.
         url: String,
-        /// Why.
+        /// Cause of the failure.
         reason: String,
     },
-    /// The coordinator answers and leaves the work to another one.
-    #[error("the coordinator at {url} does not serve now: another one does, or it is starting or stopping")]
+    /// Coordinator that answers, but is on standby.
+    #[error("the coordinator at {url} is not serving: another one serves, or this one is starting or stopping")]
     StandsBy {
-        /// Its address.
+        /// Address of the coordinator.
         url: String,
     },
-    /// A process of this machine that should be well.
-    #[error("what runs at {address} is not well: {reason}")]
+    /// Unhealthy process of this machine.
+    #[error("the process at {address} is not healthy: {reason}")]
     Unwell {
-        /// Where it serves its metrics.
+        /// Address of its metrics.
         address: SocketAddr,
-        /// What it says, or why it says nothing.
+        /// State that it reports, or the reason why it does not answer.
         reason: String,
     },
-    /// The coordinator refuses.
-    #[error("the coordinator at {url} refuses: {reason}")]
+    /// Request that the coordinator refused.
+    #[error("the coordinator at {url} refused the request: {reason}")]
     Refused {
-        /// Its address.
+        /// Address of the coordinator.
         url: String,
-        /// Its sentence.
+        /// Reason given by the coordinator.
         reason: String,
     },
-    /// The coordinator has no such job.
-    #[error("the coordinator at {url} has no job \"{id}\": `evogait list` shows what it has")]
+    /// Job that the coordinator does not have.
+    #[error("the coordinator at {url} has no job \"{id}\": `evogait list` lists its jobs")]
     NoSuchJob {
-        /// Its address.
+        /// Address of the coordinator.
         url: String,
-        /// What was asked for.
+        /// The unknown id.
         id: String,
     },
-    /// The coordinator's answer makes no sense to this version.
-    #[error("the coordinator at {url} answers with something this version can't read: {reason}")]
+    /// Answer of a coordinator that this version can't read.
+    #[error("this version can't read the answer of the coordinator at {url}: {reason}")]
     Answer {
-        /// Its address.
+        /// Address of the coordinator.
         url: String,
-        /// What.
+        /// The unreadable part of the answer.
         reason: String,
     },
-    /// The coordinator of a run on this machine does not work.
+    /// Failed coordinator of a run on this machine.
     #[error("the coordinator of this run failed: {reason}")]
     LocalCoordinator {
-        /// Why.
+        /// Cause of the failure.
         reason: String,
     },
-    /// The worker of a run on this machine does not work.
+    /// Failed worker of a run on this machine.
     #[error("the worker of this run failed: {reason}")]
     LocalWorker {
-        /// Why.
+        /// Cause of the failure.
         reason: String,
     },
-    /// The job ended without a result.
+    /// Job that ended without a result.
     #[error("job \"{name}\" ({id}) {how}")]
     JobEnded {
-        /// Its name.
+        /// Name of the job.
         name: String,
-        /// Its id.
+        /// Id of the job.
         id: String,
-        /// How and why.
+        /// State in which it ended, and the reason.
         how: String,
     },
-    /// The job's robot can't stand, or its start is blocked.
+    /// Job that failed because its robot can't stand, or its start is blocked.
     #[error("job \"{name}\" ({id}) failed: {reason}")]
     Unprepared {
-        /// Its name.
+        /// Name of the job.
         name: String,
-        /// Its id.
+        /// Id of the job.
         id: String,
-        /// The fault, for people.
+        /// Reason for people.
         reason: String,
     },
-    /// A job that has no winner, where one is needed.
+    /// Result without a winner, where the command needs one.
     #[error("{folder} has no winner: every evaluation of the job failed", folder = .folder.display())]
     NoWinner {
         /// The output folder.
         folder: PathBuf,
     },
-    /// An engine did not report all that went wrong.
-    #[error("{rollouts} rollouts left a bound that the engine did not report")]
+    /// Rollouts that exceeded a bound without a report of the engine.
+    #[error("{rollouts} rollouts exceeded a bound that the engine did not report")]
     Unsound {
-        /// How many.
+        /// Number of these rollouts.
         rollouts: u64,
     },
-    /// A recomputed number has other bits than the stored one.
+    /// Recomputed number with other bits than the stored one.
     #[error("{folder} does not verify: {difference}", folder = .folder.display())]
     Different {
         /// The output folder.
         folder: PathBuf,
-        /// What differs, and why that may be.
+        /// The two values, and possible reasons.
         difference: String,
     },
-    /// A picture can't be made.
+    /// Picture that can't be drawn.
     #[error("can't draw {what}: {reason}")]
     Draw {
-        /// Which picture.
+        /// Name of the picture.
         what: String,
-        /// Why.
+        /// Cause of the failure.
         reason: String,
     },
 }
 
 impl Error {
-    /// A read that failed.
+    /// Returns the error of a failed read.
     pub fn read(path: &Path, source: io::Error) -> Self {
         Self::Read { path: path.to_owned(), source }
     }
 
-    /// A write that failed.
+    /// Returns the error of a failed write.
     pub fn write(path: &Path, source: io::Error) -> Self {
         Self::Write { path: path.to_owned(), source }
     }
 
-    /// What the process ends with.
+    /// Returns the exit code of the process.
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::OutputClosed => ExitCode::SUCCESS,
@@ -250,12 +250,12 @@ impl Error {
     }
 }
 
-/// The input's own name, where it was read under another.
+/// Formats the path under which the input was read; empty if it is the output's path.
 fn alias(path: &Path, input: &Path) -> String {
     if path == input { String::new() } else { format!(" as {}", input.display()) }
 }
 
-/// An I/O error in words, without the system's "(os error 2)".
+/// Formats an I/O error without the system's number, "(os error 2)".
 fn plain(error: &io::Error) -> String {
     let text = error.to_string();
     match text.find(" (os error") {
@@ -269,7 +269,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_system_s_numbers_are_left_out() {
+    fn io_error_text_omits_system_number() {
         assert_eq!(plain(&io::Error::from_raw_os_error(2)), "No such file or directory");
         assert_eq!(plain(&io::Error::other("the reason")), "the reason");
     }

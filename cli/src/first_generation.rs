@@ -1,4 +1,4 @@
-//! Judges the scores of a first generation: where they are all the same, a search has nothing to go by.
+//! Checks the scores of a first generation: a search can't improve if all of them are equal.
 
 use crate::console;
 use crate::progress::Label;
@@ -9,31 +9,31 @@ use sim_core::base::score::Counts;
 use sim_core::objective::{self, Coverage};
 use sim_core::problem::Checked;
 
-/// Scores of a first generation, or of those of its candidates that were evaluated.
+/// Scores of the evaluated candidates of a first generation.
 #[derive(Clone, Copy, Debug)]
 pub struct Scores {
-    /// Candidates evaluated.
+    /// Number of candidates evaluated.
     pub candidates: u32,
-    /// Of these, without a score.
+    /// Candidates whose evaluation failed.
     pub failed: u32,
-    /// Least score of the others; NaN without any.
+    /// Least score of the other candidates; NaN if there are none.
     pub min: f64,
-    /// Greatest score of the others; NaN without any.
+    /// Greatest score of the other candidates; NaN if there are none.
     pub max: f64,
-    /// Work done, where it was counted.
+    /// Counts of edges, rejections and rollouts, if known.
     pub counts: Option<Counts>,
 }
 
-/// A first generation that tells a search nothing.
+/// Reason why a first generation gives a search no direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Useless {
     AllFailed,
-    /// All have this score.
+    /// All candidates have this score.
     Same(f64),
 }
 
 impl Scores {
-    /// Those of the first generation, if an event is its seal.
+    /// Returns the scores if the event seals the first generation.
     pub fn of_event(event: &JobEvent) -> Option<Self> {
         let Generation { generation: 0, min, max, failed, counts, .. } = Generation::sealed(event)? else {
             return None;
@@ -43,14 +43,14 @@ impl Scores {
         Some(Self { candidates, failed, min, max, counts: Some(counts) })
     }
 
-    /// Those that were measured here.
+    /// Summarises scores that were measured by this process.
     pub fn of_measured(scores: &[f64], counts: Counts) -> Self {
         let fold = |of: fn(f64, f64) -> f64| scores.iter().copied().fold(f64::NAN, of);
         let counts = Some(counts);
         Self { candidates: scores.len() as u32, failed: 0, min: fold(f64::min), max: fold(f64::max), counts }
     }
 
-    /// A single score can't be compared.
+    /// Returns `None` if the scores differ, or if there is only one.
     fn judge(&self) -> Option<Useless> {
         match self.candidates.saturating_sub(self.failed) {
             0 if self.candidates > 0 => Some(Useless::AllFailed),
@@ -60,14 +60,14 @@ impl Scores {
     }
 }
 
-/// The warning about such scores, with likely causes and remedies; `None` where there is nothing to warn of. Without a job,
-/// one of a version that this one can't read, the causes are general.
+/// Returns the warning about useless scores, with likely causes and remedies; `None` if the scores are useful. `job` is
+/// `None` if another version wrote the job and this one can't read it; the causes are then general.
 pub fn warning(job: Option<&Checked>, scores: &Scores) -> Option<String> {
     let what = match scores.judge()? {
         Useless::AllFailed => {
             return Some(
-                "all evaluations of the first generation failed, so the search has nothing to go by: each needs more \
-                 rollouts than planner.max_rollouts allows; see one with `evogait evaluate`, and stop the run"
+                "all evaluations of the first generation failed, so the search can't improve: each needs more rollouts \
+                 than planner.max_rollouts allows; stop the run, and examine one with `evogait evaluate`"
                     .to_owned(),
             );
         }
@@ -77,23 +77,23 @@ pub fn warning(job: Option<&Checked>, scores: &Scores) -> Option<String> {
     let causes = job.map_or_else(Vec::new, |job| causes(job, scores.counts));
     let causes = match causes.is_empty() {
         false => causes.join("; "),
-        true => "the robot is far smaller or larger than the map and its cells, gaits are too short, or the start is boxed in: \
+        true => "the robot is far smaller or larger than the map and its cells, gaits are too short, or obstacles enclose the start: \
                  compare the sizes (`evogait robot`, fitness.cell, environment.size), or lengthen gaits.duration"
             .to_owned(),
     };
     Some(format!(
-        "all {} candidates of the first generation score the same, {}, so the search has nothing to go by: {causes}",
+        "all {} candidates of the first generation score the same, {}, so the search can't improve: {causes}",
         scores.candidates - scores.failed,
         console::score_with(Some(what), &unit),
     ))
 }
 
-/// Likely causes in a job, each with a remedy.
+/// Returns likely causes in a job, each with a remedy.
 fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
     let mut causes = Vec::new();
     if counts.is_some_and(|counts| counts.edges > 0 && counts.rejected == counts.edges) {
         causes.push(
-            "every motion was rejected, since it hits an obstacle, leaves the map or is unstable: move environment.start, or \
+            "every motion was rejected: it hits an obstacle, leaves the map or is unstable; move environment.start, or \
              look at the robot with `evogait robot`"
                 .to_owned(),
         );
@@ -107,7 +107,7 @@ fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
         let cell = fitness.settings.real(&objective::CELL);
         if length < cell {
             causes.push(format!(
-                "the robot is some {} mu long and a cell {} mu wide: give the robot's lengths in mu (`evogait robot FILE --unit \
+                "the robot is about {} mu long and a cell {} mu wide: give the robot's lengths in mu (`evogait robot FILE --unit \
                  LENGTH`), set a smaller fitness.cell, or lengthen gaits.duration",
                 number(length),
                 number(cell)
@@ -119,7 +119,7 @@ fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
         };
         if border(environment.start.x, width) || border(environment.start.y, depth) {
             causes.push(format!(
-                "the start ({}, {}) lies on the border of a cell, so robots that hardly move cover the cell beside it: move \
+                "the start ({}, {}) lies on the border of a cell, so robots that barely move cover the next cell: move \
                  environment.start by half a cell ({} mu)",
                 environment.start.x,
                 environment.start.y,
@@ -129,7 +129,7 @@ fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
     }
     if length > width.min(depth) / 2.0 {
         causes.push(format!(
-            "the robot is some {} mu long on a map of {} × {} mu: give the robot's lengths in mu, or enlarge \
+            "the robot is about {} mu long on a map of {} × {} mu: give the robot's lengths in mu, or enlarge \
              environment.size",
             number(length),
             number(width),
@@ -137,7 +137,7 @@ fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
         ));
     } else if causes.is_empty() && length < width.max(depth) / 200.0 {
         causes.push(format!(
-            "the robot is only some {} mu long on a map of {} × {} mu: give the robot's lengths in mu, or lengthen \
+            "the robot is only about {} mu long on a map of {} × {} mu: give the robot's lengths in mu, or lengthen \
              gaits.duration",
             number(length),
             number(width),
@@ -147,8 +147,8 @@ fn causes(job: &Checked, counts: Option<Counts>) -> Vec<String> {
     causes
 }
 
-/// Greatest extent of the robot's parts along an axis in the neutral configuration, mu; somewhat too large where parts are
-/// turned.
+/// Returns the greatest extent of the robot's parts along an axis in the neutral configuration, mu. It is too large if
+/// parts are rotated.
 fn length(job: &Checked) -> f64 {
     let extent = |axis: usize| {
         let reach = |half: &[f64; 3], rotation: &[f64; 4]| match rotation {
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn scores_that_differ_or_stand_alone_are_no_news() {
+    fn different_or_single_scores_give_no_warning() {
         for fine in [
             scores(3, 0, 1.0, 1.5),
             scores(1, 0, 1.0, 1.0),
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn same_scores_and_failures_are_told_apart() {
+    fn equal_scores_and_failures_give_different_warnings() {
         let said = |scores: &Scores| warning(None, scores).unwrap();
         for failed in [scores(3, 3, f64::NAN, f64::NAN), scores(1, 1, f64::NAN, f64::NAN)] {
             assert!(said(&failed).starts_with("all evaluations of the first generation failed"));
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn later_generation_is_not_judged() {
+    fn later_generation_is_not_checked() {
         let value = |name: &str, value| v1::Value { name: name.to_owned(), unit: String::new(), value: Some(value) };
         let sealed = |index| {
             let values = vec![value("min", 1.0), value("max", 1.0)];
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn causes_follow_from_sizes_start_and_rejections() {
+    fn causes_depend_on_sizes_start_and_rejections() {
         let same = scores(5, 0, 0.0, 0.0);
         let said = |job: &Checked| warning(Some(job), &same).unwrap();
         let large_cells = said(&on_map(48.0, 0.3, 16.0));

@@ -1,4 +1,4 @@
-//! A gait set of a run, for a job that plans with it: gaits.json, read by the names of its parameters.
+//! Gait set of a run, for a job that plans with it: reads gaits.json by the names of its parameters.
 
 use crate::error::Error;
 use crate::inputs;
@@ -14,7 +14,7 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
-/// The file in a run's folder.
+/// Name of the file in a run's folder.
 pub const GAITS: &str = "gaits.json";
 
 #[derive(Deserialize)]
@@ -28,7 +28,7 @@ struct Gait {
     parameters: BTreeMap<String, f64>,
 }
 
-/// Reads the gaits of a run's folder, or of a gaits.json, as gaits of this robot and controller.
+/// Reads the gaits of a run's folder or of a gaits.json, and checks them against this robot and controller.
 pub fn read(path: &Path, gaits: &GaitsSpec, robot: &Robot) -> Result<GaitSet, Error> {
     let file = if path.is_dir() { path.join(GAITS) } else { path.to_owned() };
     let text = text_of(&file)?;
@@ -38,30 +38,30 @@ pub fn read(path: &Path, gaits: &GaitsSpec, robot: &Robot) -> Result<GaitSet, Er
         source: Invalid::Conflict { field: "gaits".into(), reason },
     };
     let set: GaitFile = serde_json::from_str(&text)
-        .map_err(|e| refused(format!("this is no {GAITS} as `evogait run` writes it: {e}")))?;
+        .map_err(|e| refused(format!("this is not a {GAITS} of `evogait run`: {e}")))?;
     of_file(set, gaits, robot).map_err(refused)
 }
 
 fn of_file(set: GaitFile, spec: &GaitsSpec, robot: &Robot) -> Result<GaitSet, String> {
     let controller = spec.controller.0;
     if set.controller != controller.name() {
-        return Err(format!("their controller is \"{}\", and the job's is \"{}\"", set.controller, controller.name()));
+        return Err(format!("their controller is \"{}\", but the controller of the job is \"{}\"", set.controller, controller.name()));
     }
     let space = controller.space(robot);
     if space.length != Length::Fixed {
-        return Err(format!("gaits of controller \"{}\" are sequences, which {GAITS} does not hold", set.controller));
+        return Err(format!("gaits of controller \"{}\" are sequences, which {GAITS} can't hold", set.controller));
     }
     let gait = |(i, gait): (usize, &Gait)| {
         let number = |name: &String| {
             gait.parameters
                 .get(name)
                 .copied()
-                .ok_or_else(|| format!("gait {} has no parameter {name}: it is not of robot \"{}\"", i + 1, robot.name))
+                .ok_or_else(|| format!("gait {} has no parameter {name}: it is not a gait of robot \"{}\"", i + 1, robot.name))
         };
         let names = space.names();
         if let Some(other) = gait.parameters.keys().find(|name| !names.contains(name)) {
             return Err(format!(
-                "gait {} has a parameter {other}, which robot \"{}\" has not: its joints are {}",
+                "gait {} has a parameter {other} that robot \"{}\" does not have: its joints are {}",
                 i + 1,
                 robot.name,
                 robot.joint_names().join(", ")

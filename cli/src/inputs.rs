@@ -1,6 +1,6 @@
-//! Registry of the files that this process read for the user: output never replaces one of them.
+//! Registry of the input files that this process has read. Output never replaces one of them.
 //!
-//! Readers call [`record`], writers call [`refuse`] before they write, and commands call it once more before they compute.
+//! Readers call [`record`]. Writers call [`refuse`] before they write. Commands also call it before they compute.
 
 use crate::error::Error;
 use std::fs::{self, File, Metadata};
@@ -10,14 +10,14 @@ use std::sync::{Mutex, PoisonError};
 static READ: Mutex<Vec<Input>> = Mutex::new(Vec::new());
 
 struct Input {
-    /// As the user named it.
+    /// Path as the user gave it.
     path: PathBuf,
     identity: Identity,
-    /// Open, so that the system gives its inode to no other file if the user removes it meanwhile.
+    /// Open file: if the user removes the file, the system can't reuse its inode.
     _open: Option<File>,
 }
 
-/// Identity of a file, which is the same under all of its names: links, other spellings, folders that are links.
+/// Identity of a file. It is the same for all paths to the file: links, other spellings, linked folders.
 #[derive(PartialEq, Eq)]
 struct Identity {
     #[cfg(unix)]
@@ -39,13 +39,14 @@ impl Identity {
     }
 }
 
-/// The regular file behind a path; `None` for folders, terminals and pipes, which nothing replaces, and where there is none.
+/// Returns the identity of the regular file at a path; `None` for a missing file, and for folders, terminals and pipes,
+/// which output does not replace.
 fn identity(path: &Path) -> Option<Identity> {
     let found = fs::metadata(path).ok().filter(Metadata::is_file)?;
     Identity::of(path, &found)
 }
 
-/// Records a file that the user gave to read.
+/// Records an input file.
 pub fn record(path: &Path) {
     if let Some(identity) = identity(path) {
         let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
@@ -53,7 +54,7 @@ pub fn record(path: &Path) {
     }
 }
 
-/// Refuses a path whose file was recorded, under whatever name.
+/// Fails if the file at a path was recorded under any name.
 pub fn refuse(path: &Path) -> Result<(), Error> {
     match replaced_by(path) {
         Some(input) => Err(Error::ReplacesInput { path: path.to_owned(), input }),
@@ -61,12 +62,12 @@ pub fn refuse(path: &Path) -> Result<(), Error> {
     }
 }
 
-/// Refuses these files of a folder if one of them was recorded.
+/// Fails if one of these files of a folder was recorded.
 pub fn refuse_all<'a>(folder: &Path, names: impl IntoIterator<Item = &'a str>) -> Result<(), Error> {
     names.into_iter().try_for_each(|name| refuse(&folder.join(name)))
 }
 
-/// The name under which the file at a path was recorded; `None` if it was not.
+/// Returns the path under which the file at a path was recorded; `None` if it was not.
 pub fn replaced_by(path: &Path) -> Option<PathBuf> {
     let identity = identity(path)?;
     let read = READ.lock().unwrap_or_else(PoisonError::into_inner);
@@ -102,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn pipe_is_no_file_to_replace() {
+    fn device_is_never_refused() {
         record(Path::new("/dev/null"));
         assert!(refuse(Path::new("/dev/null")).is_ok());
     }

@@ -1,7 +1,8 @@
-//! `evogait`: evolve gait sets for modular robots, and plan with them, from the command line. A gRPC client of the coordinator, which it can
-//! start in its own process.
+//! `evogait`: command line for evolving gait sets of modular robots and planning with them. It is a gRPC client of the
+//! coordinator, which it can start in its own process.
 //!
-//! The way through: [`main`] → `arguments` (what was typed → what is meant) → `commands` (one file each) → `output`.
+//! Order of calls: [`main`] → `arguments` (parses and resolves the command line) → `commands` (one file per command) →
+//! `output`.
 
 mod arguments;
 mod certs;
@@ -31,9 +32,9 @@ use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 
-/// Runs the command line of this process. Errors are told on standard error, in a sentence.
+/// Runs the command line of this process. Errors are printed to standard error as one sentence.
 pub fn main() -> ExitCode {
-    // Logs are for debugging: what a user must know is an error or a note.
+    // Logs are for debugging only: messages for users are errors or notes.
     if let Some(filter) = std::env::var("EVOGAIT_LOG").ok().and_then(|text| text.parse::<Targets>().ok()) {
         let messages = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
         tracing_subscriber::registry().with(messages).init();

@@ -1,4 +1,4 @@
-//! Job, robot and environment files: read, their references followed, and refused with the name of the file that is wrong.
+//! Loader for job, robot and environment files. It follows references; an error names the file with the fault.
 
 use crate::error::Error;
 use crate::{gait_set, inputs, target_table};
@@ -15,21 +15,21 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-/// A job as the user points at it.
+/// Job as given on the command line.
 #[derive(Debug)]
 pub struct JobFile {
-    /// A path, or the name of a job that ships.
+    /// Path of a job file, or name of a shipped job.
     pub job: String,
-    /// Replaces the job's own seed.
+    /// Seed that replaces the job's own.
     pub seed: Option<u64>,
 }
 
-/// A text and where it is from: a file, or the catalogue.
+/// Text of a file or of a catalogue entry, with its origin.
 struct Source {
     text: String,
-    /// As messages call it.
+    /// Name in messages.
     label: String,
-    /// The folder that references in it are relative to; none for what ships.
+    /// Base folder of relative references in the text; `None` for a catalogue entry.
     folder: Option<PathBuf>,
 }
 
@@ -38,18 +38,18 @@ pub fn job(file: &JobFile) -> Result<Job, Error> {
     read(file, Job::new)
 }
 
-/// The same without a simulation: a robot that can't stand is not found out.
+/// Same as [`job`], but without a simulation: it does not detect a robot that can't stand.
 pub fn checked(file: &JobFile) -> Result<Checked, Error> {
     read(file, Checked::new)
 }
 
-/// The same of a job that evolves; others are refused.
+/// Same as [`job`]; fails if the job does not evolve.
 pub fn evolving(file: &JobFile) -> Result<Job, Error> {
     let job = job(file)?;
     must_evolve(&job, &file.job).map(|()| job)
 }
 
-/// Refuses a job that evolves nothing, for what needs a search.
+/// Fails if the job does not evolve. `called` is its name in the message.
 pub fn must_evolve(job: &Checked, called: &str) -> Result<(), Error> {
     let what = match job.does() {
         Does::Evolve => return Ok(()),
@@ -65,7 +65,7 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
     if let Some(seed) = file.seed {
         spec.seed = seed;
     }
-    // A fault in a part that came from a file of its own names that file.
+    // The error about a robot or environment with a file of its own names that file.
     let mut robot_label = source.label.clone();
     let mut environment_label = source.label.clone();
     if let Reference::Named(name) = &spec.robot {
@@ -88,7 +88,7 @@ fn read<T>(file: &JobFile, resolve: fn(JobSpec) -> Result<T, Invalid>) -> Result
     kinds::of(&spec).and_then(|_| resolve(spec)).map_err(|invalid| told_of_files(invalid, file_of))
 }
 
-/// Replaces paths to gaits and to a table of targets by their content. A faulty robot is left to the checks of the job.
+/// Replaces paths to gaits and to a table of targets by their content. The checks of the job report a faulty robot.
 fn follow_motions(spec: &mut JobSpec, source: &Source) -> Result<(), Error> {
     let Reference::Inline(robot) = &spec.robot else { return Ok(()) };
     let robot = spec.variant.as_ref().map_or_else(|| Ok((**robot).clone()), |variant| robot.variant(variant));
@@ -112,7 +112,7 @@ fn follow_motions(spec: &mut JobSpec, source: &Source) -> Result<(), Error> {
     Ok(())
 }
 
-/// An error about one file, or about several with the name of each.
+/// Converts faults to one error. Faults of other files than the first get the name of their file.
 fn told_of_files(invalid: Invalid, file_of: impl Fn(&Invalid) -> String) -> Error {
     let faults = match invalid {
         Invalid::Several(faults) => faults,
@@ -128,42 +128,42 @@ fn told_of_files(invalid: Invalid, file_of: impl Fn(&Invalid) -> String) -> Erro
     Error::Invalid { file, source }
 }
 
-/// Reads a job that is written out in full, such as the job.toml of an output folder, as [`Checked`] or as [`Job`].
+/// Reads a resolved job, such as the job.toml of an output folder, as [`Checked`] or as [`Job`]; also returns its text.
 pub fn resolved<T>(path: &Path, read: fn(&str) -> Result<T, Invalid>) -> Result<(T, String), Error> {
     let text = text_of(path)?;
     let job = read(&text).map_err(|source| Error::Invalid { file: path.display().to_string(), source })?;
     Ok((job, text))
 }
 
-/// Reads an environment: a path, or the name of one that ships. Also tells how to call it in messages.
+/// Reads an environment by path or by the name of a shipped one. Also returns its name for messages.
 pub fn environment(name: &str) -> Result<(Environment, String), Error> {
     let source = find("environment", name, catalogue::environments(), None)?;
     let environment = parse(&source, Environment::from_toml)?;
     Ok((environment, source.label))
 }
 
-/// A robot from a file, or from the catalogue.
+/// Robot from a file or from the catalogue.
 pub struct RobotFile {
-    /// The robot.
+    /// Specification of the robot.
     pub spec: RobotSpec,
-    /// The file, or what ships under a name.
+    /// Path of the file, or name of the catalogue entry.
     pub label: String,
     /// Notes of an import.
     pub notes: Vec<String>,
 }
 
-/// Reads a robot: a path, or the name of one that ships. `unit`: the length in the file that becomes 1 mu.
+/// Reads a robot by path or by the name of a shipped one. `unit` is the length in the file that becomes 1 mu.
 pub fn robot(name: &str, unit: Option<f64>) -> Result<RobotFile, Error> {
     let source = find("robot", name, catalogue::robots(), None)?;
     let Import { robot, notes } = parse(&source, |text| robot_spec(text, &source.label, unit.unwrap_or(1.0)))?;
     if unit.is_some() && robot.bodies.is_empty() {
-        let message = format!("--unit: {} is made of modules, which have the size of their kind", source.label);
+        let message = format!("--unit does not apply to {}: it is made of modules, and their kind defines their size", source.label);
         return Err(Error::Usage { message });
     }
     Ok(RobotFile { spec: robot, label: source.label, notes })
 }
 
-/// A robot file; MJCF and URDF begin with "<", which no TOML does.
+/// Parses a robot file. A text that begins with "<" is MJCF or URDF: no TOML does.
 fn robot_spec(text: &str, label: &str, unit: f64) -> Result<Import, Invalid> {
     let text = text.trim_start_matches('\u{feff}');
     let xml = [".xml", ".mjcf", ".urdf"].iter().any(|ending| label.to_ascii_lowercase().ends_with(ending));
@@ -179,7 +179,7 @@ fn parse<T>(source: &Source, read: impl Fn(&str) -> Result<T, Invalid>) -> Resul
     read(&source.text).map_err(|invalid| Error::Invalid { file: source.label.clone(), source: invalid })
 }
 
-/// The part of a job that an error is about.
+/// Part of a job that an error concerns.
 enum Part {
     Job,
     Robot,
@@ -212,7 +212,7 @@ fn part(invalid: &Invalid) -> Part {
     }
 }
 
-/// Follows the `robot` or `environment` of a job: a name that ships, or a path relative to the job file.
+/// Finds the `robot` or `environment` of a job: a shipped name, or a path relative to the job file.
 fn follow(what: &'static str, name: &str, shipped: &'static [Entry], job: &Source) -> Result<Source, Error> {
     find(what, name, shipped, job.folder.as_deref()).map_err(|error| match error {
         Error::NotFound { .. } => {
@@ -224,7 +224,8 @@ fn follow(what: &'static str, name: &str, shipped: &'static [Entry], job: &Sourc
     })
 }
 
-/// A name that ships, or a path. What looks like a path, or exists, is one.
+/// Finds a file or a catalogue entry. A name with a separator or a known ending is a path; a shipped name comes before a
+/// file of the same name.
 fn find(
     what: &'static str,
     name: &str,
@@ -248,7 +249,7 @@ fn find(
     Err(Error::NotFound { what, name: name.to_owned(), known })
 }
 
-/// Reads an input of the user, which no output may replace from here on.
+/// Reads an input file and records it, so that no output replaces it.
 fn read_text(path: &Path) -> Result<String, Error> {
     let text = text_of(path)?;
     inputs::record(path);
@@ -261,7 +262,7 @@ fn text_of(path: &Path) -> Result<String, Error> {
         let mut bytes = Vec::new();
         File::open(path)?.take(limits::MAX_TOML_LENGTH as u64 + 1).read_to_end(&mut bytes)?;
         if bytes.len() > limits::MAX_TOML_LENGTH {
-            return Err(io::Error::other(format!("it is longer than {} bytes", limits::MAX_TOML_LENGTH)));
+            return Err(io::Error::other(format!("it has more than the allowed {} bytes", limits::MAX_TOML_LENGTH)));
         }
         String::from_utf8(bytes)
             .map_err(|e| io::Error::other(format!("it is not UTF-8 text (byte {})", e.utf8_error().valid_up_to())))

@@ -1,4 +1,4 @@
-//! The `evogait` command. Everything is in the library, so that it can be read and tested in parts.
+//! The `evogait` command. All code is in the library, so that its parts can be tested.
 
 fn main() -> std::process::ExitCode {
     cli::main()

@@ -1,4 +1,4 @@
-//! The task that ended a job by failing too often: the commands that do it again on this machine.
+//! Commands that repeat, on this machine, the task that ended a job because it failed too often.
 
 use crate::console::quoted;
 use proto::v1::Poisoned;
@@ -7,16 +7,16 @@ use sim_core::procedure::evolve::finish::Question;
 use sim_core::search::Scored;
 use std::path::Path;
 
-/// A candidate, and what is to be found out about it.
+/// Candidate of a task, and the question about it.
 pub struct Subject {
-    /// The candidate; its score counts for a question only.
+    /// The candidate; its score is valid only with a question.
     pub candidate: Scored,
-    /// `None`: its evaluation in the search.
+    /// Question of the finish; `None` for an evaluation of the search.
     pub question: Option<Question>,
 }
 
 impl Subject {
-    /// That of a task; `None` for a preparation, and for tasks that this build can't read.
+    /// Returns the candidate of a task; `None` for a preparation, and for tasks that this build can't read.
     pub fn of(poisoned: &Poisoned) -> Option<Self> {
         match Task::decode(&poisoned.task).ok().filter(|_| poisoned.round > 0)? {
             Task::Evaluate { generation, candidate, genotype } => {
@@ -26,13 +26,13 @@ impl Subject {
         }
     }
 
-    /// Numbers as `--genotype` takes them, each with all its bits.
+    /// Formats the genotype as an argument of `--genome`, with all bits of each number.
     pub fn genotype(&self) -> String {
         self.candidate.genotype.numbers().iter().map(f64::to_string).collect::<Vec<_>>().join(",")
     }
 }
 
-/// A question as `evogait evaluate --question` takes it.
+/// Returns the name of a question for `evogait evaluate --question`.
 pub fn question(question: Question) -> &'static str {
     match question {
         Question::Fresh => "fresh",
@@ -44,7 +44,7 @@ pub fn question(question: Question) -> &'static str {
     }
 }
 
-/// The command for a job of a coordinator.
+/// Returns the command for a job of a coordinator.
 pub fn command_there(id: &str, poisoned: &Poisoned) -> String {
     let id = quoted(id);
     match poisoned.round {
@@ -53,7 +53,7 @@ pub fn command_there(id: &str, poisoned: &Poisoned) -> String {
     }
 }
 
-/// The command for a job file.
+/// Returns the command for a job file.
 pub fn command_here(file: &Path, poisoned: &Poisoned) -> String {
     let file = quoted(file.display());
     let Some(subject) = Subject::of(poisoned) else { return format!("evogait validate {file}") };

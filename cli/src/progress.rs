@@ -1,4 +1,4 @@
-//! How a run gets on, on standard error: a bar on a terminal, plain lines elsewhere, nothing with `--quiet`.
+//! Progress of a run on standard error: a bar on a terminal, plain lines elsewhere, nothing with `--quiet`.
 
 use crate::values::{self, Generation};
 use crate::{console, watch};
@@ -10,22 +10,22 @@ use std::io::IsTerminal as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Where there is no bar, a line is printed at most so often.
+/// Least time between two plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(2);
 /// Steps of the bar in a generation.
 const STEPS: u64 = 1000;
 
-/// A score's name and unit.
+/// Name and unit of a score.
 #[derive(Clone, Debug)]
 pub struct Label {
-    /// Such as "coverage".
+    /// Name, such as "coverage".
     pub name: String,
-    /// Such as "%", empty for a pure number.
+    /// Unit, such as "%"; empty for a pure number.
     pub unit: String,
 }
 
 impl Label {
-    /// That of a job; "score" for a job of another version, which this one can't read.
+    /// Returns the label of a job's score; "score" if another version wrote the job and this one can't read it.
     pub fn of_toml(job_toml: &str) -> Self {
         match Checked::from_toml(job_toml) {
             Ok(job) => Self::of_job(&job),
@@ -33,25 +33,25 @@ impl Label {
         }
     }
 
-    /// That of a job.
+    /// Returns the label of a job's score.
     pub fn of_job(job: &Checked) -> Self {
         let (name, unit) = job.score_label();
         Self { name: name.to_owned(), unit: unit.to_owned() }
     }
 }
 
-/// Draws a job's progress from its events.
+/// Display of a job's progress from its events.
 pub struct Progress {
     display: Display,
     unit: String,
     started: Instant,
-    /// Generations that are done, with the share of the one at hand.
+    /// Generations done, with the fraction of the current one.
     done: f64,
-    /// Those that were done when we began to watch: they don't count for the speed.
+    /// Generations done before this process began to watch; they do not count for the speed.
     done_before: f64,
-    /// Generations of the search.
+    /// Total generations of the search.
     generations: u32,
-    /// Evaluations of a generation, once they are known.
+    /// Evaluations of a generation; 0 until known.
     population: f64,
     best: Option<f64>,
     mean: f64,
@@ -77,7 +77,7 @@ impl Display {
         }
     }
 
-    /// So much is done. A line is only printed now and then, the last one always.
+    /// Shows the amount done. Plain lines are rate-limited, except for the last one.
     fn show(&mut self, done: u64, text: String, last_line: bool) {
         match self {
             Self::Hidden => {}
@@ -101,7 +101,7 @@ impl Display {
     }
 }
 
-/// Draws the progress of work in equal pieces. Any thread may tell of a piece done.
+/// Display of progress of work in equal pieces. Any thread may count a piece as done.
 pub struct Pieces {
     what: &'static str,
     total: u64,
@@ -110,12 +110,12 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// Begins; `what` names the pieces, such as "gaits".
+    /// Starts the display; `what` names the pieces, such as "gaits".
     pub fn new(what: &'static str, total: u64, quiet: bool) -> Self {
         Self { what, total, started: Instant::now(), state: Mutex::new((0, Display::new(total, quiet))) }
     }
 
-    /// One more is done.
+    /// Counts one more piece as done.
     pub fn one_done(&self) {
         let (done, display) = &mut *self.state.lock().unwrap_or_else(PoisonError::into_inner);
         *done += 1;
@@ -132,7 +132,7 @@ impl Drop for Pieces {
 }
 
 impl Progress {
-    /// Begins at a job as it stands.
+    /// Starts the display at the job's current progress.
     pub fn new(job: &v1::Job, label: &Label, quiet: bool) -> Self {
         let v1::Progress { phase, done, total, values, .. } = values::progress(job);
         let display = Display::new(u64::from(total) * STEPS, quiet);
@@ -152,7 +152,7 @@ impl Progress {
         }
     }
 
-    /// Takes in an event.
+    /// Updates the display from an event.
     pub fn observe(&mut self, event: &JobEvent) {
         let job = event.job.clone().unwrap_or_default();
         let v1::Progress { phase, done, total, values, .. } = values::progress(&job);
@@ -162,7 +162,7 @@ impl Progress {
                     self.done = f64::from(generation.generation + 1);
                     self.population = values::count(&values, "evaluations") as f64 / self.done;
                     (self.best, self.mean) = (generation.best_so_far, generation.mean);
-                    // Work done before this watch began does not count as its progress.
+                    // A generation that was done before this process began to watch is not drawn.
                     if self.done > self.done_before {
                         self.draw(done == total);
                     }
@@ -173,10 +173,10 @@ impl Progress {
                 match phase.as_str() {
                     same if same == sealed.phase => {}
                     "finishing" => self.say(
-                        "search done: scoring its best on the reference setting, auditing its bests without reuse",
+                        "search done: scoring the archive on the reference setting, auditing new bests without reuse",
                     ),
                     "reporting" => self.say("winner chosen: scoring it on fresh seeds, tracing its gaits"),
-                    "tracing" => self.say("planned: tracing the best tree and its plan"),
+                    "tracing" => self.say("planning done: tracing the best tree and its plan"),
                     _ => {}
                 }
             }
@@ -209,7 +209,7 @@ impl Progress {
         self.display.finish();
     }
 
-    /// Tasks of a round after the search: (done, of how many).
+    /// Shows tasks of a round after the search: (done, total).
     fn examined(&mut self, text: &str, (done, total): (u32, u32)) {
         match &mut self.display {
             Display::Hidden => {}
@@ -240,7 +240,8 @@ impl Progress {
         self.display.show((self.done * STEPS as f64) as u64, text, last_line);
     }
 
-    /// Such as "gen 12/150  best 34.29 %  mean 12.13 %  41.3 eval/s  ETA 2 min 3 s": with the bar, 80 columns hold it.
+    /// Formats a line such as "gen 12/150  best 34.29 %  mean 12.13 %  41.3 eval/s  ETA 2 min 3 s". With the bar it fits
+    /// into 80 columns.
     fn line(&self) -> String {
         let sealed = self.done as u32;
         let mean = Some(self.mean).filter(|m| m.is_finite());

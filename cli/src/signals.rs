@@ -1,18 +1,19 @@
-//! Ctrl-C, the request to terminate, as cluster managers send it before they kill, and the end of the terminal.
+//! Signals that stop a command: Ctrl-C, SIGTERM (which cluster managers send before SIGKILL) and SIGHUP (the terminal
+//! was closed).
 
 use tokio::sync::watch;
 
-/// Tells, to any number of listeners, whether the user or the system wants us to stop.
+/// Stop request by a signal. Clones share it, so any number of tasks can wait for it.
 #[derive(Clone)]
 pub struct Interrupt(watch::Receiver<bool>);
 
 impl Interrupt {
-    /// Begins to listen. A second signal ends the process at once.
+    /// Starts listening. A second signal ends the process at once.
     pub fn listen() -> Self {
         let (sender, receiver) = watch::channel(false);
         tokio::spawn(async move {
             next_signal().await;
-            // Nobody may be listening any more: then there is nothing to stop.
+            // The send fails if all receivers were dropped: then there is nothing to stop.
             let _ = sender.send(true);
             next_signal().await;
             std::process::exit(130);
@@ -20,11 +21,11 @@ impl Interrupt {
         Self(receiver)
     }
 
-    /// Returns once a signal came.
+    /// Waits for a signal.
     pub async fn wait(&self) {
         let mut receiver = self.0.clone();
         if receiver.wait_for(|stop| *stop).await.is_err() {
-            // The listening task is gone with its runtime; there will be no signal.
+            // The listening task ended with its runtime: no signal will arrive.
             std::future::pending::<()>().await;
         }
     }

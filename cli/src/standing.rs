@@ -1,31 +1,30 @@
-//! Where a job stands at this moment, as words and as JSON: who works on it, what waits, what went wrong, how long it
-//! will take.
+//! Current state of a job as text and as JSON: leases, pending tasks, failed attempts, and the estimated time.
 
 use crate::{console, values};
 use proto::v1;
 use serde::Serialize;
 use std::time::Duration;
 
-/// Assignments that are told one by one.
+/// Most leases and attempts that the text lists one by one.
 const TOLD: usize = 5;
 
-/// As JSON: the names that scripts rely on.
+/// State of a job as JSON. Scripts rely on the field names.
 #[derive(Serialize)]
 pub struct StandingView {
-    /// Assignments that workers have, the oldest first, up to 100 of them.
+    /// Leases of workers, oldest first, at most 100.
     held: Vec<HeldView>,
     held_total: u32,
-    /// Tasks of the round at hand that nobody has.
+    /// Tasks of the current round that are not leased.
     pending: u32,
-    /// Tasks of the round at hand that crashed or failed alone.
+    /// Tasks of the current round that crashed or failed while they ran alone.
     attempts: Vec<AttemptsView>,
     max_attempts: u32,
-    /// Workers that could get work of it, and their slots.
+    /// Workers that can lease tasks of the job, and their slots.
     workers: u32,
     slots: u32,
-    /// A task of the phase on a slot; `null` while it is not known.
+    /// Time of a task of the current phase on a slot, s; `null` while unknown.
     task_seconds: Option<f64>,
-    /// Median over the newest rounds; `null` while it is not known.
+    /// Median time of the newest rounds, s; `null` while unknown.
     round_seconds: Option<f64>,
 }
 
@@ -45,7 +44,7 @@ struct AttemptsView {
 }
 
 impl StandingView {
-    /// As the coordinator tells it.
+    /// Converts the coordinator's message.
     pub fn new(standing: &v1::Standing) -> Self {
         let seconds = |ms: f64| (ms > 0.0).then_some(ms / 1e3);
         let held = |h: &v1::Held| HeldView {
@@ -70,18 +69,18 @@ impl StandingView {
     }
 }
 
-/// Lines for `evogait show`.
+/// Returns the lines for `evogait show`.
 pub fn lines(job: &v1::Job, standing: &v1::Standing) -> Vec<String> {
     let v1::Standing { held, held_total, pending, attempts, max_attempts, workers, slots, .. } = standing;
-    let mut lines = vec![format!("  could work     {} with {}", many(*workers, "worker"), many(*slots, "slot"))];
+    let mut lines = vec![format!("  available      {} with {}", many(*workers, "worker"), many(*slots, "slot"))];
     let mut out =
-        format!("  out            {}, {pending} of {} tasks wait", many(*held_total, "range"), job.tasks_total);
+        format!("  leases         {}, {pending} of {} tasks pending", many(*held_total, "lease"), job.tasks_total);
     for held in held.iter().take(TOLD) {
         let range = match held.count {
             1 => held.first.to_string(),
             count => format!("{} to {}", held.first, held.first + count - 1),
         };
-        out += &format!("\n                 {range} at {} for {}", held.worker_name, ms(held.for_ms as f64));
+        out += &format!("\n                 tasks {range} on {} for {}", held.worker_name, ms(held.for_ms as f64));
     }
     if *held_total as usize > TOLD {
         out += &format!("\n                 and {} more", *held_total as usize - TOLD);
@@ -98,7 +97,7 @@ pub fn lines(job: &v1::Job, standing: &v1::Standing) -> Vec<String> {
     lines
 }
 
-/// How long a task, a round and the rest of the search take; nothing while that is not known.
+/// Returns the line with the time of a task, of a round and of the rest of the search; `None` while unknown.
 fn pace(job: &v1::Job, standing: &v1::Standing) -> Option<String> {
     let mut parts = Vec::new();
     if standing.task_ms > 0.0 {
@@ -126,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_standing_says_who_works_on_what_and_how_long_it_will_take() {
+    fn lines_show_leases_attempts_and_pace() {
         let held = |first, count, for_ms| v1::Held {
             worker_id: "w".to_owned(),
             worker_name: "node7:4711".to_owned(),
@@ -154,13 +153,13 @@ mod tests {
         let text = lines(&job, &standing).join("\n");
         for part in [
             "1 worker with 2 slots",
-            "2 ranges, 6 of 20 tasks wait",
-            "0 to 9 at node7:4711 for 12 s",
-            "17 at node7:4711 for 0.42 s",
+            "2 leases, 6 of 20 tasks pending",
+            "tasks 0 to 9 on node7:4711 for 12 s",
+            "tasks 17 on node7:4711 for 0.42 s",
             "task 17: 2 of 3",
             "1.20 s a task, 2.50 s a round, about 15 s to the end of the search",
         ] {
-            assert!(text.contains(part), "{part} is not in\n{text}");
+            assert!(text.contains(part), "missing {part:?} in\n{text}");
         }
         let unknown = lines(&job, &v1::Standing::default()).join("\n");
         assert!(!unknown.contains("pace") && !unknown.contains("attempts"), "{unknown}");

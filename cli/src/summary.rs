@@ -1,4 +1,4 @@
-//! A result in a few lines, for people.
+//! Summary of a result for people, in a few lines.
 
 use crate::console::{self, count, score, score_with};
 use crate::output::{
@@ -8,7 +8,7 @@ use sim_core::base::score::Direction;
 use sim_core::problem::{Checked, SimulateSpec};
 use std::path::Path;
 
-/// What came out, where it is and what to do with it.
+/// Returns the main numbers of a result, its files and the next commands.
 pub fn text(finished: &Finished, folder: &Path) -> String {
     match finished {
         Finished::Evolved(result) => evolved(result, folder),
@@ -17,7 +17,7 @@ pub fn text(finished: &Finished, folder: &Path) -> String {
     }
 }
 
-/// The motion of a job in a few words, such as "a plan of 7 gaits, once with nothing varied and in 50 repeats, in 2 ways".
+/// Describes the motion of a job, such as "a plan of 7 gaits, once with nothing varied and in 50 repeats, in 2 ways".
 pub fn motion(job: &Checked, simulate: &SimulateSpec) -> String {
     let what = match (&simulate.steps, &simulate.targets) {
         (Some(steps), _) if steps.len() == 1 => format!("gait {}", steps[0]),
@@ -33,7 +33,7 @@ pub fn motion(job: &Checked, simulate: &SimulateSpec) -> String {
     };
     let ways = simulate.ways.as_ref().map_or(1, Vec::len);
     let anew =
-        if simulate.replan.is_some() && simulate.steps.is_some() { ", planned anew where it goes astray" } else { "" };
+        if simulate.replan.is_some() && simulate.steps.is_some() { ", with a new plan where it deviates" } else { "" };
     format!("{what}{repeats}{anew}{}", if ways > 1 { ", in 2 ways" } else { "" })
 }
 
@@ -54,7 +54,7 @@ fn simulated(result: &SimulationFile, folder: &Path) -> String {
         lines.extend(of_way(unvaried, repeats.as_ref()));
     }
     let planning =
-        result.planning.as_ref().map_or_else(String::new, |planning| format!("; plans made anew on {planning}"));
+        result.planning.as_ref().map_or_else(String::new, |planning| format!("; new plans on {planning}"));
     lines.push(format!("  engine             {}{planning}", result.engine));
     let counts = &result.counts;
     lines.push(format!(
@@ -78,10 +78,10 @@ fn simulated(result: &SimulationFile, folder: &Path) -> String {
     lines.join("\n")
 }
 
-/// Smaller numbers are printed as 0.
+/// Limit below which numbers of a run are printed as 0.
 const STILL: f64 = 1e-6;
 
-/// Numbers of a way's runs, those of the motion with nothing varied before those of the repeats.
+/// Returns the lines for the runs of a way: the motion with nothing varied in the first column, the repeats in the second.
 fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
     let mut lines = Vec::new();
     if repeats.is_some() {
@@ -97,20 +97,20 @@ fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
         ("turned", Some(unvaried.turned), "rad", |of| of.turned),
         ("travelled", Some(unvaried.travelled), "mu", |of| of.travelled),
         ("distance to goal", unvaried.distance, "mu", |of| of.distance),
-        ("off the plan", unvaried.deviation, "mu", |of| of.deviation),
+        ("deviation", unvaried.deviation, "mu", |of| of.deviation),
         ("took", Some(unvaried.seconds), "s", |of| of.seconds),
         ("work of motors", Some(unvaried.work), "kg mu²/s²", |of| of.work),
-        ("without signs", Some(unvaried.turnover), "kg mu²/s²", |of| of.turnover),
-        ("bodies that touch", Some(100.0 * unvaried.contact), "%", |of| of.contact.map(percent)),
-        ("plans made anew", Some(f64::from(unvaried.replans)), "", |of| of.replans),
+        ("absolute work", Some(unvaried.turnover), "kg mu²/s²", |of| of.turnover),
+        ("bodies in contact", Some(100.0 * unvaried.contact), "%", |of| of.contact.map(percent)),
+        ("new plans", Some(f64::from(unvaried.replans)), "", |of| of.replans),
     ];
     for (what, value, unit, of) in rows {
         let told = repeats.and_then(of);
-        // Jobs that never plan anew have no such row.
-        if value.is_none() && told.is_none() || what == "plans made anew" && unvaried.replans == 0 && told.is_none() {
+        // Jobs without replanning have no such row.
+        if value.is_none() && told.is_none() || what == "new plans" && unvaried.replans == 0 && told.is_none() {
             continue;
         }
-        // A standing robot moves by rounding errors alone.
+        // Rounding errors alone move a standing robot.
         let value = value.map(|value| if value.abs() < STILL { 0.0 } else { value });
         let of_repeats = told.map_or_else(String::new, |Values { mean, deviation, .. }| match deviation {
             Some(deviation) => format!("{} ± {}", score(mean), score_with(Some(deviation), unit)),
@@ -121,7 +121,7 @@ fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
     let failed = |count: u32, what: &str| (count > 0).then(|| format!("{count} {what}"));
     if let Some(of) = repeats {
         let faults = [
-            failed(of.broken, "broke"),
+            failed(of.broken, "broke off"),
             failed(of.without_start, "could not start"),
             failed(of.touched, "touched an obstacle"),
             failed(of.left_map, "left the map"),
@@ -203,7 +203,7 @@ fn planned(result: &PlanFile, folder: &Path) -> String {
 fn evolved(result: &ResultFile, folder: &Path) -> String {
     let mut lines = Vec::new();
     match &result.winner {
-        None => lines.push(format!("{}: every evaluation failed, so there is no winner", result.name)),
+        None => lines.push(format!("{}: there is no winner, because every evaluation failed", result.name)),
         Some(winner) => lines.extend(scores(result, winner)),
     }
     let counts = &result.counts;
@@ -244,7 +244,7 @@ fn evolved(result: &ResultFile, folder: &Path) -> String {
     lines.join("\n")
 }
 
-/// The winner's scores beside those of the first generation's best, and what else the finish found.
+/// Returns the lines with the winner's scores beside those of the first generation's best, and the results of the finish.
 fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
     let unit = &result.score.unit;
     let with_unit = |value: Option<f64>| score_with(value, unit);
@@ -260,7 +260,7 @@ fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
         ratio.map_or_else(String::new, |r| format!("{} times{sense}", score(r)))
     };
     let first = result.first.as_ref();
-    // What is told of both, in columns; a cell that nobody asked for stays empty.
+    // A row with both candidates in columns; an unknown cell stays empty.
     let row = |what: &str, of: &dyn Fn(&Candidate) -> String, ratio: Option<f64>| {
         let line = format!("  {what:18} {:18} {:18} {}", of(winner), first.map(of).unwrap_or_default(), times(ratio));
         line.trim_end().to_owned()
@@ -306,13 +306,13 @@ fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
                 with_unit(best.reference),
                 best.rank
             ),
-            _ => "; it is the search's best, too".to_owned(),
+            _ => "; it is also the best of the search".to_owned(),
         };
         lines.push(format!("  chosen             best of {} on the reference{chosen}", result.archive.len()));
     }
     if let Some(audits) = &result.audits {
         lines.push(format!(
-            "  audit              {} new bests, score with reuse − without: median {}, worst {}",
+            "  audit              {} new bests, score with reuse minus without: median {}, worst {}",
             audits.bests.len(),
             with_unit(audits.median_gap),
             with_unit(audits.worst_gap)

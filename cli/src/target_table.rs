@@ -1,5 +1,5 @@
-//! A table of joint targets for a job that simulates: CSV with a time and a column a joint, as `trajectories/gait-1.csv` of a
-//! run has it, or as a spreadsheet writes it.
+//! Table of joint targets for a job that simulates: CSV with a time and a column per joint, like the file
+//! `trajectories/gait-1.csv` of a run, or exported from a spreadsheet.
 
 use crate::error::Error;
 use crate::inputs;
@@ -11,12 +11,12 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-/// Before a joint's name in the head of a run's trajectories.
+/// Prefix of a joint's name in the head of a run's trajectories.
 const TARGET: &str = "target_";
-/// Columns of a run's trajectories that are no targets.
+/// Columns of a run's trajectories that are not targets.
 const OTHERS: [&str; 8] = ["x", "y", "z", "qx", "qy", "qz", "qw", "yaw"];
 
-/// Reads a table of targets of this robot's joints.
+/// Reads a table of targets for the joints of this robot.
 pub fn read(path: &Path, robot: &Robot) -> Result<TargetTable, Error> {
     let mut text = String::new();
     let read = File::open(path).and_then(|file| file.take(MAX_TOML_LENGTH as u64 * 8).read_to_string(&mut text));
@@ -33,7 +33,7 @@ fn parse(text: &str, robot: &Robot) -> Result<TargetTable, String> {
     let (_, head) = lines.next().ok_or("the file is empty")?;
     let head: Vec<&str> = head.split(',').map(|name| name.trim().trim_matches('"')).collect();
     if head[0] != "time" {
-        return Err(format!("line 1: the first column is \"{}\" and should be \"time\" (s)", head[0]));
+        return Err(format!("line 1: the first column is \"{}\", but must be \"time\" (s)", head[0]));
     }
     let joints = robot.joint_names();
     let place = |joint: &String| {
@@ -55,15 +55,15 @@ fn parse(text: &str, robot: &Robot) -> Result<TargetTable, String> {
     };
     if let Some((_, other)) = head.iter().enumerate().skip(1).find(|(i, name)| !places.contains(i) && !known(name)) {
         let joints = joints.join(", ");
-        return Err(format!("line 1: column \"{other}\" is of no joint of robot \"{}\": it has {joints}", robot.name));
+        return Err(format!("line 1: column \"{other}\" belongs to no joint of robot \"{}\": its joints are {joints}", robot.name));
     }
     let row = |(i, line): (usize, &str)| {
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
         if cells.len() != head.len() {
-            return Err(format!("line {}: it has {} cells and the head {}", i + 1, cells.len(), head.len()));
+            return Err(format!("line {}: it has {} cells, but the head has {}", i + 1, cells.len(), head.len()));
         }
         let number = |place: usize| {
-            let wrong = || format!("line {}: \"{}\" in column {} is no number", i + 1, cells[place], head[place]);
+            let wrong = || format!("line {}: \"{}\" in column {} is not a finite number", i + 1, cells[place], head[place]);
             cells[place].parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(wrong)
         };
         std::iter::once(0).chain(places.iter().copied()).map(number).collect::<Result<Vec<f64>, String>>()
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_are_read_whatever_the_order_of_columns() {
+    fn tables_with_extra_columns_or_quotes_are_read() {
         let robot = robot();
         let joints = robot.joint_names();
         assert_eq!(joints, ["A"]);
@@ -96,16 +96,16 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_their_line() {
+    fn invalid_table_is_refused_with_its_line() {
         for (text, said) in [
             ("", "the file is empty"),
             ("t,A\n", "line 1: the first column is \"t\""),
             ("time\n0\n", "line 1: there is no column for joint A"),
             ("time,A,target_A\n", "line 1: there are two columns for joint A"),
-            ("time,A,B\n", "line 1: column \"B\" is of no joint of robot \"pair\": it has A"),
-            ("time,A\n0,1\n1\n", "line 3: it has 1 cells and the head 2"),
-            ("time,A\n0,one\n", "line 2: \"one\" in column A is no number"),
-            ("time,A\n0,nan\n", "line 2: \"nan\" in column A is no number"),
+            ("time,A,B\n", "line 1: column \"B\" belongs to no joint of robot \"pair\": its joints are A"),
+            ("time,A\n0,1\n1\n", "line 3: it has 1 cells, but the head has 2"),
+            ("time,A\n0,one\n", "line 2: \"one\" in column A is not a finite number"),
+            ("time,A\n0,nan\n", "line 2: \"nan\" in column A is not a finite number"),
         ] {
             let told = parse(text, &robot()).unwrap_err();
             assert!(told.contains(said), "{told}");

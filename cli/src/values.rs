@@ -1,20 +1,20 @@
-//! Numbers by name, as a coordinator sends them with a job and with its sealed rounds.
+//! Named numbers that a coordinator sends with a job and with its sealed rounds.
 
 use proto::v1;
 use proto::v1::job_event::Event;
 use sim_core::base::score::Counts;
 
-/// The number with a name; `None` if there is none.
+/// Returns the number with a name; `None` if it is missing.
 pub fn number(values: &[v1::Value], name: &str) -> Option<f64> {
     values.iter().find(|value| value.name == name)?.value
 }
 
-/// The whole number with a name; 0 if there is none.
+/// Returns the whole number with a name; 0 if it is missing.
 pub fn count(values: &[v1::Value], name: &str) -> u64 {
     number(values, name).map_or(0, |value| value as u64)
 }
 
-/// The counts of evaluations.
+/// Returns the counts of evaluations.
 pub fn counts(values: &[v1::Value]) -> Counts {
     let of = |name| count(values, name);
     Counts {
@@ -27,38 +27,38 @@ pub fn counts(values: &[v1::Value]) -> Counts {
     }
 }
 
-/// How far a job is.
+/// Returns the progress of a job; all zero if it has none.
 pub fn progress(job: &v1::Job) -> v1::Progress {
     job.progress.clone().unwrap_or_default()
 }
 
-/// A generation of a search that was sealed. Its statistics are NaN if all its evaluations failed.
+/// Sealed generation of a search. Its statistics are NaN if all its evaluations failed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Generation {
-    /// From 0.
+    /// Index of the generation, from 0.
     pub generation: u32,
     /// Least score.
     pub min: f64,
     /// First quartile.
     pub lower_quartile: f64,
-    /// Median.
+    /// Median of the scores.
     pub median: f64,
     /// Third quartile.
     pub upper_quartile: f64,
     /// Greatest score.
     pub max: f64,
-    /// Mean.
+    /// Mean of the scores.
     pub mean: f64,
-    /// Best of all generations so far; `None` while all evaluations failed.
+    /// Best score of this and all earlier generations; `None` while all evaluations have failed.
     pub best_so_far: Option<f64>,
-    /// Evaluations that failed.
+    /// Number of failed evaluations.
     pub failed: u32,
-    /// Counts over its evaluations.
+    /// Sums of the counts of its evaluations.
     pub counts: Counts,
 }
 
 impl Generation {
-    /// That of a row; `None` for a row of another series.
+    /// Converts a row; `None` for a row of another series.
     pub fn of(row: &v1::Row) -> Option<Self> {
         let score = |name| number(&row.values, name).unwrap_or(f64::NAN);
         (row.series == "generations").then(|| Self {
@@ -75,7 +75,7 @@ impl Generation {
         })
     }
 
-    /// That of an event, if the event is its seal.
+    /// Returns the generation that an event seals, if any.
     pub fn sealed(event: &v1::JobEvent) -> Option<Self> {
         match &event.event {
             Some(Event::RoundSealed(sealed)) => sealed.row.as_ref().and_then(Self::of),
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn row_of_another_series_is_no_generation() {
+    fn row_of_other_series_is_not_a_generation() {
         let row = |series: &str| v1::Row { series: series.to_owned(), index: 3, values: Vec::new() };
         assert_eq!(Generation::of(&row("plans")), None);
         assert_eq!(Generation::of(&row("generations")).map(|g| g.generation), Some(3));

@@ -1,4 +1,4 @@
-//! A job and a worker of a coordinator as JSON and as words: the names that scripts rely on.
+//! Jobs and workers of a coordinator as JSON and as text. Scripts rely on the field names.
 
 use crate::console;
 use crate::poison::{Subject, question};
@@ -9,21 +9,21 @@ use serde::Serialize;
 use sim_core::genotype::Genotype;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// A job.
+/// Job as JSON.
 #[derive(Serialize)]
 pub struct JobView {
     id: String,
     name: String,
     state: &'static str,
-    /// Such as "evolve".
+    /// Procedure, such as "evolve".
     procedure: String,
-    /// Phase of the round at hand, such as "searching"; `null` once the job has ended.
+    /// Phase of the current round, such as "searching"; `null` after the job has ended.
     phase: Option<String>,
     job_digest: String,
     engine_digest: String,
     generations_done: u32,
     generations_total: u32,
-    /// Tasks of the round at hand; `null` once the job has ended.
+    /// Tasks of the current round; `null` after the job has ended.
     round: Option<RoundView>,
     best: Option<BestView>,
     evaluations: u64,
@@ -31,15 +31,15 @@ pub struct JobView {
     rollouts: u64,
     simulated_seconds: f64,
     priority: u32,
-    /// Nothing new is handed out.
+    /// True while the coordinator leases no more tasks of the job.
     paused: bool,
-    /// The job that it does again, if it is a restart.
+    /// Job that this one repeats, if it is a restart.
     restarted_from: Option<OriginView>,
-    /// Tasks of which workers gave different bits.
+    /// Tasks with different results of workers.
     disputes: Vec<DisputeView>,
-    /// The task that ended it by failing too often.
+    /// Task that ended the job because it failed too often.
     poisoned: Option<PoisonedView>,
-    /// Why it failed or waits.
+    /// Reason why the job failed or waits.
     #[serde(skip_serializing_if = "String::is_empty")]
     reason: String,
     submitted_at_ms: Option<i64>,
@@ -63,20 +63,20 @@ struct BestView {
 #[derive(Serialize)]
 struct OriginView {
     job: String,
-    /// Generations taken over from it.
+    /// Number of generations taken over from that job.
     generations: u32,
 }
 
-/// A task of which workers gave different bits.
+/// Task with different results of workers, as JSON.
 #[derive(Serialize)]
 pub struct DisputeView {
-    /// The round, and the task's index in it.
+    /// Round of the task; `index` is its index in the round.
     round: u32,
     index: u32,
     what: String,
-    /// "open", "upheld", "corrected" or "tainted".
+    /// Result of the arbitration: "open", "upheld", "corrected" or "tainted".
     verdict: &'static str,
-    /// What was committed comes first.
+    /// Claimed results; the committed one comes first.
     claims: Vec<ClaimView>,
 }
 
@@ -84,13 +84,13 @@ pub struct DisputeView {
 struct ClaimView {
     worker_id: String,
     worker: String,
-    /// The result for people; empty where only its digest is known.
+    /// Result as text; empty if only its digest is known.
     what: String,
     digest: String,
 }
 
 impl DisputeView {
-    /// As the coordinator tells it.
+    /// Converts the coordinator's message.
     pub fn new(dispute: &v1::Dispute) -> Self {
         Self {
             round: dispute.round,
@@ -113,7 +113,7 @@ impl ClaimView {
     }
 }
 
-/// How a dispute stands, in a word.
+/// Returns the verdict of a dispute as a word; "open" before the arbitration has ended.
 pub fn ruling(dispute: &v1::Dispute) -> &'static str {
     match dispute.verdict() {
         v1::dispute::Verdict::Unspecified => "open",
@@ -123,7 +123,7 @@ pub fn ruling(dispute: &v1::Dispute) -> &'static str {
     }
 }
 
-/// A score's bits in hexadecimal digits.
+/// Formats a score's bits as hexadecimal digits; "failed" for none.
 pub fn bits(score: Option<f64>) -> String {
     score.map_or_else(|| "failed".to_owned(), |score| format!("{:016x}", score.to_bits()))
 }
@@ -134,10 +134,10 @@ struct PoisonedView {
     index: u32,
     what: String,
     attempts: u32,
-    /// The candidate; all four are `null` for the preparation.
+    /// Generation of the candidate. This and the next three fields are `null` for the preparation.
     generation: Option<u32>,
     candidate: Option<u32>,
-    /// `null` for an evaluation of the search.
+    /// Question of the finish; `null` for an evaluation of the search.
     question: Option<&'static str>,
     #[serde(rename = "genome")]
     genotype: Option<Genotype>,
@@ -161,7 +161,7 @@ impl PoisonedView {
 }
 
 impl JobView {
-    /// As the coordinator tells it.
+    /// Converts the coordinator's message.
     pub fn new(job: &v1::Job) -> Self {
         let v1::Progress { phase, done, total, values, .. } = values::progress(job);
         let counts = values::counts(&values);
@@ -202,12 +202,12 @@ impl JobView {
     }
 }
 
-/// Generations that a restart takes over: the first round is the preparation.
+/// Returns the number of generations that a restart takes over: all its rounds but the first, which is the preparation.
 pub fn generations(origin: &v1::Origin) -> u32 {
     origin.rounds.saturating_sub(1)
 }
 
-/// A worker.
+/// Worker as JSON.
 #[derive(Serialize)]
 pub struct WorkerView {
     id: String,
@@ -218,14 +218,14 @@ pub struct WorkerView {
     tasks: u64,
     engine_digests: Vec<String>,
     connected_at_ms: i64,
-    /// Why it gets no work.
+    /// Reason why the worker gets no leases.
     #[serde(skip_serializing_if = "String::is_empty")]
     reason: String,
     quarantined: bool,
 }
 
 impl WorkerView {
-    /// As the coordinator tells it.
+    /// Converts the coordinator's message.
     pub fn new(worker: &v1::WorkerInfo) -> Self {
         Self {
             id: worker.id.clone(),
@@ -242,7 +242,7 @@ impl WorkerView {
     }
 }
 
-/// How many slots a coordinator's jobs could use.
+/// Slots that the jobs of a coordinator could use, slots present and slots busy.
 #[derive(Serialize)]
 pub struct DemandView {
     pub wanted: u32,
@@ -251,18 +251,18 @@ pub struct DemandView {
 }
 
 impl DemandView {
-    /// As the coordinator tells it.
+    /// Converts the coordinator's message.
     pub fn new(demand: &v1::GetDemandResponse) -> Self {
         Self { wanted: demand.wanted, slots: demand.slots, busy: demand.busy }
     }
 }
 
-/// A digest's bytes in hexadecimal digits.
+/// Formats a digest's bytes as hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// How long a job has run: until now, or until it ended; "–" if it has not begun.
+/// Formats the time from a job's start until its end or until now; "–" if it has not started.
 pub fn running_time(job: &v1::Job) -> String {
     if job.started_at_ms <= 0 {
         return "–".to_owned();

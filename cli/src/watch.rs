@@ -1,4 +1,4 @@
-//! Follows a job's events to its end, across lost connections and restarts of the coordinator.
+//! Watches a job's events to its end, across lost connections and restarts of the coordinator.
 
 use crate::client::{Client, is_connection};
 use crate::console;
@@ -10,18 +10,18 @@ use proto::v1::{self, JobEvent, JobState};
 use std::time::{Duration, Instant};
 use tonic::Status;
 
-/// How long a coordinator may be away before watching gives up.
+/// Time without a coordinator after which watching fails.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// How watching ended.
+/// End of watching.
 pub enum Watched {
-    /// The job is over: succeeded, failed or cancelled.
+    /// The job has ended: succeeded, failed, cancelled or tainted.
     Ended(Box<v1::Job>),
-    /// The user wants to stop watching; the job goes on.
+    /// The user interrupted the watching; the job continues.
     Interrupted,
 }
 
-/// Follows the job with this id; `observe` sees every event once, in order.
+/// Watches the job with this id; `observe` receives every event once, in order.
 pub async fn watch(
     client: &mut Client,
     id: &str,
@@ -47,7 +47,7 @@ async fn to_the_end(
         let broken = match stream(client, id, &mut after, &mut there, &mut observe).await {
             Ok(()) => match client.get(id).await {
                 Ok((job, _)) if has_ended(job.state()) => return Ok(job),
-                Ok(_) => Status::unavailable("the stream of events ended early"),
+                Ok(_) => Status::unavailable("the stream of events ended before the job"),
                 Err(Error::Unreachable { reason, .. }) => Status::unavailable(reason),
                 Err(error) => return Err(error),
             },
@@ -57,7 +57,7 @@ async fn to_the_end(
         if !is_connection(&broken) {
             return Err(client.error(&broken, Some(id)));
         }
-        // It was there, though nothing new may have happened.
+        // The coordinator answered, even if it sent no new event.
         if there {
             lost = None;
             backoff.reset();
@@ -67,7 +67,7 @@ async fn to_the_end(
             Some(_) => {}
             None => {
                 lost = Some(Instant::now());
-                console::note(&format!("lost the coordinator at {}, trying to reach it again", client.url()));
+                console::note(&format!("lost the coordinator at {}, reconnecting", client.url()));
             }
         }
         backoff.wait().await;
@@ -95,12 +95,12 @@ async fn stream(
     Ok(())
 }
 
-/// Whether a job in this state stays in it.
+/// Returns true if a job never leaves this state.
 pub fn has_ended(state: JobState) -> bool {
     matches!(state, JobState::Succeeded | JobState::Failed | JobState::Cancelled | JobState::Tainted)
 }
 
-/// A state in a word, as `--state` takes it.
+/// Returns the name of a state, as accepted by `--state`.
 pub fn word(state: JobState) -> &'static str {
     match state {
         JobState::Unspecified => "unknown",
@@ -114,7 +114,7 @@ pub fn word(state: JobState) -> &'static str {
     }
 }
 
-/// A job's state and how far it is in the round at hand, such as "running, finishing 7/24" or "queued, paused".
+/// Formats a job's state and its progress in the current round, such as "running, finishing 7/24" or "queued, paused".
 pub fn standing(job: &v1::Job) -> String {
     let mut text = word(job.state()).to_owned();
     if job.state() == JobState::Running && job.tasks_total > 0 {
@@ -123,17 +123,17 @@ pub fn standing(job: &v1::Job) -> String {
     text + if job.paused { ", paused" } else { "" }
 }
 
-/// How far a job is in a round of a phase, such as "finishing 7/24".
+/// Formats the progress in a round of a phase, such as "finishing 7/24".
 pub fn phase(phase: &str, done: u32, total: u32) -> String {
     format!("{phase} {done}/{total}")
 }
 
-/// The best score that a job has so far.
+/// Returns the best score of a job so far.
 pub fn best(job: &v1::Job) -> Option<f64> {
     values::number(&job.progress.as_ref()?.values, "best")
 }
 
-/// Refuses a job that ended without a result.
+/// Fails if the job has no result.
 pub fn succeeded(job: &v1::Job) -> Result<(), Error> {
     if job.state() == JobState::Succeeded {
         return Ok(());
@@ -143,12 +143,12 @@ pub fn succeeded(job: &v1::Job) -> Result<(), Error> {
         JobState::Failed => format!("failed{because}"),
         JobState::Cancelled => format!("was cancelled{because}"),
         JobState::Tainted => format!("is tainted{because}"),
-        state => format!("has not ended, it is {}{because}", word(state)),
+        state => format!("has not ended: it is {}{because}", word(state)),
     };
     Err(Error::JobEnded { name: job.name.clone(), id: job.id.clone(), how })
 }
 
-/// The same, with what the user may do about it.
+/// Same as [`succeeded`], with a hint for the user on a line below the error.
 pub fn succeeded_or(job: &v1::Job, hint: Option<String>) -> Result<(), Error> {
     succeeded(job).map_err(|error| match (error, hint) {
         (Error::JobEnded { name, id, how }, Some(hint)) => Error::JobEnded { name, id, how: format!("{how}\n{hint}") },

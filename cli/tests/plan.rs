@@ -112,7 +112,7 @@ fn a_job_file_names_a_run_and_another_robot_is_refused() {
     let other = run(path, &["validate", "other.toml"]);
     assert_eq!(other.code, 1);
     assert!(other.err.contains("gaits.json: gaits: gait 1 has a parameter "), "{}", other.err);
-    assert!(other.err.contains("which robot \"lizard\" has not: its joints are "), "{}", other.err);
+    assert!(other.err.contains("that robot \"lizard\" does not have: its joints are "), "{}", other.err);
     let none = run(path, &["run", "none.toml"]);
     assert_eq!((none.code, none.err.contains("can't read nowhere")), (1, true), "{}", none.err);
 

@@ -169,7 +169,7 @@ fn an_interrupted_run_goes_on_with_the_same_command() {
     // Until the first generation is sealed.
     lines.by_ref().map(Result::unwrap).find(|line| line.starts_with("gen 1/12")).expect("a line of progress");
     let busy = run(path, &["run", "job.toml", "--out", "out"]);
-    assert_eq!(busy.err, "error: another evogait is at work in out: wait for it, or stop it\n");
+    assert_eq!(busy.err, "error: another evogait process uses out: wait until it ends, or stop it\n");
     let id = child.id().to_string();
     assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     let rest: Vec<String> = lines.map(Result::unwrap).collect();
@@ -275,7 +275,7 @@ fn the_health_of_a_coordinator_is_an_exit_code() {
     let by_name = process.replace("127.0.0.1", "localhost");
     assert_eq!(run(folder.path(), &["health", "--process", &by_name]).success(), "active\n");
     let other = run(folder.path(), &["health", "--process", cluster.url.strip_prefix("http://").unwrap()]);
-    assert_eq!((other.code, other.err.contains("is not well: ")), (1, true), "{}", other.err);
+    assert_eq!((other.code, other.err.contains("is not healthy: ")), (1, true), "{}", other.err);
     assert_eq!(cluster.run(folder.path(), &["health"]).success(), "serving\n");
     assert_eq!(cluster.run(folder.path(), &["health", "--alive", "--quiet"]).success(), "");
     let says = serde_json::json!({"well": true, "says": "serving"});
@@ -310,7 +310,7 @@ fn a_job_that_is_cancelled_can_be_started_anew() {
     assert_ne!(again.trim(), id);
     let unknown = cluster.run(path, &["show", "no-such-job"]);
     let said = format!(
-        "error: the coordinator at {} has no job \"no-such-job\": `evogait list` shows what it has\n",
+        "error: the coordinator at {} has no job \"no-such-job\": `evogait list` lists its jobs\n",
         cluster.url
     );
     assert_eq!((unknown.code, unknown.err), (1, said));

@@ -94,7 +94,7 @@ fn plan_is_simulated_with_its_files_and_same_bits_on_any_workers() {
 
     let summary = run(path, &command);
     assert!(summary.err.contains("already done, in s"), "{}", summary.err);
-    for told in ["of 6 repeats succeed", "95 % interval", "work of motors", "off the plan", "evogait verify s"] {
+    for told in ["of 6 repeats succeed", "95 % interval", "work of motors", "absolute work", "evogait verify s"] {
         assert!(summary.out.contains(told), "{told}:\n{}", summary.out);
     }
     let compared = run(path, &["compare", "p", "s"]).success();

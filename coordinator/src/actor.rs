@@ -1,6 +1,7 @@
-//! The one task that owns the scheduler: takes commands, commits what follows from them, and only then tells anybody.
+//! Task that owns the scheduler. It handles commands, commits the resulting changes, and only then sends replies,
+//! events and messages.
 //!
-//! Commands that wait are handled together and committed in one transaction (group commit).
+//! Waiting commands are handled together and committed in one transaction (group commit).
 
 use crate::convert;
 use crate::fail_point;
@@ -22,15 +23,15 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 
-/// Why a job was not taken in.
+/// Reason why a job was not accepted.
 pub(crate) enum SubmitError {
-    /// The request id stands for another job.
+    /// The request id belongs to another job.
     OtherBody(JobId),
-    /// Too many jobs.
+    /// The limit on active jobs is reached.
     TooMany,
 }
 
-/// What the actor is asked to do. Where there is a `reply`, it is given once everything that led to it is committed.
+/// Command to the actor. A `reply` is sent once all changes that it reports are committed.
 pub(crate) enum Command {
     Submit {
         new: Box<NewJob>,
@@ -59,7 +60,7 @@ pub(crate) enum Command {
         id: JobId,
         reply: oneshot::Sender<Option<Detail>>,
     },
-    /// Whether a job that has not ended needs one of these engines.
+    /// Asks if an active job needs one of these engines.
     Needs {
         engines: Vec<Digest>,
         reply: oneshot::Sender<bool>,
@@ -93,7 +94,7 @@ pub(crate) enum Command {
         worker: WorkerId,
         session: SessionId,
     },
-    /// Its token was taken away.
+    /// Ends the session of a worker with a revoked token.
     Expel {
         worker: WorkerId,
         session: SessionId,
@@ -103,7 +104,7 @@ pub(crate) enum Command {
         completed: Completed,
         reply: oneshot::Sender<Result<Verdict, RefusedResult>>,
     },
-    /// A result of a round before the one sealed last, with the digests of that round.
+    /// Compares a result of a round before the newest sealed round with the stored digests of its round.
     Compare {
         completed: Completed,
         sealed: Vec<Digest>,
@@ -112,17 +113,17 @@ pub(crate) enum Command {
     Stop,
 }
 
-/// What is known of an active job beside its record.
+/// State of an active job that its record does not hold.
 pub(crate) struct Standing {
-    /// As it stands; `None` if it has ended.
+    /// Current record; `None` after the end of the job.
     pub record: Option<JobRecord>,
-    /// Why nothing gets done, if so.
+    /// Reason why no task runs; `None` if tasks can run.
     pub waits_for: Option<String>,
-    /// Tasks of the round at hand that are done, and how many it has.
+    /// Number of done tasks and of all tasks of the current round.
     pub round: Option<(u32, u32)>,
 }
 
-/// What a result is about, for the log.
+/// Ids of a result, for the log.
 struct About {
     worker: WorkerId,
     job: JobId,
@@ -138,7 +139,7 @@ impl About {
 
 type Reply = Box<dyn FnOnce() + Send>;
 
-/// The time as the scheduler wants it.
+/// Clock with the times that the scheduler needs.
 pub(crate) struct Clock(Instant);
 
 impl Clock {
@@ -170,8 +171,8 @@ pub(crate) struct Actor {
 }
 
 impl Actor {
-    /// Runs until it is told to stop, or the store fails. After a failure the state in memory is ahead of the store: the
-    /// coordinator has to start again from there.
+    /// Runs until a stop command, or until the store fails. After a failure the state in memory is ahead of the store,
+    /// so the coordinator has to restart from the store.
     pub async fn run(mut self, mut commands: mpsc::Receiver<Command>) -> Result<(), StoreError> {
         self.flush(Vec::new()).await?;
         let mut stopping = false;
@@ -187,14 +188,14 @@ impl Actor {
             let (mut next, ticks) = tokio::select! {
                 command = commands.recv() => (Some(command.unwrap_or(Command::Stop)), false),
                 () = tick => (None, true),
-                // So that it is known for how long nobody was heard.
+                // Wakes up regularly to measure for how long this task did not run.
                 () = tokio::time::sleep(self.heartbeat / 2) => (None, false),
             };
             let now = self.clock.now();
             let unheard = now.since_start.saturating_sub(looked);
             looked = now.since_start;
             if unheard > self.heartbeat {
-                tracing::warn!(seconds = unheard.as_secs_f64(), "the coordinator stood still");
+                tracing::warn!(seconds = unheard.as_secs_f64(), "the coordinator did not run for a while");
                 scheduler::on_standstill(&mut self.scheduler, unheard);
             }
             if ticks {
@@ -204,7 +205,8 @@ impl Actor {
             while let Some(command) = next {
                 stopping |= matches!(command, Command::Stop);
                 self.handle(command, &mut replies).await?;
-                // Not the replies: of heartbeats alone there would be no end.
+                // Counts commands, not replies: heartbeats have no replies, so a stream of them would never end the
+                // group.
                 handled += 1;
                 next = if handled < GROUP { commands.try_recv().ok() } else { None };
             }
@@ -221,7 +223,7 @@ impl Actor {
         let now = self.clock.now();
         match command {
             Command::Submit { new, reply } => {
-                // What was submitted or ended a moment ago must be in the store before it is asked.
+                // Jobs that were submitted or ended a moment ago must be in the store before it is queried.
                 self.flush(std::mem::take(replies)).await?;
                 let answer = match self.store.job_of_request(&new.request_id).await? {
                     Some(record) if record.request_digest == new.request_digest => Ok((record, false)),
@@ -257,14 +259,14 @@ impl Actor {
                 let Greeting { name, address, slots, running, .. } = &greeting;
                 tracing::info!(%worker, name, peer = address, slots, running = running.len(), "worker connected");
                 let welcome = scheduler::on_connect(&mut self.scheduler, now, greeting);
-                // Before anything else goes to this session.
+                // Sent before all other messages of this session.
                 let _ = outbox.send(convert::welcome(&welcome, self.epoch, self.lease, self.heartbeat));
                 self.sessions.insert(worker, (welcome.session, outbox));
                 later(replies, reply, welcome.session);
             }
             Command::Heartbeat { worker, session, running, progress } => {
                 if !scheduler::on_heartbeat(&mut self.scheduler, now, &worker, session, &running, &progress) {
-                    // Given up meanwhile: the worker has to connect again.
+                    // The lease has expired, so the worker has to connect again.
                     self.hang_up(&worker, session);
                 }
             }
@@ -303,16 +305,16 @@ impl Actor {
         Ok(())
     }
 
-    /// A result is answered so, or has yet to be compared.
+    /// Logs and counts the verdict on a result.
     fn judged(&self, About { worker, job, assignment }: &About, verdict: &Result<Verdict, RefusedResult>) {
         match verdict {
-            // It has yet to be compared.
+            // Counted after the comparison with the stored digests.
             Ok(Verdict::Older) => return,
             Ok(Verdict::Conflict) => {
-                tracing::error!(%worker, %job, assignment, "a result differs from the one that was committed");
+                tracing::error!(%worker, %job, assignment, "result differs from the committed result");
             }
             Ok(verdict) => tracing::debug!(%worker, %job, assignment, verdict = verdict.word(), "result"),
-            Err(refused) => tracing::warn!(%worker, %job, assignment, %refused, "a result is refused"),
+            Err(refused) => tracing::warn!(%worker, %job, assignment, %refused, "result refused"),
         }
         self.metrics.result(verdict.as_ref().map_or("refused", |verdict| verdict.word()));
     }
@@ -323,7 +325,7 @@ impl Actor {
         }
     }
 
-    /// Commits what there is to commit, then tells everybody.
+    /// Commits the pending changes, then sends replies, events and messages.
     async fn flush(&mut self, replies: Vec<Reply>) -> Result<(), StoreError> {
         for note in self.scheduler.take_notes() {
             self.journal.note(&note);
@@ -339,7 +341,7 @@ impl Actor {
             fail_point::reached("before-commit");
             self.store.commit(self.epoch, writes).await.inspect_err(|error| {
                 self.metrics.store_errors.inc();
-                tracing::error!(epoch = self.epoch, %error, "nothing was committed");
+                tracing::error!(epoch = self.epoch, %error, "commit failed");
             })?;
             fail_point::reached("after-commit");
             self.metrics.commit_seconds.observe(begun.elapsed().as_secs_f64());
@@ -359,7 +361,7 @@ impl Actor {
                 }
                 Action::Send(worker, session, content) => {
                     if let Some((_, outbox)) = self.sessions.get(&worker).filter(|(s, _)| *s == session) {
-                        // A session that just broke reports itself.
+                        // A broken session reports its end by itself.
                         let _ = outbox.send(convert::message(content));
                     }
                 }
@@ -372,7 +374,7 @@ impl Actor {
 
 fn later<T: Send + 'static>(replies: &mut Vec<Reply>, reply: oneshot::Sender<T>, value: T) {
     replies.push(Box::new(move || {
-        // Whoever asked may have gone.
+        // The receiver may no longer exist.
         let _ = reply.send(value);
     }));
 }

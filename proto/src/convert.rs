@@ -18,7 +18,7 @@ pub enum ConvertError {
     DigestLength {
         /// The field's name.
         field: &'static str,
-        /// How many bytes there are.
+        /// Number of bytes found.
         found: usize,
     },
 }

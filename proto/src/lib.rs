@@ -1,5 +1,5 @@
-//! The wire: what clients, coordinator and workers say to each other, the only place where wire types become sim-core
-//! types and back, and how a coordinator is reached: addresses, certificates and tokens.
+//! The wire: messages of clients, coordinator and workers; the only place where wire types become sim-core types and
+//! back; and the way to a coordinator: addresses, certificates and tokens.
 
 mod convert;
 pub mod credentials;
@@ -10,7 +10,7 @@ pub use convert::{ConvertError, digest};
 
 pub mod v1;
 
-/// What KEDA asks an external scaler, generated from `proto/keda`.
+/// KEDA's calls to an external scaler, generated from `proto/keda`.
 #[allow(missing_docs, clippy::all)]
 pub mod externalscaler {
     tonic::include_proto!("externalscaler");

@@ -1,4 +1,4 @@
-//! Limits of the protocol. What exceeds one is refused with an error that tells it.
+//! Limits of the protocol. The error of a value beyond a limit names the limit.
 
 /// Largest message, either way, in bytes.
 pub const MAX_MESSAGE: usize = 64 * 1024 * 1024;
@@ -12,7 +12,7 @@ pub const MAX_REQUEST_ID: usize = 64;
 pub const MAX_ID: usize = 64;
 /// Longest name and version of a worker, in bytes.
 pub const MAX_WORKER_NAME: usize = 256;
-/// Longest text that says why something failed, in bytes; longer ones are cut.
+/// Longest reason of a failure, in bytes; longer ones are cut.
 pub const MAX_REASON: usize = 4096;
 /// Most slots of a worker.
 pub const MAX_SLOTS: u32 = 4096;

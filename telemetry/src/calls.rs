@@ -48,7 +48,7 @@ impl<B> MakeSpan<B> for CallSpan {
     }
 }
 
-/// Tells how a call ended.
+/// Records the end of a call.
 #[derive(Clone, Copy, Debug)]
 pub struct Answered;
 

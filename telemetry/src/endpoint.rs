@@ -1,6 +1,6 @@
-//! `/metrics` and `/healthz` over plain HTTP/1, for Prometheus and for whoever restarts what hangs.
+//! `/metrics` and `/healthz` over plain HTTP/1, for Prometheus and for supervisors that restart what hangs.
 //!
-//! A stranger can read numbers here and nothing else: bodies are ignored, connections are few and short.
+//! Unauthenticated peers can read numbers here and nothing else: bodies are ignored, connections are few and short.
 
 use http_body_util::Full;
 use hyper::body::{Bytes, Incoming};
@@ -19,7 +19,7 @@ use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 
-/// Where metrics are served.
+/// Address of the metrics pages.
 #[derive(Clone, Copy, Debug)]
 pub struct Bind {
     /// Port 0 lets the system choose.
@@ -35,19 +35,19 @@ pub const MAX_CONNECTION_AGE: Duration = Duration::from_secs(60);
 /// A request's headers have this long to come in.
 pub const HEADERS_WITHIN: Duration = Duration::from_secs(5);
 
-/// What OpenMetrics text calls itself.
+/// Content type of OpenMetrics text.
 const OPENMETRICS: HeaderValue = HeaderValue::from_static("application/openmetrics-text; version=1.0.0; charset=utf-8");
 const PLAIN: HeaderValue = HeaderValue::from_static("text/plain; charset=utf-8");
 
-/// What is promised.
+/// A future answer.
 pub type Answer<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// What a program says of itself.
+/// State that a program reports.
 pub trait Vitals: Send + Sync + 'static {
     /// All metrics as they stand, as OpenMetrics text.
     fn metrics(&self) -> Answer<'_, String>;
 
-    /// What it does, in a few words, or why it is not well.
+    /// Returns its activity in a few words, or the reason why it is unhealthy.
     fn health(&self) -> Answer<'_, Result<String, String>>;
 }
 
@@ -60,21 +60,21 @@ pub enum BindError {
          --metrics-insecure-bind"
     )]
     NotLoopback {
-        /// Where.
+        /// The address.
         addr: SocketAddr,
     },
-    /// Somebody else listens there. Retryable once that has ended.
+    /// Another program listens there. Retryable once that has ended.
     #[error("{addr} is taken by another program: stop it, or choose another --metrics address")]
     PortTaken {
-        /// Where.
+        /// The address.
         addr: SocketAddr,
     },
     /// The system refuses to listen there.
     #[error("can't serve metrics at {addr}: {source}")]
     Bind {
-        /// Where.
+        /// The address.
         addr: SocketAddr,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
 }
@@ -113,7 +113,7 @@ impl Endpoint {
         Ok(Self { addr, task: tokio::spawn(serve(listener, vitals)) })
     }
 
-    /// Where it listens, with the port that was chosen.
+    /// Returns its address, with the port that was chosen.
     pub fn addr(&self) -> SocketAddr {
         self.addr
     }

@@ -1,5 +1,5 @@
-//! What coordinator and worker tell those who run them: messages (`logs`), numbers for Prometheus (`endpoint`), a span
-//! a call (`calls`), sent to a collector where that is asked for (`otlp`). What is told, the programs decide; here is how.
+//! Telemetry of coordinator and worker: messages (`logs`), numbers for Prometheus (`endpoint`), a span a call
+//! (`calls`), sent to a collector if one is set (`otlp`). The content is up to the programs.
 
 mod address;
 pub mod calls;
@@ -18,7 +18,7 @@ use std::net::SocketAddr;
 /// The options that both programs have.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// How messages on standard error look: a line for people, or a JSON object a line
+    /// Format of messages on standard error: a line for people, or a JSON object a line
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t)]
     pub log_format: LogFormat,
 
@@ -26,13 +26,13 @@ pub struct Options {
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = address)]
     pub metrics: Option<SocketAddr>,
 
-    /// Serve metrics beyond loopback, too: everybody who can reach the port can read them
+    /// Serve metrics beyond loopback, too: every machine that can reach the port can read them
     #[arg(long, requires = "metrics")]
     pub metrics_insecure_bind: bool,
 }
 
 impl Options {
-    /// Where metrics are to be served, if at all.
+    /// Returns the address of the metrics pages, if they are wanted.
     pub fn bind(&self) -> Option<Bind> {
         self.metrics.map(|addr| Bind { addr, beyond_loopback: self.metrics_insecure_bind })
     }

@@ -1,4 +1,4 @@
-//! Messages on standard error, and spans to whoever collects them.
+//! Messages on standard error, and spans for collectors.
 
 use crate::variables::OTLP_ENDPOINT;
 use std::io::IsTerminal as _;
@@ -6,7 +6,7 @@ use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
 use tracing_subscriber::{Layer, Registry};
 
-/// How messages look.
+/// Format of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
     /// A line for people.

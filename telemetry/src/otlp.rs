@@ -16,13 +16,13 @@ pub struct Exporting(SdkTracerProvider);
 
 impl Drop for Exporting {
     fn drop(&mut self) {
-        // A collector that is away must not keep anybody from stopping.
+        // An unreachable collector must not delay the end of the program.
         let _ = self.0.shutdown();
     }
 }
 
 /// A layer that sends spans to the collector at an address, for a program of this name: those of calls, with the
-/// messages from level info on that are told inside them. Inside a tokio runtime.
+/// messages of level info and above inside them. Inside a tokio runtime.
 ///
 /// # Errors
 /// A sentence, if the address can't be used.

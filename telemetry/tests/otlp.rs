@@ -21,7 +21,7 @@ impl TraceService for Collector {
         &self,
         request: Request<ExportTraceServiceRequest>,
     ) -> Result<Response<ExportTraceServiceResponse>, Status> {
-        self.0.send(request.into_inner()).map_err(|_| Status::internal("nobody looks"))?;
+        self.0.send(request.into_inner()).map_err(|_| Status::internal("the test has ended"))?;
         Ok(Response::new(ExportTraceServiceResponse::default()))
     }
 }
@@ -34,7 +34,7 @@ fn text(attributes: &[KeyValue], key: &str) -> Option<String> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_span_of_a_call_arrives_at_the_collector_and_nothing_of_strangers() {
+async fn span_of_call_reaches_collector_without_unauthenticated_ones() {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
     let endpoint = format!("http://{}", listener.local_addr().expect("an address"));
     let (collected, mut inbox) = unbounded_channel();
@@ -59,7 +59,7 @@ async fn the_span_of_a_call_arrives_at_the_collector_and_nothing_of_strangers() 
 }
 
 #[tokio::test]
-async fn an_address_that_is_none_is_refused_in_a_sentence() {
+async fn malformed_address_is_refused() {
     let refused = telemetry::otlp::layer::<tracing_subscriber::Registry>("not a url", "test").err();
     assert!(refused.is_some_and(|why| why.starts_with("OTEL_EXPORTER_OTLP_ENDPOINT = not a url can't be used")));
 }

@@ -1,4 +1,4 @@
-//! What this worker is working on, from the moment it is assigned until its result is answered.
+//! Assignments of this worker, from their arrival until their result is answered.
 
 use proto::v1::{Heartbeat, RunningAssignment};
 use sim_core::procedure::Bench;
@@ -15,7 +15,7 @@ pub(crate) struct Work {
     pub round: u32,
     /// The tasks, each with its index in the round; at least one, without gaps.
     pub tasks: Vec<(u32, Vec<u8>)>,
-    /// What all tasks of the round share.
+    /// Bytes that all tasks of the round share.
     pub shared: Arc<[u8]>,
     /// Shows that the tasks were assigned to this worker: goes back with the result.
     pub permit: Vec<u8>,
@@ -33,8 +33,8 @@ impl Work {
     }
 }
 
-/// Where an assignment stands. A slot takes it from `WAITING` to `COMPUTING` and to `DONE`; the watchdog from `COMPUTING`
-/// to `ABANDONED`. Only one of the last two ever happens.
+/// State of an assignment. A slot takes it from `WAITING` to `COMPUTING` and to `DONE`; the watchdog takes it from
+/// `COMPUTING` to `ABANDONED`. Only one of the last two ever happens.
 const WAITING: u8 = 0;
 const COMPUTING: u8 = 1;
 const DONE: u8 = 2;
@@ -56,12 +56,12 @@ impl Assignment {
         Self { id, job_id, work, stop, stage, progress }
     }
 
-    /// Whether nobody needs it any more.
+    /// Returns true if it is no longer needed.
     pub fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// A slot takes it up. `false` if nobody needs it any more.
+    /// Marks it as computing. Returns false if it is no longer needed.
     pub fn start(&self) -> bool {
         !self.stopped() && self.step(WAITING, COMPUTING)
     }
@@ -71,7 +71,8 @@ impl Assignment {
         self.step(COMPUTING, DONE)
     }
 
-    /// Its slot is stuck: whatever comes of it is ignored. `false` if it has just been finished.
+    /// Gives it up because its slot is stuck: its result is ignored from now on. Returns false if it has just been
+    /// finished.
     pub fn abandon(&self) -> bool {
         let abandoned = self.step(COMPUTING, ABANDONED);
         if abandoned {
@@ -85,7 +86,7 @@ impl Assignment {
         self.progress.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How far it is: 0 while it waits for a slot, then ever more.
+    /// Returns its progress: 0 while it waits for a slot, then a growing count.
     pub fn progress(&self) -> u64 {
         match self.stage.load(Ordering::SeqCst) {
             WAITING => 0,
@@ -117,7 +118,7 @@ impl Assignment {
 #[derive(Default)]
 pub(crate) struct Assignments {
     all: Mutex<BTreeMap<u64, Arc<Assignment>>>,
-    /// Those that nobody needs any more, and a slot still has in hand.
+    /// Assignments that are no longer needed but still run on a slot.
     left: Mutex<Vec<Arc<Assignment>>>,
     /// One of them went.
     gone: Notify,
@@ -136,7 +137,7 @@ impl Assignments {
         self.lock().insert(assignment.id, assignment);
     }
 
-    /// Its result was answered, or nobody needs it.
+    /// Removes it after its result was answered, or when it is no longer needed.
     pub fn remove(&self, id: u64) {
         self.lock().remove(&id);
         self.gone.notify_waiters();

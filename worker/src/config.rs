@@ -1,4 +1,4 @@
-//! How a worker runs.
+//! Configuration of a worker.
 
 use crate::error::{BadTime, Error};
 use crate::limits::MARGIN;
@@ -13,18 +13,18 @@ pub const DEFAULT_GRACE: Duration = Duration::from_secs(10);
 pub const DEFAULT_STUCK_AFTER: Duration = Duration::from_secs(600);
 /// Shortest time after which a slot can be called stuck: a batch of rollouts takes a while.
 pub const MIN_STUCK_AFTER: Duration = Duration::from_secs(1);
-/// How often an idle connection is checked, and how long the other side has to answer, unless another time is given.
+/// Default time between checks of an idle connection, and for the answer.
 pub const DEFAULT_KEEPALIVE: Duration = Duration::from_secs(10);
 /// Shortest time between two checks of a connection.
 pub const MIN_KEEPALIVE: Duration = Duration::from_millis(100);
 
-/// How a worker runs.
+/// Configuration of a worker.
 #[derive(Clone, Debug)]
 pub struct Config {
     /// The coordinator's URL, such as `http://127.0.0.1:7077`; those of several that stand in for each other are separated
     /// by commas.
     pub coordinator: String,
-    /// What is shown to it.
+    /// Credentials for the coordinator.
     pub credentials: Credentials,
     /// Evaluations at once, 1 to 4096. One thread each.
     pub slots: usize,
@@ -37,9 +37,9 @@ pub struct Config {
     pub time_left: Option<Duration>,
     /// A slot that ends no batch of rollouts for this long is stuck: 1 s to 366 days.
     pub stuck_after: Duration,
-    /// Where metrics are served, if at all.
+    /// Address of the metrics pages, if they are wanted.
     pub metrics: Option<telemetry::Bind>,
-    /// How often an idle connection is checked, and how long the other side has to answer: 0.1 s to 366 days.
+    /// Time between checks of an idle connection, and for the answer: 0.1 s to 366 days.
     pub keepalive: Duration,
 }
 

@@ -1,4 +1,4 @@
-//! Results are brought home whatever happens: each is sent until the coordinator answers, over its restarts.
+//! Delivery of results: each is sent until the coordinator answers, over its restarts.
 
 use crate::assignments::Assignments;
 use crate::metrics::Metrics;
@@ -117,8 +117,9 @@ fn too_large(result: &CompleteRequest) -> Option<String> {
     (bytes > MAX_MESSAGE).then(|| format!("its result has {bytes} bytes: at most {MAX_MESSAGE} can be delivered"))
 }
 
-/// Whether the same request may be answered another time: all but what is said of the request itself. That nobody is known
-/// here, or that there is no such method, may come from a proxy, or end when tokens are put right; a worker that really has
+/// Returns true if the same request may succeed later: for all codes except those about the request itself. An unknown
+/// worker or method may come from a proxy, or end when tokens are corrected; a worker that is really expelled learns so
+/// from its session, and ends.
 /// no place any more is told so in its session, and ends.
 fn retryable(code: Code) -> bool {
     !matches!(code, Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange)

@@ -2,7 +2,7 @@
 
 use sim_core::base::digest::Digest;
 
-/// What this worker can compute on.
+/// Engines of this worker.
 #[derive(Debug)]
 pub(crate) struct Engines(Vec<Digest>);
 

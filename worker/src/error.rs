@@ -21,7 +21,7 @@ pub enum Error {
     /// Slots out of range.
     #[error("{slots} slots are out of range: 1 to {MAX_SLOTS} are allowed")]
     Slots {
-        /// What was given.
+        /// The given number.
         slots: usize,
     },
     /// A name beyond the limit.
@@ -33,9 +33,9 @@ pub enum Error {
     /// The coordinator refuses this worker. Not retryable with the same build.
     #[error("the coordinator at {url} refuses this worker: {reason}")]
     Refused {
-        /// Which.
+        /// The address.
         url: String,
-        /// What it says.
+        /// Its message.
         reason: String,
     },
     /// A time that can't be kept to.
@@ -48,7 +48,7 @@ pub enum Error {
         .after.as_secs_f64()
     )]
     Stuck {
-        /// How many.
+        /// Number of stuck slots.
         stuck: usize,
         /// For how long.
         after: Duration,
@@ -69,7 +69,7 @@ pub enum BadTime {
     Range {
         /// The option.
         option: &'static str,
-        /// What was given.
+        /// The given time.
         given: Duration,
         /// Least allowed.
         least: Duration,
@@ -82,7 +82,7 @@ pub enum BadTime {
          shorter --grace", .left.as_secs_f64(), .grace.as_secs_f64(), MARGIN.as_secs_f64()
     )]
     Left {
-        /// What was given.
+        /// The given time.
         left: Duration,
         /// The grace time.
         grace: Duration,

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 /// The variable's name.
 const VARIABLE: &str = "EVOGAIT_FAULT";
-/// How often a slow or stuck slot looks around.
+/// Time between two checks of a slow or stuck slot.
 const NAP: Duration = Duration::from_millis(5);
 
 static FAULTS: LazyLock<Result<Vec<Fault>, String>> = LazyLock::new(|| match std::env::var(VARIABLE) {
@@ -69,7 +69,7 @@ impl Fault {
     }
 }
 
-/// Whether the variable can be read.
+/// Checks that the variable can be read.
 pub(crate) fn check() -> Result<(), String> {
     FAULTS.clone().map(|_| ())
 }

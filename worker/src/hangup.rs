@@ -24,7 +24,7 @@ impl Hangup {
     }
 }
 
-/// Whether the first signal, which is SIGHUP, is among those ignored in a `/proc/PID/status`.
+/// Returns true if the first signal, SIGHUP, is among the ignored ones in a `/proc/PID/status`.
 fn is_ignored(status: &str) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_none_or(|mask| mask & 1 == 1)

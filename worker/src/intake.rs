@@ -13,7 +13,7 @@ pub(crate) struct Intake {
     pub assignments: Arc<Assignments>,
     pub queue: Slots,
     pub jobs: Jobs,
-    /// Those whose job is being opened.
+    /// Assignments that wait until their job is opened.
     pub waiting: Vec<Assign>,
 }
 

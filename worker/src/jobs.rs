@@ -65,7 +65,8 @@ impl Jobs {
         kept.shared.iter().find(|(own, _)| own == digest).map(|(_, bytes)| bytes.clone())
     }
 
-    /// The next job whose opening ends, or why this build can't open it; `None` if none is being opened. May be dropped and
+    /// Returns the next job that was opened, or the reason why this build can't open it; `None` if none is being
+    /// opened. Cancel-safe.
     /// called again.
     pub async fn next(&mut self) -> Option<(String, Result<Arc<Bench>, String>)> {
         // A panic is caught inside, and these tasks are never aborted.

@@ -114,7 +114,7 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
                 refused
             }
             left = leave(&config, &assignments, &stage, (drain, at_once, watching), end) => {
-                // What it says last may find nobody.
+                // The last message may find no peer.
                 let _ = timeout(LAST_WORDS, &mut keeping).await;
                 left
             }
@@ -141,7 +141,7 @@ async fn leave(
         }
     };
     let (reason, outcome) = tokio::select! {
-        () = drain => ("it was told to stop", Ok(())),
+        () = drain => ("it received a request to stop", Ok(())),
         () = nearly_up => ("its time is nearly up", Ok(())),
         stuck = watching => ("its slots get stuck", Err(Error::Stuck { stuck, after: config.stuck_after })),
     };
@@ -193,7 +193,7 @@ async fn watch_slots(assignments: &Assignments, queue: &Slots, stuck_after: Dura
     }
 }
 
-/// Tells this worker from all others, over reconnects. Has nothing to do with any result.
+/// Returns an id that distinguishes this worker from all others, over reconnects. No result depends on it.
 fn unique_id() -> String {
     let random = || RandomState::new().hash_one(std::process::id());
     format!("{:016x}{:016x}", random(), random())
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_worker_ends_in_good_order_though_no_coordinator_ever_came() {
+    async fn worker_ends_in_order_without_any_coordinator() {
         let config = Config::new("http://127.0.0.1:1".to_owned(), 1);
         let drain = tokio::time::sleep(Duration::from_millis(50));
         let ended = timeout(Duration::from_secs(5), run(config, drain)).await;

@@ -6,7 +6,7 @@ use std::time::Duration;
 pub const DELIVER_WITHIN: Duration = Duration::from_secs(3);
 /// Time to let the last words out.
 pub const LAST_WORDS: Duration = Duration::from_secs(1);
-/// A worker whose time is limited starts to drain its grace time and this before its end, so that it is gone by then.
+/// Margin before the end of a worker with limited time: it starts to drain its grace time and this before its end.
 pub const MARGIN: Duration = Duration::from_secs(5);
 /// With so many stuck slots a worker drains and ends: each may hold a core. One poisoned task makes at most 4, alone
 /// and as part of a range.

@@ -57,7 +57,7 @@ struct Arguments {
     #[arg(long, value_name = "N", value_parser = slots)]
     slots: Option<usize>,
 
-    /// How people will see it in `evogait` [default: host and process]
+    /// Name of the worker in `evogait workers` [default: host and process]
     #[arg(long)]
     name: Option<String>,
 
@@ -78,7 +78,7 @@ struct Arguments {
     #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "600")]
     stuck_after: Duration,
 
-    /// How often an idle connection is checked, and how long the coordinator has to answer
+    /// Seconds between checks of an idle connection, and for the coordinator's answer
     #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
     keepalive: Duration,
 }

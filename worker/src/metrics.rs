@@ -20,7 +20,7 @@ type Label = [(&'static str, &'static str); 1];
 /// All of them.
 pub(crate) struct Metrics {
     registry: Registry,
-    /// Slots.
+    /// Number of slots.
     slots: Gauge,
     busy: Gauge,
     /// 1 while a session stands.
@@ -105,7 +105,7 @@ fn word(verdict: Verdict) -> &'static str {
     }
 }
 
-/// What the worker says of itself at `/metrics` and `/healthz`.
+/// State of the worker for `/metrics` and `/healthz`.
 pub(crate) struct Pulse {
     pub metrics: Arc<Metrics>,
     pub assignments: Arc<Assignments>,

@@ -17,10 +17,10 @@ use tokio::sync::watch;
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::{Code, Status, Streaming};
 
-/// Shortest time between two heartbeats, whatever the coordinator asks for.
+/// Shortest time between two heartbeats; shorter requests of the coordinator are raised to it.
 const LEAST_HEARTBEAT: Duration = Duration::from_millis(10);
 
-/// What the worker is about.
+/// Stage of the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stage {
     /// Takes work.
@@ -212,11 +212,11 @@ impl Session {
 
 /// Waits until the worker leaves.
 async fn leaving(stage: &mut watch::Receiver<Stage>) {
-    // An error means that nobody is there to wait for.
+    // An error means that there is nothing left to wait for.
     let _ = stage.wait_for(|stage| *stage == Stage::Leaving).await;
 }
 
-/// Codes by which a coordinator says that this worker will never do.
+/// Codes by which a coordinator refuses this worker for good.
 fn refusal(code: Code) -> bool {
     matches!(
         code,

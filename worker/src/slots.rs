@@ -40,14 +40,15 @@ impl Slots {
         let _ = self.queue.send(assignment);
     }
 
-    /// Gives a stuck slot up: its work has failed, if anybody still needs it, and a fresh thread takes its place. The old one
-    /// can't be ended from outside; should it come back it ends by itself. Returns how many there are of those.
+    /// Gives up a stuck slot: its work has failed, if it is still needed, and a fresh thread takes its place. The old
+    /// thread can't be ended from outside; if it ever continues, it ends by itself. Returns the number of stuck
+    /// threads.
     pub fn replace(&self, assignment: &Arc<Assignment>, stuck_after: Duration) -> usize {
         let needed = !assignment.stopped();
         if assignment.abandon() {
             self.shared.stuck.fetch_add(1, Ordering::SeqCst);
             if needed {
-                // Nobody listens any more: the worker ends.
+                // Without a receiver the worker is ending.
                 let _ = self.shared.done.send(gave_up(assignment, stuck_after));
             }
             if let Err(error) = Shared::spawn(&self.shared) {

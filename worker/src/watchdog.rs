@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// How often it looks in that time.
+/// Number of checks in that time.
 pub(crate) const LOOKS: u32 = 10;
 
 /// Counts looks rather than seconds: a process that was stopped for an hour is not stuck when it goes on.
@@ -14,7 +14,7 @@ pub(crate) struct Watchdog {
 }
 
 impl Watchdog {
-    /// How long to wait between two looks, so that a slot without progress for `stuck_after` is found.
+    /// Returns the time between two checks that finds a slot without progress for `stuck_after`.
     pub fn period(stuck_after: Duration) -> Duration {
         stuck_after / LOOKS
     }
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_gets_nowhere_for_the_whole_time_is_stuck_and_nothing_else_is() {
+    fn only_work_without_progress_is_stuck() {
         const NONE: [u64; 0] = [];
         let mut watchdog = Watchdog::default();
         for look in 0..LOOKS {

@@ -32,7 +32,7 @@ pub(crate) fn carry_out(assignment: &Arc<Assignment>) -> Option<Finished> {
     Some(Finished { assignment: assignment.clone(), outcome, compute_us })
 }
 
-/// The failure of an assignment whose slot makes no progress.
+/// Returns the failure of an assignment on a slot without progress.
 pub(crate) fn gave_up(assignment: &Arc<Assignment>, stuck_after: Duration) -> Finished {
     let reason = format!("it was stuck: no batch of rollouts came to its end within {} s", stuck_after.as_secs_f64());
     Finished { assignment: assignment.clone(), outcome: Outcome::Failure(reason), compute_us: 0 }

@@ -1,4 +1,4 @@
-//! What `evogait bench` is asked to measure.
+//! Resolved arguments of `evogait bench`.
 
 use super::raw;
 

@@ -1,5 +1,5 @@
-//! What the command line means. It is typed as in `raw`; `resolve` is the one place where defaults, the environment and the
-//! machine are consulted.
+//! Command line: `raw` defines its syntax. `resolve` turns it into the types of this module, and is the only place that
+//! reads defaults, environment variables and properties of the machine.
 
 mod bench;
 mod raw;
@@ -30,12 +30,12 @@ pub fn definition() -> clap::Command {
     raw::Cli::command()
 }
 
-/// A command with all that it needs to know.
+/// A command with all its options resolved.
 #[derive(Debug)]
 pub struct Resolved {
-    /// Only errors and JSON.
+    /// Print only errors and JSON.
     pub quiet: bool,
-    /// What to do.
+    /// Command to execute.
     pub command: Command,
 }
 
@@ -78,13 +78,13 @@ pub struct Run {
 #[derive(Debug)]
 pub struct Plan {
     pub of: RunOf,
-    /// That of the run if it is not given; so for the others.
+    /// `None` takes the run's own environment; the same holds for the options below.
     pub environment: Option<String>,
     pub seeds: Option<u32>,
     pub iterations: Option<u32>,
     pub algorithm: Option<String>,
     pub reuse_tolerance: Option<f64>,
-    /// Trees grow on when they have reached the goal.
+    /// Grow trees to their last iteration even after they have reached the goal.
     pub whole_trees: bool,
     pub seed: Option<u64>,
     pub to: RunTo,
@@ -95,9 +95,9 @@ pub struct Simulate {
     pub of: GivenBy,
     pub what: SimulateWhat,
     pub environment: Option<String>,
-    /// On the reference setting of the scale.
+    /// Use the reference setting of the scale.
     pub fine: bool,
-    /// Plan anew beyond this deviation, mu; `Some(None)`: the default one.
+    /// Plan again where the deviation exceeds this limit, mu; `Some(None)` takes the default limit.
     pub replan: Option<Option<f64>>,
     pub way: Option<Way>,
     pub repeats: Option<u32>,
@@ -106,37 +106,37 @@ pub struct Simulate {
     pub to: RunTo,
 }
 
-/// Where the robot comes from, and the gaits of a motion that has any.
+/// Source of the robot, and of the gaits if the motion has any.
 #[derive(Debug)]
 pub enum GivenBy {
     Run(RunOf),
-    /// A robot that ships, or a file.
+    /// Name of a robot that ships, or path of a robot file.
     Robot(String),
 }
 
-/// The motion.
+/// Motion to simulate.
 #[derive(Debug)]
 pub enum SimulateWhat {
-    /// Counted from 1.
+    /// Number of a gait, from 1.
     Gait(u32),
-    /// The run's best plan.
+    /// Best plan of the run.
     Plan,
-    /// A CSV file.
+    /// CSV file with joint targets.
     Targets(PathBuf),
-    /// s.
+    /// Duration of standing, s.
     Stand(f64),
 }
 
-/// Whose gaits are used.
+/// Run that supplies the gaits.
 #[derive(Debug)]
 pub enum RunOf {
-    /// A run's folder.
+    /// Output folder of a run.
     Folder(PathBuf),
-    /// A coordinator's job.
+    /// Job on a coordinator.
     Stored { id: String, on: Url },
 }
 
-/// Where a job runs, and where its result goes.
+/// Place where a job runs, and output folder of its result.
 #[derive(Debug)]
 pub struct RunTo {
     pub out: Option<PathBuf>,
@@ -144,15 +144,15 @@ pub struct RunTo {
     pub json: bool,
 }
 
-/// Where a run's evaluations happen.
+/// Place where the tasks of a job run.
 #[derive(Debug)]
 pub enum Place {
-    /// In this process, so many at once.
+    /// In this process, with this number of slots.
     Here { slots: u32 },
     /// On the workers of a coordinator.
     There {
         url: Url,
-        /// The environment names it, not the command line.
+        /// True if the environment variable gives the URL, false if the command line does.
         from_environment: bool,
     },
 }
@@ -160,7 +160,7 @@ pub enum Place {
 #[derive(Debug)]
 pub struct Submit {
     pub file: JobFile,
-    /// 0: the coordinator's default.
+    /// Priority of the job; 0 takes the coordinator's default.
     pub priority: u32,
     pub again: bool,
     pub on: Url,
@@ -173,12 +173,12 @@ pub struct Health {
     pub json: bool,
 }
 
-/// Whose health is asked for.
+/// Subject of a health check.
 #[derive(Debug)]
 pub enum HealthOf {
-    /// A coordinator's; of one that stands by is enough, or not.
+    /// Coordinator at this URL; `alive` also accepts a standby.
     Coordinator { on: Url, alive: bool },
-    /// Of the process that serves its metrics here.
+    /// Process with its metrics at this address.
     Process(SocketAddr),
 }
 
@@ -192,7 +192,7 @@ pub struct OneJob {
 #[derive(Debug)]
 pub struct Restart {
     pub job: OneJob,
-    /// Where it was tainted if it is not given.
+    /// `None` starts at the generation where the job was tainted.
     pub from_generation: Option<u32>,
     pub again: bool,
 }
@@ -203,16 +203,16 @@ pub struct Evaluate {
     pub generation: u32,
     pub candidate: u32,
     pub question: Option<Question>,
-    /// The one that ended the job if it is not given.
+    /// `None` takes the candidate whose evaluation failed the job.
     pub genotype: Option<Genotype>,
     pub json: bool,
 }
 
-/// Whose candidate is evaluated.
+/// Job whose candidate is evaluated.
 #[derive(Debug)]
 pub enum EvaluateWhat {
     File(JobFile),
-    /// A coordinator's.
+    /// Job on a coordinator.
     Stored {
         id: String,
         on: Url,
@@ -243,9 +243,9 @@ pub struct Fetch {
 
 #[derive(Debug)]
 pub struct Compare {
-    /// At least two.
+    /// Output folders of runs, at least two.
     pub folders: Vec<PathBuf>,
-    /// Where the picture goes, if one is wanted.
+    /// File for the picture of the curves.
     pub out: Option<PathBuf>,
     pub json: bool,
 }
@@ -259,7 +259,7 @@ pub struct Replay {
 
 #[derive(Clone, Copy, Debug)]
 pub enum ReplayWhat {
-    /// Counted from 0.
+    /// Index of a gait, from 0.
     Gait(usize),
     Plan,
 }
@@ -282,9 +282,9 @@ pub struct Validate {
 pub struct Certs {
     pub action: CertsAction,
     pub folder: PathBuf,
-    /// Under which the coordinator is dialed.
+    /// Host names and addresses of the coordinator, for its certificate.
     pub hosts: Vec<Host>,
-    /// That certificates are valid.
+    /// Days that the certificates are valid.
     pub days: u32,
 }
 

@@ -1,4 +1,4 @@
-//! The command line as it is typed: names, help and examples. What defaults mean is settled in the parent module.
+//! Syntax of the command line: names, help texts and examples. The parent module resolves the defaults.
 
 mod bench;
 mod coordinator;
@@ -22,7 +22,7 @@ pub use shell::{Completions, Man};
 
 use clap::{Parser, Subcommand};
 
-/// Where a coordinator listens unless told otherwise.
+/// Default address of a coordinator.
 pub const DEFAULT_COORDINATOR: &str = "http://127.0.0.1:7077";
 /// Environment variable that names the coordinator.
 pub const COORDINATOR_VARIABLE: &str = "EVOGAIT_COORDINATOR";
@@ -31,22 +31,24 @@ pub const COORDINATOR_VARIABLE: &str = "EVOGAIT_COORDINATOR";
 #[command(
     name = "evogait",
     version,
-    about = "Evolve sets of gaits for modular robots, scored by what a motion planner can do with them, and plan with them.",
+    about = "Evolve sets of gaits for modular robots, and plan motions with them. The score of a set is what a motion planner achieves with it.",
     after_help = "\
-Begin with:
-  evogait scenarios                      what ships: robots, environments, jobs
+Start here:
+  evogait scenarios                      list the robots, environments and jobs
+                                         that ship with the program
   evogait run quadropod-empty            evolve a gait set on this machine
-  evogait verify runs/quadropod-empty-*  recompute the result, compare its bits
+  evogait verify runs/quadropod-empty-*  compute its result again, compare the bits
   evogait plan runs/quadropod-empty-* --environment reuse-2
-                                         plan elsewhere with the gaits it found
+                                         plan in another environment with the gaits
+                                         of this run
 
-Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.",
+Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.",
     propagate_version = true,
     disable_help_subcommand = true,
     max_term_width = 120
 )]
 pub struct Cli {
-    /// No progress, no summary: only errors, and what --json prints
+    /// Print no progress and no summary, only errors and the output of --json
     #[arg(short, long, global = true, display_order = 100)]
     pub quiet: bool,
 
@@ -56,58 +58,59 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run a job file: the whole job on this machine, or on a coordinator's workers
+    /// Run a job file on this machine or on the workers of a coordinator
     #[command(after_help = "\
 Examples:
   evogait run quadropod-empty
   evogait run my-job.toml --seed 7 --out runs/seven
   evogait run my-job.toml --coordinator http://cluster:7077
-
-Without --coordinator and EVOGAIT_COORDINATOR, and with --workers, coordinator
-and workers run inside this process. Stop it with Ctrl-C, SIGTERM or SIGHUP
-whenever you like: the same command goes on where it stopped, and says so if the
-job is done.
+The job runs inside this process if --workers is given, or if neither
+--coordinator nor EVOGAIT_COORDINATOR is set. Ctrl-C, SIGTERM and SIGHUP stop
+it. Enter the same command again to continue where it stopped. If the job is
+done, the command reports that and computes nothing.
 
 Files in the output folder:
   result.json              best score, genome with names, digests, counts, seed
-  job.toml                 the job with every setting; `evogait run` takes it
-  history.csv              scores by generation: min, quartiles, max, mean, best
-  archive.csv, audits.csv  the best genomes on the reference setting; every new
-                           best scored again without reuse
-  gaits.json               the winner's gaits: parameters, where each leads
+  job.toml                 the job with all settings; input for `evogait run`
+  history.csv              scores of each generation: min, quartiles, max, mean,
+                           best so far
+  archive.csv              scores of the best genomes on the reference setting
+  audits.csv               scores without reuse of each genome that became the best
+  gaits.json               gaits of the winner: parameters and displacement
   trajectories/gait-N.csv  time (s), joint targets and angles (rad), pivot pose
-                           (mu): for hardware or pandas
-  tree.json, report.json   the planner's tree; all that the report has
+                           (mu), as input for hardware or pandas
+  tree.json                the planner's tree
+  report.json              all data of the report
   map, gaits, convergence, primitives
                            pictures, each as .svg and .png
-  store.sqlite             what a stopped run goes on from")]
+  store.sqlite             state of the job, from which a stopped run continues")]
     Run(Run),
 
-    /// Plan with the gaits of a run, in its environment or in another one
+    /// Plan with the gaits of a run, in its own environment or in another one
     #[command(after_help = "\
 Examples:
   evogait plan runs/quadropod-empty-3f2a9c01d4e5 --environment reuse-2
   evogait plan runs/quadropod-empty-3f2a9c01d4e5 --environment my-map.toml --seeds 50
   evogait plan RUN --environment reuse-3 --iterations 100 --whole-trees
-
-Writes a job file with procedure = \"plan\" and runs it: the winner's gaits are in
-it, so job.toml can be run again anywhere. A tree ends at the goal if the
-environment has one, unless --whole-trees is given. The result does not depend on
-the number of workers.
+The command writes a job file with procedure = \"plan\" and runs it. The job file
+contains the gaits, so `evogait run` can repeat it on any machine. If the
+environment has a goal, a tree ends when it reaches the goal, unless
+--whole-trees is given. The result does not depend on the number of workers.
 
 Files in the output folder:
-  result.json              trees that reached the goal; distance to it, coverage,
-                           length of plans as mean and deviation; the best plan
-  job.toml                 the job with every setting; `evogait run` takes it
-  plans.csv, plans.json    a row a tree; all trees' plans, step by step
-  plan.csv                 the best plan: gait, when (s), where it leads (mu, rad)
-  paths.csv                that plan run in three ways: as the tree has it,
-                           simulated again, without stops
-  tree.json, gaits.json    the best tree; the gaits and where each leads
+  result.json              number of trees that reached the goal; mean and standard
+                           deviation of the distance to the goal, of coverage and
+                           of plan length; the best plan
+  job.toml                 the job with all settings; input for `evogait run`
+  plans.csv, plans.json    a row for each tree; the steps of all plans
+  plan.csv                 the best plan: gaits, times (s), poses (mu, rad)
+  paths.csv                paths of the best plan: as in the tree, gait by gait
+                           from rest, and without stops
+  tree.json, gaits.json    the best tree; the gaits with their displacements
   map, gaits               pictures, each as .svg and .png")]
     Plan(Plan),
 
-    /// Simulate a motion again and again, with friction, motors, joints or the start varied
+    /// Simulate a motion repeatedly with varied friction, motors, joints or start
     #[command(after_help = "\
 Examples:
   evogait simulate runs/quadropod-empty-3f2a9c01d4e5 --gait 1
@@ -115,41 +118,45 @@ Examples:
   evogait simulate RUN --plan --replan --friction 0.6..1.0 --dead-joints 1
   evogait simulate --robot lizard --stand 5
   evogait simulate --robot my-robot.urdf --targets targets.csv
-
-Writes a job file with procedure = \"simulate\" and runs it: the motion is in it,
-so job.toml can be run again anywhere. The motion is carried out once with nothing
-varied, and then in repeats that draw from the ranges by random numbers of their
-own. A plan runs in two ways: each gait from rest at the end of the one before, as
-the planner assumes, and without a stop. A run succeeds that ends soundly, on the
-map, without having touched an obstacle, and within the goal's radius.
+The command writes a job file with procedure = \"simulate\" and runs it. The job
+file contains the motion, so `evogait run` can repeat it on any machine. The
+motion is simulated once with nothing varied. Then each repeat draws its values
+from the ranges with random numbers of its own. A plan is simulated in two ways:
+  resimulated  each gait starts from rest at the end of the previous one, as the
+               planner assumes
+  continuous   the robot does not stop between gaits
+A run succeeds if it is stable, stays on the map, touches no obstacle, and ends
+within the radius of the goal.
 
 Files in the output folder:
-  result.json              success with its 95 % interval; distances, work of the
-                           motors, contacts as mean, deviation, median, extremes
-  job.toml                 the job with every setting; `evogait run` takes it
-  runs.csv                 a row a run: what was drawn, how it ended, where
-  motion-WAY.csv           the run with nothing varied, sample by sample: time (s),
-                           targets and angles (rad), pose (mu), which bodies touch
+  result.json              success rate with its 95 % interval; mean, standard
+                           deviation, median and extremes of distances, motor work
+                           and contacts
+  job.toml                 the job with all settings; input for `evogait run`
+  runs.csv                 a row for each run: drawn values, outcome, end pose
+  motion-WAY.csv           samples of the run with nothing varied: time (s), joint
+                           targets and angles (rad), pose (mu), bodies that touch
                            the ground
-  paths.csv                the pivot's path in every run
-  simulation.json          all of it
+  paths.csv                path of the pivot in every run
+  simulation.json          all data
   paths-WAY                pictures, each as .svg and .png")]
     Simulate(Box<Simulate>),
 
-    /// Hand a job to a coordinator and return at once
+    /// Submit a job to a coordinator and return at once
     #[command(after_help = "\
 Example:
   evogait submit quadropod-empty --coordinator http://cluster:7077
-Prints the job's id, for `evogait watch ID` and `evogait fetch ID`. Submitting
-the same job twice gives the same id.")]
+Prints the job's id, the ID of `evogait watch ID` and `evogait fetch ID`. If the
+coordinator already has the same job, no second one is created and the id is
+that of the first.")]
     Submit(Submit),
 
-    /// Follow a job on a coordinator until it ends
+    /// Show the progress of a job on a coordinator until it ends
     #[command(after_help = "\
 Example:
   evogait watch ID
-Stopping it with Ctrl-C does not stop the job. Exit code 0 if the job succeeded,
-1 if it failed or was cancelled.")]
+Ctrl-C ends this command and not the job. The exit code is 0 if the job
+succeeded, 1 if it failed or was cancelled.")]
     Watch(OneJob),
 
     /// List the jobs of a coordinator, newest first
@@ -159,125 +166,130 @@ Examples:
   evogait list --state running --json | jq -r '.[].id'")]
     List(List),
 
-    /// Show a job of a coordinator
+    /// Show a job of a coordinator: state, progress, counts, and the next command
     #[command(after_help = "\
 Examples:
   evogait show ID
   evogait show ID --toml > job.toml")]
     Show(Show),
 
-    /// Pause a job of a coordinator: nothing more of it is handed out
+    /// Pause a job of a coordinator: workers get no more of its tasks
     #[command(after_help = "\
 Example:
   evogait pause ID
-What its workers compute already may finish and counts. `evogait resume ID` goes
-on where it stood, also after the coordinator was restarted.")]
+
+Tasks that already run may finish, and their results count. `evogait resume ID`
+continues the job, also after a restart of the coordinator.")]
     Pause(OneJob),
 
-    /// Go on with a paused job
+    /// Continue a paused job
     #[command(after_help = "\
 Example:
   evogait resume ID")]
     Resume(OneJob),
 
-    /// Do an ended job of a coordinator again from one of its generations on
+    /// Repeat an ended job of a coordinator from one of its generations on
     #[command(after_help = "\
 Examples:
   evogait restart ID
   evogait restart ID --from-generation 40
-The new job takes over the generations before; its result has the bits of an
-undisturbed run. Without --from-generation a tainted job is done again from where
-a value turned out to be wrong. Prints the new job's id.")]
+The new job takes over all earlier generations. The bits of its result are those
+of an undisturbed run. Without --from-generation a tainted job is repeated from
+the generation with the wrong value. Prints the new job's id.")]
     Restart(Restart),
 
-    /// Cancel a job of a coordinator, for good
+    /// Cancel a job of a coordinator permanently
     #[command(after_help = "\
 Example:
   evogait cancel ID
-`evogait submit JOB.toml --again` starts a cancelled job anew.")]
+`evogait submit JOB.toml --again` starts a cancelled job again from the
+beginning.")]
     Cancel(OneJob),
 
-    /// Evaluate one candidate on this machine, with the bits a worker would give
+    /// Evaluate one candidate on this machine, with the same bits as on a worker
     #[command(after_help = "\
 Examples:
   evogait evaluate ID
   evogait evaluate my-job.toml --generation 2 --candidate 7 --genome-file genome.txt
   evogait evaluate ID --generation 2 --candidate 7 --genome=0.31,-1.5,2.25
 
-The first does again what made a job of a coordinator fail: the candidate that
-failed, or took its worker down, whenever it was worked on. `evogait show ID`
-tells which it was.")]
+The first example repeats the evaluation that failed a job of a coordinator: the
+candidate that failed or crashed its worker in every attempt. `evogait show ID`
+prints which candidate that was.")]
     Evaluate(Evaluate),
 
     /// Write the result of a job on a coordinator to a folder
     #[command(after_help = "\
 Example:
   evogait fetch ID --out runs/from-cluster
-The folder gets the same files as that of `evogait run`.")]
+
+The folder gets the same files as one of `evogait run`.")]
     Fetch(Fetch),
 
     /// List the workers that are connected to a coordinator
     #[command(after_help = "Example:\n  evogait workers --json")]
     Workers(OnCoordinator),
 
-    /// Tell how many slots the jobs of a coordinator could use, and how many there are
+    /// Print the number of slots that the jobs of a coordinator can use, and the slots it has
     #[command(after_help = "\
 Examples:
   evogait demand
   evogait demand --json | jq .wanted
-For scripts that start and stop workers. Nothing is wanted once all jobs have
-ended; a job wants as many slots as its generation can fill.")]
+
+For scripts that start and stop workers. A job can use as many slots as its
+current generation can fill; an ended job uses none.")]
     Demand(OnCoordinator),
 
-    /// Tell whether a coordinator serves: exit code 0 if it does, 1 if not
+    /// Check that a coordinator serves: exit code 0 if it does, 1 if not
     #[command(after_help = "\
 Examples:
   evogait health
   evogait health --alive --coordinator http://standby:7077
   evogait health --process 127.0.0.1:9464
+
 For probes of containers, and for scripts that wait for a coordinator.")]
     Health(Health),
 
-    /// Compare runs: settings that differ, scores, digests; draw their curves
+    /// Compare runs: settings that differ, scores and digests; draw their curves
     #[command(after_help = "\
 Examples:
   evogait compare runs/quadropod-empty-*
   evogait compare runs/a runs/b --out curves.png
   evogait compare runs/a runs/b --json | jq .settings
-
-Runs may evolve or plan. Curves are of runs that evolved for the same score.")]
+The runs may be of any procedure. Curves need runs that evolved for the same
+score.")]
     Compare(Compare),
 
-    /// Simulate a stored gait, or the best path of the stored tree, again
+    /// Simulate again a stored gait, or the best path of the stored tree
     #[command(after_help = "\
 Examples:
   evogait replay runs/quadropod-empty-3f2a9c01d4e5 --gait 1 --out gait-1.csv
   evogait replay runs/quadropod-empty-3f2a9c01d4e5 --plan
-
-The CSV of a gait has time (s), joint targets and angles (rad), pivot position
-(mu) and rotation (unit quaternion); that of a plan the way of the pivot (mu),
-run in three ways: as the tree has it, simulated again, without stops.")]
+The CSV file of a gait has time (s), joint targets and angles (rad), pivot
+position (mu) and rotation (unit quaternion). The CSV file of a plan has the
+path of the pivot (mu) in three ways: as in the tree, gait by gait from rest,
+without stops.")]
     Replay(Replay),
 
-    /// Recompute a stored result and compare it bit by bit
+    /// Compute a stored result again and compare it bit by bit
     #[command(after_help = "\
 Examples:
   evogait verify runs/quadropod-empty-3f2a9c01d4e5
   evogait verify runs/quadropod-empty-3f2a9c01d4e5 --full
-
-Recomputes the winner's score in the search and on the reference setting; --full
-all the report has: archive, audits, fresh seeds, friction, gaits, tree, paths.
-Exit code 0 if every compared number has the same bits, 1 if not.")]
+The command computes the winner's score again, as in the search and on the
+reference setting. With --full it computes the whole report: archive, audits,
+fresh seeds, friction, gaits, tree, paths. The exit code is 0 if every compared
+number has the same bits, 1 if not.")]
     Verify(Verify),
 
-    /// Check a job file, and estimate what it costs
+    /// Check a job file and estimate its cost
     #[command(after_help = "\
 Examples:
   evogait validate my-job.toml
   evogait validate my-job.toml --json | jq .estimate
 
-Prints what is wrong, or the resolved job's facts. The estimate times a few
-evaluations on this machine.")]
+Prints the faults of the job file, or the resolved settings of the job. For the
+estimate some evaluations are timed on this machine.")]
     Validate(Validate),
 
     /// Measure speed and fidelity on this machine
@@ -286,10 +298,11 @@ Examples:
   evogait bench rollout quadropod --settings 30x8,60x16
   evogait bench fidelity quadropod --settings 30x8,60x8 --out bench/quadropod
   evogait bench evaluate quadropod-empty
-`evogait bench WHAT --help` says what is measured and how.")]
+
+`evogait bench COMMAND --help` describes what is measured, and how.")]
     Bench(Bench),
 
-    /// Show a robot: facts and picture; export it to MJCF or URDF
+    /// Show facts and a picture of a robot, or export it to MJCF or URDF
     #[command(after_help = "\
 Examples:
   evogait robot lizard
@@ -298,11 +311,11 @@ Examples:
   evogait robot lizard --format mjcf --scale real > lizard.xml
   evogait robot my-robot.urdf
   evogait robot my-robot.urdf --unit 0.065 --out my-robot.toml
-
-MJCF (MuJoCo) holds bodies, hinges, motors, friction, gravity and the ground;
-URDF has no place for gains, friction and gravity, so a comment tells them. One
-unit of length of either is 1 mu. What is read of them are trees of hinges from
--90° to 90° with boxes and capsules; a job names such a file as its robot.")]
+MJCF (MuJoCo) contains bodies, hinges, motors, friction, gravity and the ground.
+URDF has no elements for gains, friction and gravity: a comment in the file
+states them. One unit of length in both formats is 1 mu. The importer accepts
+trees of hinges from -90° to 90° with boxes and capsules. A job may name such a
+file as its robot.")]
     Robot(Robot),
 
     /// Make certificates and tokens for a cluster
@@ -310,17 +323,18 @@ unit of length of either is 1 mu. What is read of them are trees of hinges from
 Examples:
   evogait certs init certs --host node1.example --host 10.0.0.1
   evogait certs renew certs --host node1.example --host 10.0.0.1
-`init` prints the commands that use what it made.")]
+
+`init` prints the commands that use the new files.")]
     Certs(Certs),
 
-    /// List the robots, environments and jobs that ship, or print one
+    /// List the robots, environments and jobs that ship with the program, or print one
     #[command(after_help = "\
 Examples:
   evogait scenarios
   evogait scenarios show quadropod-empty > my-job.toml")]
     Scenarios(Scenarios),
 
-    /// Print completions for a shell
+    /// Print the completion script of a shell
     #[command(after_help = "\
 Examples:
   evogait completions bash > ~/.local/share/bash-completion/completions/evogait
@@ -328,12 +342,12 @@ Examples:
   evogait completions fish > ~/.config/fish/completions/evogait.fish")]
     Completions(Completions),
 
-    /// Print the man page, or write the pages of all commands
+    /// Print the man page of `evogait`, or write the pages of all commands
     #[command(after_help = "\
 Examples:
   evogait man | man -l -
   evogait man --out ~/.local/share/man/man1
 
-With --out, pages of an earlier version are replaced.")]
+With --out, pages of an earlier version are overwritten.")]
     Man(Man),
 }

@@ -1,4 +1,4 @@
-//! From what was typed to what is meant.
+//! Resolution of the command line: defaults, environment variables and properties of the machine.
 
 use super::{
     Bench, Certs, CertsAction, Command, Compare, Evaluate, EvaluateWhat, Fetch, GivenBy, Health, HealthOf, JobFile,
@@ -16,7 +16,7 @@ use sim_core::problem::VarySpec;
 use sim_core::procedure::evolve::finish::Question;
 use std::path::{Path, PathBuf};
 
-/// Reads the command line; on `--help` or wrong usage clap has the last word (exit codes 0 and 2).
+/// Parses the command line. On `--help` and on wrong usage clap prints and exits (exit codes 0 and 2).
 pub fn parse() -> Result<Resolved, Error> {
     resolve(raw::Cli::parse())
 }
@@ -183,13 +183,13 @@ fn run_of(run: String, to: &raw::RunTo) -> Result<RunOf, Error> {
     Ok(RunOf::Stored { id: run, on: Url::parse(&url, from, &credentials(to.shown.clone())?)? })
 }
 
-/// A file for a picture, by its ending.
+/// Checks that the file name of a picture ends with .svg or .png.
 fn picture(path: PathBuf) -> Result<PathBuf, Error> {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     if ending.is_some_and(|ending| ending == "svg" || ending == "png") {
         return Ok(path);
     }
-    Err(Error::Usage { message: format!("--out {}: a picture ends with .svg or .png", path.display()) })
+    Err(Error::Usage { message: format!("--out {} is no picture file: a picture ends with .svg or .png", path.display()) })
 }
 
 fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {
@@ -220,7 +220,7 @@ fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
     })
 }
 
-/// Whether it looks like what a coordinator calls a job: j, a number, a dash and twelve hexadecimal digits.
+/// Returns true if the text has the form of a job id: j, a number, a dash and twelve hexadecimal digits.
 fn is_job_id(text: &str) -> bool {
     let parts = text.strip_prefix('j').and_then(|rest| rest.split_once('-'));
     parts.is_some_and(|(number, digest)| {
@@ -231,19 +231,19 @@ fn is_job_id(text: &str) -> bool {
     })
 }
 
-/// Numbers between commas, blanks or line ends, in brackets or not.
+/// Parses numbers separated by commas, blanks, line ends or brackets.
 fn genotype(text: &str, from: &str) -> Result<Genotype, Error> {
     let separator = |c: char| c == ',' || c == '[' || c == ']' || c.is_whitespace();
     let number = |word: &str| {
         let wrong =
-            format!("{from} holds \"{word}\", which is no number: a genome is numbers with commas between them");
+            format!("{from}: \"{word}\" is not a number; a genome is a list of numbers with commas between them");
         word.parse().map_err(|_| Error::Usage { message: wrong })
     };
     let numbers: Vec<f64> = text.split(separator).filter(|w| !w.is_empty()).map(number).collect::<Result<_, _>>()?;
     match numbers.len() {
-        0 => Err(Error::Usage { message: format!("{from} holds no number") }),
+        0 => Err(Error::Usage { message: format!("{from} contains no number: a genome is a list of numbers with commas between them") }),
         n if n > MAX_GENOTYPE => {
-            Err(Error::Usage { message: format!("{from} holds {n} numbers: at most {MAX_GENOTYPE} are allowed") })
+            Err(Error::Usage { message: format!("{from} contains {n} numbers: at most {MAX_GENOTYPE} are allowed") })
         }
         _ => Ok(numbers.into()),
     }
@@ -256,8 +256,8 @@ fn coordinator(raw: raw::OnCoordinator) -> Result<Url, Error> {
     Url::parse(&url, from, &credentials)
 }
 
-/// (URL, where it is from) of the coordinator that the command line or else the environment names; an empty variable names
-/// none.
+/// Returns URL and source of the coordinator that the command line or else the environment gives. An empty variable
+/// counts as unset.
 fn named_coordinator(given: Option<String>) -> Result<Option<(String, &'static str)>, Error> {
     match given {
         Some(url) if url.trim().is_empty() => Err(Error::Usage {
@@ -288,12 +288,12 @@ fn credentials(raw: raw::Shown) -> Result<Credentials, Error> {
     credentials.map_err(|e| Error::Usage { message: e.to_string() })
 }
 
-/// The number of cores this process may use; 1 where the machine doesn't tell.
+/// Returns the number of cores that this process may use, or 1 if the system does not report it.
 pub fn cores() -> u32 {
     std::thread::available_parallelism().map_or(1, |n| n.get() as u32)
 }
 
-/// A run is named by its folder or by the result in it.
+/// Returns the output folder of a run, which may be given as the folder or as its result file.
 fn folder_of(path: PathBuf) -> PathBuf {
     if path.file_name().is_some_and(|name| name == crate::output::RESULT) && !path.is_dir() {
         return match path.parent() {
@@ -310,24 +310,24 @@ mod tests {
     use clap::CommandFactory as _;
 
     #[test]
-    fn the_declaration_of_the_arguments_is_sound() {
+    fn clap_accepts_the_argument_definition() {
         raw::Cli::command().debug_assert();
     }
 
     #[test]
-    fn genotypes_are_read_with_all_their_bits() {
+    fn parsed_genotype_keeps_all_bits() {
         let odd = [-0.0, 1.0 / 3.0, f64::MIN_POSITIVE / 4.0, -1e300, f64::INFINITY];
         let text = odd.map(|v| v.to_string()).join(",");
         for text in [text.clone(), format!("[{}]\n", text.replace(',', ", ")), text.replace(',', "\n")] {
             let read = genotype(&text, "x").unwrap();
             assert_eq!(read.numbers().iter().map(|v| v.to_bits()).collect::<Vec<_>>(), odd.map(f64::to_bits), "{text}");
         }
-        assert!(genotype("1.0,two", "--genome").unwrap_err().to_string().contains("--genome holds \"two\""));
+        assert!(genotype("1.0,two", "--genome").unwrap_err().to_string().contains("--genome: \"two\" is not a number"));
         assert!(genotype(" ", "--genome").is_err());
     }
 
     #[test]
-    fn a_coordinator_s_job_is_told_from_a_file_by_its_look() {
+    fn job_ids_are_distinguished_from_file_names() {
         assert!(is_job_id("j12-0123456789ab"));
         for other in ["quadropod-empty", "j12-0123456789ab.toml", "j-0123456789ab", "j1-0123", "x1-0123456789ab"] {
             assert!(!is_job_id(other), "{other}");
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn a_result_file_stands_for_its_folder() {
+    fn result_file_resolves_to_its_folder() {
         assert_eq!(folder_of("runs/a/result.json".into()), Path::new("runs/a"));
         assert_eq!(folder_of("result.json".into()), Path::new("."));
         assert_eq!(folder_of("runs/a".into()), Path::new("runs/a"));

@@ -1,4 +1,4 @@
-//! What `evogait robot` is asked to show or to write.
+//! Resolved arguments of `evogait robot`.
 
 use super::raw;
 use crate::error::Error;
@@ -8,31 +8,31 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug)]
 pub struct Robot {
-    /// A path, or the name of a robot that ships.
+    /// Path of a robot file, or name of a robot that ships.
     pub robot: String,
     pub variant: Option<String>,
-    /// Length of 1 mu in the file's own unit.
+    /// Length of 1 mu in the unit of the file.
     pub unit: Option<f64>,
     pub output: Option<RobotOutput>,
     pub json: bool,
 }
 
-/// What of a robot is written, and where to.
+/// Output of `evogait robot`, and its file.
 #[derive(Debug, PartialEq)]
 pub enum RobotOutput {
     Picture(PathBuf, PictureFormat),
-    /// In the format of others; to standard output if there is no file.
+    /// Export to another format; to standard output without a file.
     Export {
         format: Format,
         scale: Scale,
         to: Option<PathBuf>,
     },
-    /// As a robot file of ours; to standard output if there is no file.
+    /// Robot file in TOML; to standard output without a file.
     File(Option<PathBuf>),
 }
 
 impl RobotOutput {
-    /// A format that is not given follows from the file's name.
+    /// Returns the output. Without `--format` the ending of the file name selects it.
     pub(super) fn of(raw: &mut raw::Robot) -> Result<Option<Self>, Error> {
         let ending = raw.out.as_deref().and_then(Path::extension).and_then(|e| e.to_str());
         let format = raw.format.or(match ending {
@@ -64,7 +64,7 @@ impl RobotOutput {
     }
 }
 
-/// The pictures' formats.
+/// Format of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureFormat {
     Svg,
@@ -78,8 +78,8 @@ impl PictureFormat {
             Some("png") => Ok(Self::Png),
             _ => Err(Error::Usage {
                 message: format!(
-                    "--out = \"{}\" does not tell what to write: it must end in .svg or .png (a picture), .xml or .mjcf \
-                     (MJCF), .urdf or .toml",
+                    "--out = \"{}\" has an unknown ending: allowed are .svg or .png (a picture), .xml or .mjcf \
+                     (MJCF), .urdf and .toml",
                     path.display()
                 ),
             }),
@@ -95,7 +95,7 @@ mod tests {
     use clap::Parser as _;
 
     #[test]
-    fn what_is_written_of_a_robot_follows_from_the_format_or_the_file_s_name() {
+    fn robot_output_follows_format_or_file_name() {
         let output = |line: &str| {
             let typed = ["evogait", "robot", "lizard"].into_iter().chain(line.split_whitespace());
             match resolve(raw::Cli::try_parse_from(typed).unwrap()) {

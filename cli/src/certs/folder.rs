@@ -1,4 +1,4 @@
-//! The folder of certificates, keys and tokens. Secrets can be read by their owner alone, from their first byte on.
+//! Folder of certificates, keys and tokens. Secret files are created with mode 0600, before their content is written.
 
 use super::make::{Host, Pair, Signer, authority};
 use crate::error::Error;
@@ -9,12 +9,12 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::Path;
 
-/// Who gets a token, and what certificate goes with it.
+/// Roles that get a token.
 const ROLES: [&str; 3] = ["client", "worker", "admin"];
-/// Who gets a certificate to show to the coordinator.
+/// Roles that get a client certificate.
 const CALLERS: [&str; 2] = ["client", "worker"];
 
-/// Makes a CA, certificates that are valid so many days, and tokens, in a folder that has none of them.
+/// Creates a CA, certificates that are valid for `days` days, and tokens. Fails if one of the files exists.
 pub fn init(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
     let made = |e: rcgen::Error| Error::write(folder, io::Error::other(e));
     fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
@@ -31,7 +31,7 @@ pub fn init(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
     }
     files.push(("tokens".to_owned(), tokens, true));
     if let Some((name, ..)) = files.iter().find(|(name, ..)| folder.join(name).exists()) {
-        let taken = io::Error::other("it is there already, and is not replaced: choose another folder");
+        let taken = io::Error::other("the file exists and is not replaced: choose another folder");
         return Err(Error::write(&folder.join(name), taken));
     }
     for (name, content, secret) in &files {
@@ -41,7 +41,7 @@ pub fn init(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
     Ok(())
 }
 
-/// Replaces the certificates and keys of a folder by new ones of the same CA; tokens and CA stay.
+/// Replaces the certificates and keys of a folder by new ones of the same CA. Tokens and CA stay.
 pub fn renew(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
     let read = |name: &str| {
         let path = folder.join(name);
@@ -50,7 +50,7 @@ pub fn renew(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
         Ok::<_, Error>(text)
     };
     let ca = Pair { cert: read("ca.pem")?, key: read("ca.key")? };
-    // Refuses a CA that has expired.
+    // Fails if the CA has expired.
     proto::credentials::authority(&folder.join("ca.pem")).map_err(|e| Error::Usage { message: e.to_string() })?;
     let made = |e: rcgen::Error| Error::read(&folder.join("ca.key"), io::Error::other(e));
     let files = certificates(&ca, hosts, days).map_err(made)?;
@@ -59,7 +59,7 @@ pub fn renew(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
         let (path, temporary) = (folder.join(name), folder.join(format!(".{name}.{}.tmp", std::process::id())));
         let written = write_new(&temporary, content, *secret).and_then(|()| fs::rename(&temporary, &path));
         written.map_err(|e| {
-            // Best effort.
+            // Best effort: the error of the write is reported.
             let _ = fs::remove_file(&temporary);
             Error::write(&path, e)
         })?;
@@ -67,7 +67,7 @@ pub fn renew(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
     Ok(())
 }
 
-/// (file, content, whether it is a secret)
+/// File name, content, and true for a secret.
 type Content = (String, String, bool);
 
 fn certificates(ca: &Pair, hosts: &[Host], days: u32) -> Result<Vec<Content>, rcgen::Error> {
@@ -77,7 +77,7 @@ fn certificates(ca: &Pair, hosts: &[Host], days: u32) -> Result<Vec<Content>, rc
         pairs.push((caller, signer.client(&format!("evogait {caller}"))?));
     }
     let files = |(name, pair): (&str, Pair)| {
-        // The key first: a certificate is worth nothing without it.
+        // Key first: a certificate is useless without it.
         [(format!("{name}.key"), pair.key, true), (format!("{name}.pem"), pair.cert, false)]
     };
     Ok(pairs.into_iter().flat_map(files).collect())
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_made_fits_together_and_secrets_are_their_owner_s() {
+    fn created_files_are_consistent_and_secrets_private() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join("certs").join(name);
         init(&folder.path().join("certs"), &local(), 30).unwrap();
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_replaced_but_by_renew() {
+    fn init_replaces_nothing_and_renew_replaces_certificates() {
         let folder = tempfile::tempdir().unwrap();
         init(folder.path(), &local(), 30).unwrap();
         let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_does_not_do_is_named_with_what_is_wrong() {
+    fn unusable_certificate_error_names_file_and_fault() {
         let folder = tempfile::tempdir().unwrap();
         init(folder.path(), &local(), 30).unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -169,12 +169,12 @@ mod tests {
         fs::write(at("damaged.pem"), [lines[0], lines[1], lines[lines.len() - 1]].join("\n")).unwrap();
         let text = refused("damaged.pem", "client.key");
         assert!(text.contains("damaged.pem can't be used"), "{text}");
-        // Valid for no day from now on.
+        // Certificates that expire at once.
         renew(folder.path(), &local(), 0).unwrap();
         std::thread::sleep(std::time::Duration::from_millis(1100));
         let text = refused("client.pem", "client.key");
         assert!(text.contains("client.pem expired on 2") && text.contains("certs renew"), "{text}");
-        // Of several that sign, those count that are valid.
+        // A bundle of several CAs is valid as long as one of them is.
         let old = super::super::make::authority_for(0).unwrap().cert;
         fs::write(at("old.pem"), &old).unwrap();
         fs::write(at("both.pem"), old + &fs::read_to_string(at("ca.pem")).unwrap()).unwrap();

@@ -1,4 +1,4 @@
-//! Certificates and keys in memory. Keys are ECDSA on P-256, which all TLS stacks know.
+//! Certificates and keys in memory. Keys are ECDSA on P-256, which all TLS implementations support.
 
 use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
@@ -9,12 +9,12 @@ use std::net::IpAddr;
 use std::str::FromStr;
 use time::{Duration, OffsetDateTime};
 
-/// How long a CA is valid, days.
+/// Validity of a CA, days.
 pub const CA_DAYS: u32 = 3650;
-/// Clocks of machines differ: certificates are valid from this long ago on.
+/// Tolerance for clock differences between machines: certificates are valid from this long ago on.
 const CLOCKS_DIFFER: Duration = Duration::HOUR;
 
-/// A name or an address under which a coordinator is dialed.
+/// Host name or address of a coordinator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Host {
     Name(String),
@@ -37,7 +37,7 @@ impl FromStr for Host {
             return Ok(Self::Name(text.to_owned()));
         }
         Err(format!(
-            "'{text}' is no host: write a name or an IP address, without scheme and port, such as node7.example"
+            "'{text}' is not a host: write a name or an IP address without scheme and port, such as node7.example"
         ))
     }
 }
@@ -51,18 +51,18 @@ impl fmt::Display for Host {
     }
 }
 
-/// A certificate and its key, both PEM.
+/// Certificate and its key, both in PEM.
 pub struct Pair {
     pub cert: String,
     pub key: String,
 }
 
-/// A CA that signs nothing but what [`Signer`] is asked for.
+/// Creates a CA that may sign end certificates only.
 pub fn authority() -> Result<Pair, rcgen::Error> {
     authority_for(CA_DAYS)
 }
 
-/// One that is valid for so many days.
+/// Creates a CA that is valid for `days` days.
 pub fn authority_for(days: u32) -> Result<Pair, rcgen::Error> {
     let mut params = params("evogait CA", days);
     params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
@@ -71,20 +71,20 @@ pub fn authority_for(days: u32) -> Result<Pair, rcgen::Error> {
     Ok(Pair { cert: params.self_signed(&key)?.pem(), key: key.serialize_pem() })
 }
 
-/// Signs with a CA.
+/// Signer of certificates for a CA.
 pub struct Signer {
     issuer: Issuer<'static, KeyPair>,
     days: u32,
 }
 
 impl Signer {
-    /// Takes a CA; what it signs is valid so many days.
+    /// Creates a signer; its certificates are valid for `days` days.
     pub fn new(authority: &Pair, days: u32) -> Result<Self, rcgen::Error> {
         let key = KeyPair::from_pem(&authority.key)?;
         Ok(Self { issuer: Issuer::from_ca_cert_pem(&authority.cert, key)?, days })
     }
 
-    /// A coordinator's, for all hosts under which it is dialed.
+    /// Creates the certificate of a coordinator, valid for all of `hosts`.
     pub fn server(&self, name: &str, hosts: &[Host]) -> Result<Pair, rcgen::Error> {
         let mut params = params(name, self.days);
         for host in hosts {
@@ -96,7 +96,7 @@ impl Signer {
         self.leaf(params, ExtendedKeyUsagePurpose::ServerAuth)
     }
 
-    /// A client's or a worker's.
+    /// Creates the certificate of a client or a worker.
     pub fn client(&self, name: &str) -> Result<Pair, rcgen::Error> {
         self.leaf(params(name, self.days), ExtendedKeyUsagePurpose::ClientAuth)
     }
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hosts_are_names_and_addresses_and_nothing_else() {
+    fn host_parses_names_and_addresses_only() {
         assert_eq!("10.0.0.7".parse(), Ok(Host::Ip("10.0.0.7".parse().unwrap())));
         assert_eq!("[fd00::1]".parse(), Ok(Host::Ip("fd00::1".parse().unwrap())));
         for name in ["node7", "node7.example", "*.cluster.local", "a_b"] {

@@ -1,4 +1,4 @@
-//! A CA of one's own, certificates that it signs, and tokens: what a small cluster needs to close its doors.
+//! CA, certificates and tokens for a small cluster without a public key infrastructure of its own.
 
 mod folder;
 mod make;

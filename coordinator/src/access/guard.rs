@@ -1,4 +1,4 @@
-//! The layer before all services that asks for tokens.
+//! Layer in front of all services that checks the token of each call.
 
 use super::{Access, Caller, admit};
 use crate::door::Visit;
@@ -12,8 +12,8 @@ use tonic::body::Body;
 use tower_layer::Layer;
 use tower_service::Service;
 
-/// Refuses what its caller may not do, before any of it is read. A coordinator that stands by says so first: its tokens may
-/// not be the newest.
+/// Refuses calls without permission before their body is read. A standby answers that it is a standby before it checks
+/// the token: its tokens may be out of date.
 pub(crate) fn layer<S>(access: Option<Arc<Access>>, gate: Gate) -> impl Layer<S, Service = Guard<S>> + Clone {
     let told = Arc::new(Seldom::default());
     tower_layer::layer_fn(move |inner| Guard { inner, access: access.clone(), gate: gate.clone(), told: told.clone() })
@@ -59,10 +59,10 @@ where
                 if let Some(standby) = self.gate.closed() {
                     return Box::pin(ready(Ok(standby.into_http())));
                 }
-                // A stranger must not be able to fill the log.
+                // Rate-limited, so that unauthenticated peers can't fill the log.
                 if let Some(others) = self.told.now() {
                     let peer = visit.map(|v| v.peer().to_string()).unwrap_or_default();
-                    tracing::warn!(peer, reason = status.message(), others, "a call was refused");
+                    tracing::warn!(peer, reason = status.message(), others, "call refused");
                 }
                 Box::pin(ready(Ok(status.into_http())))
             }
@@ -77,7 +77,7 @@ mod tests {
     use tonic::Code;
 
     #[tokio::test]
-    async fn whoever_stands_by_judges_no_token() {
+    async fn standby_does_not_check_tokens() {
         let access = Access::parse("worker worker-token-0123456\n").unwrap();
         let (key, gate) = Gate::new(false);
         let inside = tower::service_fn(|_| async { Ok::<_, Infallible>(http::Response::new(Body::empty())) });
@@ -88,7 +88,7 @@ mod tests {
             let answer = guard.call(request.body(Body::empty()).unwrap()).await.unwrap();
             tonic::Status::from_header_map(answer.headers()).map_or(Code::Ok, |status| status.code())
         };
-        // It may be newer than those that are known here.
+        // The token may be newer than the tokens of this standby.
         assert_eq!(code("worker-token-0123457").await, Code::Unavailable);
         key.open();
         assert_eq!(code("worker-token-0123457").await, Code::Unauthenticated);

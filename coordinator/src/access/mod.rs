@@ -1,4 +1,4 @@
-//! Who may call what: tokens with roles, checked before a request is read.
+//! Authorisation of calls: tokens with roles, checked before a request is read.
 
 mod guard;
 mod pass;
@@ -15,36 +15,36 @@ use http::header::AUTHORIZATION;
 use rules::Rule;
 use tonic::Status;
 
-/// Whoever makes a call.
+/// Permission under which a call is made.
 enum Caller {
-    /// Where no tokens are asked for.
+    /// The coordinator requires no tokens.
     Trusted,
-    /// Of a method that is for everybody.
+    /// The method requires no token.
     Stranger,
-    /// Of a token that is good for the call.
+    /// The token permits the call.
     Holder(Pass),
 }
 
 impl Caller {
-    /// Whether the connection may stay.
+    /// Returns true if the connection may stay open. A call without a token does not authenticate it.
     fn is_known(&self) -> bool {
         !matches!(self, Self::Stranger)
     }
 }
 
-/// Whether a call may be made, and by whom. Without `access` everybody may do everything.
+/// Returns the permission of a call, or refuses it. Without `access` every call is permitted.
 fn admit(access: Option<&Access>, path: &str, headers: &HeaderMap) -> Result<Caller, Status> {
     let Some(access) = access else {
         return Ok(Caller::Trusted);
     };
-    // What no rule names is for those who may do everything: a method that was forgotten is closed, not open.
+    // A method without a rule is for admins only: forgetting a rule must not open a method.
     let rule = rules::of(path).unwrap_or(Rule::Only(Role::Admin));
     if rule == Rule::Anybody {
         return Ok(Caller::Stranger);
     }
     let Some(token) = bearer(headers) else {
         return Err(Status::unauthenticated(
-            "this coordinator asks for a token: give one with --token-file FILE or in EVOGAIT_TOKEN",
+            "this coordinator requires a token: pass --token-file FILE or set EVOGAIT_TOKEN",
         ));
     };
     let digest = tokens::digest(token);
@@ -52,23 +52,23 @@ fn admit(access: Option<&Access>, path: &str, headers: &HeaderMap) -> Result<Cal
     Ok(Caller::Holder(Pass::new(digest, rule, path, access.tokens())))
 }
 
-/// Whether a token with this role, if it is known at all, is good for a method.
+/// Checks that a token with this role permits a method. `None` is an unknown token.
 fn judge(role: Option<Role>, rule: Rule, path: &str) -> Result<(), Status> {
     let Some(role) = role else {
         return Err(Status::unauthenticated(
-            "the token is none of those that this coordinator knows: ask whoever runs it for a new one",
+            "this coordinator does not accept the token: request a new one from its operator",
         ));
     };
     match rule {
         Rule::Only(needed) if role != needed && role != Role::Admin => Err(Status::permission_denied(format!(
-            "{} needs a token with the role {needed}: this one has the role {role}",
+            "{} requires a token with role {needed}: this token has role {role}",
             path.trim_start_matches('/')
         ))),
         _ => Ok(()),
     }
 }
 
-/// The one bearer token of a request.
+/// Returns the bearer token of a request; `None` without an authorization header or with several.
 fn bearer(headers: &HeaderMap) -> Option<&[u8]> {
     let mut all = headers.get_all(AUTHORIZATION).iter();
     let (Some(value), None) = (all.next(), all.next()) else {
@@ -94,11 +94,11 @@ mod tests {
         admit(Some(&access), path, &headers).map(|caller| caller.is_known()).map_err(|status| status.code())
     }
 
-    /// What each role may do of every method there is.
+    /// Checks each role against every method of every service.
     #[test]
-    fn every_method_has_a_rule_and_nobody_does_another_s_work() {
+    fn every_method_admits_only_its_role() {
         for (path, rule) in rules::all() {
-            assert!(rules::methods().contains(&path), "{path} is no method of any service: take its rule away");
+            assert!(rules::methods().contains(&path), "{path} is not a method of any service: remove its rule");
             let of = |role: &str| code(&path, &[role]);
             let (client, worker) = (of("Bearer client-token-0123456"), of("Bearer worker-token-0123456"));
             let (nobody, stranger) = (code(&path, &[]), of("Bearer stranger-token-01234"));
@@ -115,12 +115,12 @@ mod tests {
             assert_eq!((nobody, stranger), (expected_nobody, expected_nobody), "{path}");
         }
         for method in rules::methods() {
-            assert!(rules::of(&method).is_some(), "{method} has no rule: say in rules.rs who may call it");
+            assert!(rules::of(&method).is_some(), "{method} has no rule: add one to rules.rs");
         }
     }
 
     #[test]
-    fn a_worker_can_not_submit_and_a_client_can_not_complete() {
+    fn submit_and_complete_require_their_own_roles() {
         let (submit, complete) = ("/evogait.v1.JobService/SubmitJob", "/evogait.v1.WorkerService/Complete");
         assert_eq!(code(submit, &["Bearer worker-token-0123456"]), Err(Code::PermissionDenied));
         assert_eq!(code(complete, &["Bearer client-token-0123456"]), Err(Code::PermissionDenied));
@@ -128,12 +128,12 @@ mod tests {
         assert_eq!(code(complete, &["Bearer worker-token-0123456"]), Ok(true));
         let access = Access::parse(TOKENS).unwrap();
         let headers = [(AUTHORIZATION, "Bearer worker-token-0123456".parse().unwrap())].into_iter().collect();
-        let refused = admit(Some(&access), submit, &headers).err().expect("a worker can't submit");
+        let refused = admit(Some(&access), submit, &headers).err().expect("a worker can't submit a job");
         assert!(refused.message().contains("role client") && refused.message().contains("role worker"), "{refused}");
     }
 
     #[test]
-    fn what_has_no_rule_is_closed() {
+    fn method_without_rule_is_for_admins_only() {
         for path in ["/evogait.v1.JobService/Later", "/evogait.v1.JobService/", "/", "", "/a/b/c"] {
             assert_eq!(code(path, &["Bearer client-token-0123456"]), Err(Code::PermissionDenied), "{path}");
             assert_eq!(code(path, &[]), Err(Code::Unauthenticated), "{path}");
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_that_is_not_one_bearer_token_is_none() {
+    fn malformed_or_repeated_bearer_header_is_refused() {
         let submit = "/evogait.v1.JobService/SubmitJob";
         let good = "Bearer client-token-0123456";
         for headers in [
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn without_tokens_everybody_may_do_everything() {
+    fn every_call_is_permitted_without_tokens() {
         let caller = admit(None, "/evogait.v1.JobService/SubmitJob", &HeaderMap::new());
         assert!(matches!(caller, Ok(Caller::Trusted)));
     }

@@ -1,4 +1,4 @@
-//! What a call was let in with, for as long as it lasts: a stream ends when its token is taken away.
+//! Permission of a call while it lasts: a stream ends when its token is revoked.
 
 use super::judge;
 use super::rules::Rule;
@@ -11,7 +11,7 @@ use std::task::{Context, Poll, ready};
 use tokio_stream::Stream;
 use tonic::{Extensions, Status};
 
-/// Vouches for a call. One without a token, where none is asked for, is good for ever.
+/// Permission of a call. A call without a token, on a coordinator that requires none, keeps it for ever.
 #[derive(Clone, Default)]
 pub(crate) struct Pass(Option<Held>);
 
@@ -28,22 +28,23 @@ impl Pass {
         Self(Some(Held { token, rule, path: path.into(), tokens }))
     }
 
-    /// That of a request.
+    /// Returns the permission of a request.
     pub fn of(extensions: &Extensions) -> Self {
         extensions.get::<Self>().cloned().unwrap_or_default()
     }
 
-    /// The first digits of the token's digest; empty where no token was asked for.
+    /// Returns the first digits of the token's digest; empty if no token is required.
     pub fn credential(&self) -> Arc<str> {
         self.0.as_ref().map(|held| Digest(held.token).short().into()).unwrap_or_default()
     }
 
-    /// Why it is good no more. Who asks knows at once; [`Self::ended`] hears of it a moment later, one holder after another.
+    /// Returns an error once the token no longer permits the call. [`Self::ended`] returns the same error a moment
+    /// later.
     pub fn check(&self) -> Result<(), Status> {
         self.0.as_ref().map_or(Ok(()), Held::check)
     }
 
-    /// Waits until it is good no more, and says why; for ever if that never happens.
+    /// Waits until the token no longer permits the call, and returns the error. Never returns without a token.
     pub async fn ended(&mut self) -> Status {
         let Some(held) = &mut self.0 else { return pending().await };
         loop {
@@ -57,7 +58,7 @@ impl Pass {
         }
     }
 
-    /// A stream that ends with this pass.
+    /// Wraps a stream so that it ends with this permission.
     pub fn over<S>(self, stream: S) -> Passing<S> {
         let mut waiting = self.clone();
         Passing { stream, pass: self, ended: Some(Box::pin(async move { waiting.ended().await })) }
@@ -70,11 +71,11 @@ impl Held {
     }
 }
 
-/// A stream that ends when its [`Pass`] does, with the reason.
+/// Stream that ends with an error when its [`Pass`] does.
 pub(crate) struct Passing<S> {
     stream: S,
     pass: Pass,
-    /// `None` once it has.
+    /// `None` after the end.
     ended: Option<Pin<Box<dyn Future<Output = Status> + Send>>>,
 }
 
@@ -93,7 +94,7 @@ where
         let next = ready!(Pin::new(&mut self.stream).poll_next(cx));
         if next.is_none() {
             self.ended = None;
-            // Who fills it may have heard first that the token is gone.
+            // The source of the stream may have ended first because of the same revocation.
             return Poll::Ready(self.pass.check().err().map(Err));
         }
         Poll::Ready(next)
@@ -118,12 +119,12 @@ mod tests {
             [(AUTHORIZATION, "Bearer old-token-0123456789".parse().unwrap())].into_iter().collect();
         match admit(Some(access), "/evogait.v1.WorkerService/Session", &headers) {
             Ok(Caller::Holder(pass)) => pass,
-            _ => panic!("it is a worker's token"),
+            _ => panic!("the token has role worker"),
         }
     }
 
     #[tokio::test]
-    async fn a_stream_ends_when_its_token_goes_and_not_before() {
+    async fn stream_ends_when_its_token_is_revoked() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let write = |text: String| std::fs::write(file.path(), text).unwrap();
         write(OLD.to_owned());
@@ -132,7 +133,7 @@ mod tests {
         let mut stream = session(&access).over(tokio_stream::wrappers::UnboundedReceiverStream::new(heard));
         let silent = Duration::from_millis(20);
 
-        // Another one beside it, and a file that can't be read: nothing happens.
+        // An added token and a file that can't be read leave the stream open.
         write(format!("{OLD}{NEW}"));
         access.reload().unwrap();
         write("worker".to_owned());
@@ -149,13 +150,13 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_stream_whose_source_heard_first_that_the_token_is_gone_tells_why() {
+    async fn stream_reports_revocation_if_its_source_ended_first() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), OLD).unwrap();
         let access = Access::read(file.path()).unwrap();
         let pass = session(&access);
         std::fs::write(file.path(), NEW).unwrap();
-        // The word is still on its way to this holder when the other one has already hung up.
+        // The source has ended, but the notification has not reached this stream yet.
         let (stream, ended) = (tokio_stream::empty::<Result<u8, Status>>(), Some(Box::pin(pending()) as _));
         let mut stream = Passing { stream, pass, ended };
         access.reload().unwrap();
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_token_of_another_role_is_good_for_nothing_of_its_old_one() {
+    async fn changed_role_of_token_ends_the_stream() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), OLD).unwrap();
         let access = Access::read(file.path()).unwrap();
@@ -172,11 +173,11 @@ mod tests {
         std::fs::write(file.path(), OLD.replace("worker", "client")).unwrap();
         access.reload().unwrap();
         let end = tokio::time::timeout(Duration::from_secs(10), pass.ended()).await;
-        assert_eq!(end.expect("it ends").code(), Code::PermissionDenied);
+        assert_eq!(end.expect("the permission ends").code(), Code::PermissionDenied);
     }
 
     #[tokio::test]
-    async fn without_tokens_nothing_ends() {
+    async fn permission_without_token_never_ends() {
         let mut pass = Pass::of(&Extensions::default());
         assert!(tokio::time::timeout(Duration::from_millis(20), pass.ended()).await.is_err());
     }

@@ -1,16 +1,16 @@
-//! The table of who may call what.
+//! Table of the roles that each method requires.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// What the holder of a token is.
+/// Role of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// Hands jobs in, follows them and takes their results.
+    /// Submits jobs, watches them and fetches their results.
     Client,
-    /// Computes.
+    /// Runs tasks.
     Worker,
-    /// May do everything.
+    /// Permitted to call every method.
     Admin,
 }
 
@@ -37,21 +37,21 @@ impl FromStr for Role {
     }
 }
 
-/// Who may call a method.
+/// Token that a method requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// Without a token, too.
+    /// No token.
     Anybody,
-    /// With any token.
+    /// Any valid token.
     Known,
-    /// With a token of this role, or an admin's.
+    /// A token with this role or with role admin.
     Only(Role),
 }
 
 const CLIENT: Rule = Rule::Only(Role::Client);
 const WORKER: Rule = Rule::Only(Role::Worker);
 
-/// Every method of every service.
+/// Rules of all methods, by service.
 const RULES: &[(&str, &[(&str, Rule)])] = &[
     (
         "evogait.v1.JobService",
@@ -63,7 +63,7 @@ const RULES: &[(&str, &[(&str, Rule)])] = &[
             ("CancelJob", CLIENT),
             ("PauseJob", CLIENT),
             ("ResumeJob", CLIENT),
-            // Overrules what the disputes about a job's results came to.
+            // It overrides the outcome of disputes about a job's results.
             ("RestartJob", Rule::Only(Role::Admin)),
             ("GetResult", CLIENT),
             ("ListWorkers", CLIENT),
@@ -71,12 +71,12 @@ const RULES: &[(&str, &[(&str, Rule)])] = &[
         ],
     ),
     ("evogait.v1.WorkerService", &[("Session", WORKER), ("Complete", WORKER)]),
-    // For load balancers and supervisors, which have no tokens.
+    // Load balancers and supervisors have no tokens.
     ("grpc.health.v1.Health", &[("Check", Rule::Anybody), ("Watch", Rule::Anybody)]),
     ("grpc.reflection.v1.ServerReflection", &[("ServerReflectionInfo", Rule::Known)]),
 ];
 
-/// The rule of a path such as `/evogait.v1.JobService/GetJob`.
+/// Returns the rule of a path such as `/evogait.v1.JobService/GetJob`.
 pub(super) fn of(path: &str) -> Option<Rule> {
     let (service, method) = path.strip_prefix('/')?.split_once('/')?;
     let (_, methods) = RULES.iter().find(|(name, _)| *name == service)?;
@@ -90,14 +90,14 @@ pub(super) fn all() -> impl Iterator<Item = (String, Rule)> {
     })
 }
 
-/// The paths of all methods of all services that a coordinator has, from their descriptors.
+/// Returns the paths of all methods of all services of a coordinator, from their descriptors.
 #[cfg(test)]
 pub(super) fn methods() -> Vec<String> {
     use prost::Message as _;
     let sets = crate::server::DESCRIPTORS.iter().copied().chain([tonic_reflection::pb::v1::FILE_DESCRIPTOR_SET]);
     let mut paths = Vec::new();
     for bytes in sets {
-        let set = prost_types::FileDescriptorSet::decode(bytes).expect("descriptors are sound");
+        let set = prost_types::FileDescriptorSet::decode(bytes).expect("the descriptors can be decoded");
         for file in set.file {
             for service in &file.service {
                 for method in &service.method {

@@ -1,4 +1,4 @@
-//! The file of tokens: a role and a token a line.
+//! Token file: one role and one token per line.
 //!
 //! ```text
 //! # role   token, or sha256: and the digest of one in hexadecimal
@@ -6,7 +6,7 @@
 //! worker   sha256:9f86…
 //! ```
 //!
-//! A role may have several tokens, so that a new one is in use before the old one goes.
+//! A role may have several tokens, so that a new token can be in use before the old one is removed.
 
 use super::Role;
 use proto::credentials::{MAX_FILE, Token, TokenError, read_file};
@@ -17,24 +17,24 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio::sync::watch;
 
-/// Most tokens of a file.
+/// Limit on the tokens in a file.
 pub const MAX_TOKENS: usize = 10_000;
 
-/// Digests of tokens, with what each is good for. Looked up by the digest of what a caller sends: how long that takes
-/// tells about digests, from which no token can be found.
+/// Roles by token digest. A lookup uses the digest of the token that a caller sends, so its time depends on digests,
+/// which do not reveal a token.
 pub(super) type Table = HashMap<TokenDigest, Role>;
 
 /// SHA-256 of a token.
 pub(super) type TokenDigest = [u8; 32];
 
-/// The tokens as they are, and word of it when they change.
+/// Current tokens, with notification of changes.
 pub(super) type Tokens = watch::Receiver<Arc<Table>>;
 
 pub(super) fn digest(token: &[u8]) -> TokenDigest {
     Sha256::digest(token).into()
 }
 
-/// The tokens that a coordinator knows. They can be read again while it runs.
+/// Tokens of a coordinator. They can be reloaded while it runs.
 pub struct Access {
     file: PathBuf,
     table: watch::Sender<Arc<Table>>,
@@ -46,59 +46,59 @@ impl fmt::Debug for Access {
     }
 }
 
-/// Why a file of tokens can't be used. No token is ever told.
+/// Reason why a token file can't be used. It never contains a token.
 #[derive(Debug, thiserror::Error)]
 pub enum TokensError {
     /// The file can't be read.
-    #[error("can't read the tokens in {file}: {reason}", file = .file.display())]
+    #[error("can't read the token file {file}: {reason}", file = .file.display())]
     Read {
-        /// Which.
+        /// Path of the file.
         file: PathBuf,
-        /// Why.
+        /// Message of the system, or the fault.
         reason: String,
     },
-    /// A line that is none.
+    /// A line is not a role and a token.
     #[error(
-        "{file}, line {line}: {reason}; write a role (client, worker or admin) and a token, or sha256: and a token's digest",
+        "{file}, line {line}: {reason}; write a role (client, worker or admin) and a token, or a role and sha256:DIGEST",
         file = .file.display()
     )]
     Line {
-        /// Which file.
+        /// Path of the file.
         file: PathBuf,
-        /// Counted from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
-    /// Nobody could do anything.
-    #[error("{file} has no token: write a role (client, worker or admin) and a token a line", file = .file.display())]
+    /// The file has no token, so that no call would be permitted.
+    #[error("{file} has no token: write one role (client, worker or admin) and one token per line", file = .file.display())]
     Empty {
-        /// Which.
+        /// Path of the file.
         file: PathBuf,
     },
-    /// Too many.
-    #[error("{file} has more than {MAX_TOKENS} tokens", file = .file.display())]
+    /// The file has more than [`MAX_TOKENS`] tokens.
+    #[error("{file} has more than {MAX_TOKENS} tokens: at most {MAX_TOKENS} are allowed", file = .file.display())]
     TooMany {
-        /// Which.
+        /// Path of the file.
         file: PathBuf,
     },
 }
 
 impl Access {
-    /// Reads a file.
+    /// Reads the tokens from a file.
     pub fn read(file: &Path) -> Result<Self, TokensError> {
         Ok(Self { file: file.to_owned(), table: watch::Sender::new(Arc::new(table(file)?)) })
     }
 
-    /// Takes the text of a file.
+    /// Reads the tokens from the text of a file.
     pub fn parse(text: &str) -> Result<Self, TokensError> {
         let file = PathBuf::from("the tokens");
         let table = parse(&file, text)?;
         Ok(Self { file, table: watch::Sender::new(Arc::new(table)) })
     }
 
-    /// Reads the file again; on an error all stays as it was. Tells how many tokens there are. Streams that were opened
-    /// with a token that is gone end.
+    /// Reloads the file and returns the number of its tokens. On an error the tokens stay unchanged. Streams that were
+    /// opened with a removed token end.
     pub fn reload(&self) -> Result<usize, TokensError> {
         let table = Arc::new(table(&self.file)?);
         let count = table.len();
@@ -106,12 +106,12 @@ impl Access {
         Ok(count)
     }
 
-    /// How many tokens there are.
+    /// Number of tokens.
     pub fn count(&self) -> usize {
         self.table.borrow().len()
     }
 
-    /// What a token is good for.
+    /// Returns the role of a token; `None` for an unknown token.
     pub fn role(&self, token: &[u8]) -> Option<Role> {
         self.role_of(&digest(token))
     }
@@ -146,11 +146,11 @@ fn parse(file: &Path, text: &str) -> Result<Table, TokensError> {
         let role: Role = match words.next() {
             None => continue,
             Some(word) if word.starts_with('#') => continue,
-            // Not told: somebody may have written the token first.
-            Some(word) => word.parse().map_err(|()| line("its first word is no role".to_owned()))?,
+            // The word is not quoted: it may be a token, if both words are in the wrong order.
+            Some(word) => word.parse().map_err(|()| line("its first word is not a role".to_owned()))?,
         };
         let (Some(secret), None) = (words.next(), words.next()) else {
-            return Err(line("it does not have two words".to_owned()));
+            return Err(line("it does not consist of two words".to_owned()));
         };
         let digest = match secret.strip_prefix("sha256:") {
             Some(hex) => {
@@ -159,7 +159,7 @@ fn parse(file: &Path, text: &str) -> Result<Table, TokensError> {
             None => {
                 let token = Token::parse(secret, "it").map_err(|error| match error {
                     TokenError::Length { length, .. } => {
-                        line(format!("its token has {length} characters, 16 to 256 are needed"))
+                        line(format!("its token has {length} characters, 16 to 256 are required"))
                     }
                     _ => line("its token has a character that is not visible ASCII".to_owned()),
                 })?;
@@ -167,7 +167,7 @@ fn parse(file: &Path, text: &str) -> Result<Table, TokensError> {
             }
         };
         if table.insert(digest, role).is_some_and(|other| other != role) {
-            return Err(line("its token has another role further up".to_owned()));
+            return Err(line("its token has another role on an earlier line".to_owned()));
         }
         if table.len() > MAX_TOKENS {
             return Err(TokensError::TooMany { file: file.to_owned() });
@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_role_has_as_many_tokens_as_are_needed_to_rotate_them() {
+    fn role_may_have_several_tokens() {
         let text = "# who\n\nclient  old-token-0123456789\nclient\tnew-token-0123456789\r\n  # sha256 of \"worker-token-0123456\"\n";
         let digest: [u8; 32] = Sha256::digest("worker-token-0123456").into();
         let hex: String = digest.iter().map(|b| format!("{b:02x}")).collect();
@@ -210,14 +210,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_by_its_line_and_no_secret_with_it() {
+    fn errors_name_the_line_and_never_the_secret() {
         for (text, told) in [
             ("", "has no token"),
             ("# nothing\n", "has no token"),
-            ("client", "line 1: it does not have two words"),
-            ("\nclient secret-token-0123456 more", "line 2: it does not have two words"),
-            ("secret-token-0123456 client", "its first word is no role"),
-            ("Client secret-token-0123456", "its first word is no role"),
+            ("client", "line 1: it does not consist of two words"),
+            ("\nclient secret-token-0123456 more", "line 2: it does not consist of two words"),
+            ("secret-token-0123456 client", "its first word is not a role"),
+            ("Client secret-token-0123456", "its first word is not a role"),
             ("client secret", "its token has 6 characters"),
             ("client secret-tokén-0123456789", "not visible ASCII"),
             ("client sha256:secret", "64 hexadecimal digits"),
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_again_while_it_is_in_use_and_a_broken_one_changes_nothing() {
+    fn reload_of_malformed_token_file_keeps_the_tokens() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "client old-token-0123456789").unwrap();
         let access = Access::read(file.path()).unwrap();

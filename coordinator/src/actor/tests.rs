@@ -1,4 +1,4 @@
-//! Durability does not cost a transaction per result, and nobody keeps the actor from it.
+//! Tests of the actor: group commits, and replies during a flood of heartbeats.
 
 use super::*;
 use crate::scheduler::tests::{ENGINE, greeting, new_job, result_of};
@@ -7,7 +7,7 @@ use crate::store::{MemoryStore, SqliteStore};
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A worker that does all it is given at once, and delivers all of it before it reads on.
+/// Worker that completes all its tasks at once and delivers all results before it reads more messages.
 struct Burst {
     commands: mpsc::Sender<Command>,
     inbox: mpsc::UnboundedReceiver<v1::CoordinatorMessage>,
@@ -43,7 +43,7 @@ fn completed(message: v1::CoordinatorMessage) -> Option<Completed> {
         engine: ENGINE,
         range: Range { round: assign.round, first: assign.first, count: assign.tasks.len() as u32 },
         permit: assign.permit,
-        // So long that every task is a range of its own.
+        // Long enough that every task is a range of its own.
         compute: Duration::from_secs(60),
         delivery: Delivery::Results(results),
         tasks: Vec::new(),
@@ -72,7 +72,7 @@ async fn actor(store: Arc<dyn Store>) -> Actor {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn whoever_is_answered_waits_for_no_flood_of_heartbeats() {
+async fn reply_is_sent_during_flood_of_heartbeats() {
     let actor = actor(Arc::new(MemoryStore::default())).await;
     let (commands, inbox) = mpsc::channel(1024);
     let running = tokio::spawn(actor.run(inbox));
@@ -80,7 +80,7 @@ async fn whoever_is_answered_waits_for_no_flood_of_heartbeats() {
     let (reply, connected) = oneshot::channel();
     commands.send(Command::Connect { greeting: greeting("w", 1), outbox, reply }).await.unwrap();
     let session = connected.await.unwrap();
-    // There is always a next one: to take one in is more work than to send it.
+    // The queue never gets empty, since a heartbeat takes longer to handle than to send.
     let (flood, full, ebb) = (commands.clone(), Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
     let (seen_full, ebbs) = (full.clone(), ebb.clone());
     let flooding = std::thread::spawn(move || {
@@ -100,16 +100,16 @@ async fn whoever_is_answered_waits_for_no_flood_of_heartbeats() {
     let (reply, submitted) = oneshot::channel();
     commands.send(Command::Submit { new: Box::new(new_job("a", 1, 1)), reply }).await.unwrap();
     let answered = tokio::time::timeout(Duration::from_secs(30), submitted).await;
-    // Else an actor that never looks up would never end.
+    // Stops the flood, so that a faulty actor ends too.
     ebb.store(true, Ordering::Relaxed);
     commands.send(Command::Stop).await.unwrap();
-    assert!(answered.expect("an answer in time").unwrap().is_ok());
+    assert!(answered.expect("the reply arrives in time").unwrap().is_ok());
     running.await.unwrap().unwrap();
     flooding.join().unwrap();
 }
 
 #[tokio::test]
-async fn results_that_come_together_are_committed_together() {
+async fn waiting_results_are_committed_together() {
     let folder = tempfile::tempdir().unwrap();
     let store: Arc<dyn Store> = Arc::new(SqliteStore::open(&folder.path().join("s.db")).await.unwrap());
     let actor = actor(store.clone()).await;
@@ -134,7 +134,7 @@ async fn results_that_come_together_are_committed_together() {
 
     commands.send(Command::Stop).await.unwrap();
     running.await.unwrap().unwrap();
-    // And all of it is there.
+    // The store has all results.
     let stored = store.start().await.unwrap().active.remove(0);
     assert_eq!(stored.record.rounds_sealed, 2);
 }

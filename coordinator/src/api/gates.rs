@@ -1,20 +1,20 @@
-//! How much of a kind may be under way at once, whoever asks for it.
+//! Limits on concurrent sessions, streams and readings, over all clients and workers.
 
 use crate::limits::{MAX_HELLOS, MAX_READINGS, MAX_SESSIONS, MAX_WATCHERS};
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
-/// One for all services.
+/// Limits that all services share.
 #[derive(Clone)]
 pub(crate) struct Gates {
-    /// Streams of events.
+    /// Event streams.
     pub watchers: Gate,
-    /// Sessions that have not said Hello.
+    /// Worker sessions before Hello.
     pub hellos: Gate,
-    /// Sessions that have.
+    /// Worker sessions after Hello.
     pub sessions: Gate,
-    /// Jobs that are being read.
+    /// Jobs that are being parsed and validated.
     pub readings: Gate,
 }
 
@@ -22,14 +22,14 @@ impl Default for Gates {
     fn default() -> Self {
         Self {
             watchers: Gate::new("watchers", MAX_WATCHERS),
-            hellos: Gate::new("workers that have not said Hello", MAX_HELLOS),
-            sessions: Gate::new("sessions of workers", MAX_SESSIONS),
-            readings: Gate::new("jobs that are being read", MAX_READINGS),
+            hellos: Gate::new("worker sessions without Hello", MAX_HELLOS),
+            sessions: Gate::new("worker sessions", MAX_SESSIONS),
+            readings: Gate::new("jobs being read", MAX_READINGS),
         }
     }
 }
 
-/// Lets so many through at once.
+/// Limit on one kind of concurrent work.
 #[derive(Clone)]
 pub(crate) struct Gate {
     what: &'static str,
@@ -42,15 +42,15 @@ impl Gate {
         Self { what, limit, places: Arc::new(Semaphore::new(limit)) }
     }
 
-    /// A place until the permit is dropped, or a refusal that tells the limit. Retryable.
+    /// Returns a permit, or an error that names the limit. The call can be retried.
     pub fn pass(&self) -> Result<OwnedSemaphorePermit, Status> {
         self.places.clone().try_acquire_owned().map_err(|_| {
             let Self { what, limit, .. } = self;
-            Status::resource_exhausted(format!("there are {limit} {what}, as many as are allowed: try again later"))
+            Status::resource_exhausted(format!("there are {limit} {what}, which is the limit: try again later"))
         })
     }
 
-    /// A place, once there is one.
+    /// Waits for a permit.
     pub async fn wait(&self) -> Option<OwnedSemaphorePermit> {
         self.places.clone().acquire_owned().await.ok()
     }
@@ -62,7 +62,7 @@ mod tests {
     use tonic::Code;
 
     #[test]
-    fn a_full_gate_says_what_there_is_too_much_of_and_opens_again() {
+    fn full_gate_names_its_limit_and_opens_again() {
         let gate = Gate::new("watchers", 2);
         let (first, _second) = (gate.pass().unwrap(), gate.pass().unwrap());
         let refused = gate.pass().unwrap_err();

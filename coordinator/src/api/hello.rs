@@ -1,4 +1,4 @@
-//! Hello: who may work here.
+//! Checks of a worker's Hello.
 
 use super::{at_most, id, printable};
 use crate::convert;
@@ -13,16 +13,16 @@ use tonic::Status;
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// The engines of a build, by name.
+/// Engines of a build, by name.
 type Engines = [(&'static str, Digest)];
 
-/// Checks a worker's introduction. What its engines are good for is another matter: [`is_of_build`].
+/// Checks the fields of a worker's Hello. Its engines are checked separately, see [`is_of_build`].
 pub(crate) fn check(hello: v1::Hello, address: String, credential: Arc<str>) -> Result<Greeting, Status> {
     at_most("version", &hello.version, MAX_WORKER_NAME)?;
     printable("version", &hello.version)?;
     if hello.protocol != PROTOCOL {
         return Err(Status::failed_precondition(format!(
-            "the worker (evogait {}) speaks protocol {} and this coordinator (evogait {VERSION}) protocol {PROTOCOL}: \
+            "the worker (evogait {}) uses protocol {} and this coordinator (evogait {VERSION}) uses protocol {PROTOCOL}: \
              run the same version on both",
             hello.version, hello.protocol
         )));
@@ -51,7 +51,7 @@ pub(crate) fn check(hello: v1::Hello, address: String, credential: Arc<str>) -> 
         .map_err(|e| Status::failed_precondition(e.to_string()))?;
     if hello.running.len() > MAX_RUNNING {
         return Err(Status::failed_precondition(format!(
-            "the worker says that it works on {} assignments: at most {MAX_RUNNING} are allowed",
+            "the worker reports {} running assignments: at most {MAX_RUNNING} are allowed",
             hello.running.len()
         )));
     }
@@ -73,27 +73,27 @@ pub(crate) fn check(hello: v1::Hello, address: String, credential: Arc<str>) -> 
     })
 }
 
-/// A time that a worker tells; `None` for zero, which says that it does not.
+/// Checks a duration that a worker reports; zero means unknown and returns `None`.
 fn time(field: &str, given: Duration) -> Result<Option<Duration>, Status> {
     if given > MAX_TIME {
         let (given, most) = (given.as_secs(), MAX_TIME.as_secs());
-        return Err(Status::failed_precondition(format!("{field} tells {given} s: at most {most} s are allowed")));
+        return Err(Status::failed_precondition(format!("{field} is {given} s: at most {most} s are allowed")));
     }
     Ok((given > Duration::ZERO).then_some(given))
 }
 
-/// Whether a worker has an engine of this build.
+/// Returns true if the worker has an engine of this build.
 pub(crate) fn is_of_build(greeting: &Greeting, engines: &Engines) -> bool {
     greeting.engines.iter().any(|digest| engines.iter().any(|(_, own)| own == digest))
 }
 
-/// Why a worker is refused that has none, unless a job needs one of its engines.
+/// Returns the error for a worker without an engine of this build. It applies if no active job needs its engines.
 pub(crate) fn other_build(greeting: &Greeting, engines: &Engines) -> Status {
     let theirs = greeting.engines.iter().map(Digest::short).collect::<Vec<_>>().join(", ");
     let ours = engines.iter().map(|(name, d)| format!("{name} {}", d.short())).collect::<Vec<_>>().join(", ");
     Status::failed_precondition(format!(
         "the worker's engines ({theirs}; evogait {}) compute other bits than the coordinator's ({ours}; evogait {VERSION}), \
-         and no job that has not ended needs them: run the same build on both",
+         and no active job needs them: run the same build on both",
         greeting.version
     ))
 }
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_name_both_sides() {
+    fn errors_name_worker_and_coordinator() {
         let engines = [("rapier", Digest([7; 32]))];
         let refused = |hello| check(hello, String::new(), Arc::default()).unwrap_err().message().to_owned();
         assert!(is_of_build(&check(hello(), String::new(), Arc::default()).unwrap(), &engines));
@@ -139,7 +139,7 @@ mod tests {
         for seconds_left in [MAX_TIME.as_secs() + 1, u64::MAX] {
             assert!(refused(v1::Hello { seconds_left, ..hello() }).contains("at most 31622400 s"));
         }
-        assert!(refused(v1::Hello { stuck_after_ms: u64::MAX, ..hello() }).contains("stuck_after_ms tells"));
+        assert!(refused(v1::Hello { stuck_after_ms: u64::MAX, ..hello() }).contains("stuck_after_ms is"));
         let running = vec![v1::RunningAssignment::default(); MAX_RUNNING + 1];
         assert!(refused(v1::Hello { running, ..hello() }).contains(&format!("at most {MAX_RUNNING}")));
         let red = "\u{1b}[31mred".to_owned();

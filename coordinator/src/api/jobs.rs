@@ -1,4 +1,4 @@
-//! JobService: what a client says to the coordinator.
+//! JobService: calls of clients.
 
 use super::{Api, at_most, id, no_nul, store_failed};
 use crate::access::{Pass, Passing};
@@ -30,7 +30,7 @@ impl Api {
         job.ok_or_else(|| Status::not_found(format!("there is no job {text}")))
     }
 
-    /// Jobs as the API tells them, with what they wait for and how far their round is.
+    /// Converts job records for the API and adds the progress of the current round and the reason for waiting.
     async fn tell(&self, records: Vec<JobRecord>) -> Result<Vec<Job>, Status> {
         let active: Vec<JobId> = records.iter().filter(|r| !r.state.is_end()).map(|r| r.id.clone()).collect();
         let mut standings = Vec::new();
@@ -45,7 +45,7 @@ impl Api {
                 jobs.push(convert::job(&record));
                 continue;
             };
-            // All of one moment: the record that was read before may be a round behind what is known of the round.
+            // The record that was read before may be a round older than this progress: both must be of one moment.
             let now = match standing.record {
                 Some(record) => Some(record),
                 None => self.store.job(&record.id).await.map_err(store_failed)?.map(|(record, _)| record),
@@ -60,8 +60,8 @@ impl Api {
         Ok(jobs)
     }
 
-    /// Median time from the seal of a round to that of the next over the newest of them, ms; 0 while there are fewer
-    /// than two. A pause or a restart of the coordinator touches one of many.
+    /// Returns the median time between the seals of successive rounds, over the newest rounds, ms; 0 with fewer than
+    /// two. A pause or a restart affects one of many values.
     async fn pace(&self, id: &JobId, last_event: u64) -> Result<f64, Status> {
         let after = last_event.saturating_sub(u64::from(PACE_OVER) + 1);
         let events = self.store.events(id, after, PACE_OVER + 1).await.map_err(store_failed)?;
@@ -71,7 +71,7 @@ impl Api {
         Ok(median(&times).unwrap_or(0.0))
     }
 
-    /// The job of an earlier request with this id; refused if that was another one.
+    /// Returns the job of an earlier request with this id, or an error if that request had another body.
     pub(super) async fn requested_before(&self, id: &str, digest: &Digest) -> Result<Option<JobRecord>, Status> {
         match self.store.job_of_request(id).await.map_err(store_failed)? {
             Some(record) if record.request_digest != *digest => Err(other_body(id, &record.id)),
@@ -79,7 +79,7 @@ impl Api {
         }
     }
 
-    /// Reads a job in its turn, which it keeps though the client may have gone.
+    /// Reads a job while it holds a permit. The permit is held to the end of reading, even if the client disconnects.
     pub(super) async fn reading(
         &self,
         read: impl FnOnce() -> Result<NewJob, Status> + Send + 'static,
@@ -89,17 +89,17 @@ impl Api {
             let _place = place;
             read()
         });
-        let failed = |_| Status::internal("reading the job failed: this is a bug, please report it with the job");
+        let failed = |_| Status::internal("reading the job failed; this is a bug: please report it with the job file");
         reading.await.map_err(failed)?
     }
 
-    /// Stores a new job; tells also whether it was new.
+    /// Stores a new job. Returns its record, and true if the job did not exist before.
     pub(super) async fn take_in(&self, new: NewJob) -> Result<(JobRecord, bool), Status> {
         let request_id = new.request_id.clone();
         self.ask(|reply| Command::Submit { new: Box::new(new), reply }).await?.map_err(|refused| match refused {
             SubmitError::OtherBody(job) => other_body(&request_id, &job),
             SubmitError::TooMany => Status::resource_exhausted(format!(
-                "{MAX_ACTIVE_JOBS} jobs have not ended, which is the limit: wait, or cancel some"
+                "{MAX_ACTIVE_JOBS} jobs are active, which is the limit: wait for one to end, or cancel one"
             )),
         })
     }
@@ -113,7 +113,7 @@ impl Api {
                 let (record, _) = self.stored(&text).await?;
                 let what = if paused { "paused" } else { "resumed" };
                 Err(Status::failed_precondition(format!(
-                    "job {} has ended ({}): only a job that has not ended can be {what}",
+                    "job {} has ended ({}): only an active job can be {what}",
                     record.id,
                     record.state.word()
                 )))
@@ -126,18 +126,18 @@ impl Api {
     }
 }
 
-/// Refuses what can't name a request.
+/// Checks a request id.
 pub(super) fn request_id(request_id: &str) -> Result<(), Status> {
     if request_id.is_empty() {
         return Err(Status::invalid_argument(format!(
-            "request_id is missing: choose one of up to {MAX_REQUEST_ID} bytes, it makes a retry safe"
+            "request_id is missing: choose one of 1 to {MAX_REQUEST_ID} bytes; it makes a retry safe"
         )));
     }
     no_nul("request_id", request_id)?;
     at_most("request_id", request_id, MAX_REQUEST_ID)
 }
 
-/// Reads the job and all the scheduler needs of it. Nothing is simulated.
+/// Parses and validates the job and prepares its data for the scheduler. Nothing is simulated.
 pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Digest) -> Result<NewJob, Status> {
     let unusable = |e| Status::invalid_argument(format!("the job can't be used: {e}"));
     let job = Checked::from_toml(&request.job_toml).map_err(unusable)?;
@@ -151,12 +151,12 @@ pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Dig
         kind: procedure::name(&job).map_err(unusable)?.to_owned(),
         procedure: procedure::start(&job).map_err(unusable)?,
         carried: None,
-        // Resolved, so that workers need no files and a later version no other defaults.
+        // Resolved: workers need no files, and a later version's defaults do not apply.
         toml: job.to_toml().into(),
     })
 }
 
-/// Refuses a request that asks for another priority than the job has that was taken in under its id.
+/// Refuses a repeated request that asks for another priority than the job that its request id belongs to.
 fn same_priority(request_id: &str, record: &JobRecord, asked: Option<u32>) -> Result<(), Status> {
     match asked.filter(|priority| *priority != record.priority) {
         Some(_) => Err(other_body(request_id, &record.id)),
@@ -227,12 +227,12 @@ impl JobService for Api {
         let below = match request.page_token.as_str() {
             "" => u64::MAX,
             token => token.parse().map_err(|_| {
-                Status::invalid_argument("page_token is not one that an earlier answer gave: leave it empty to start")
+                Status::invalid_argument("page_token is not from an earlier response: leave it empty for the first page")
             })?,
         };
         if request.states.len() > MAX_STATES {
             return Err(Status::invalid_argument(format!(
-                "{} states are asked for: at most {MAX_STATES} are allowed",
+                "the request has {} states: at most {MAX_STATES} are allowed",
                 request.states.len()
             )));
         }
@@ -250,7 +250,7 @@ impl JobService for Api {
         let (record, _) = self.stored(&id).await?;
         if after > record.last_event {
             return Err(Status::out_of_range(format!(
-                "after = {after} lies beyond the newest event of job {id}, which is {}",
+                "after = {after} is out of range: the newest event of job {id} is {}",
                 record.last_event
             )));
         }
@@ -291,7 +291,7 @@ impl JobService for Api {
             JobState::Failed => return Err(no_result(record.reason.clone())),
             JobState::Cancelled => return Err(no_result("it was cancelled".to_owned())),
             JobState::Tainted => return Err(no_result(format!("it is tainted: {}", record.reason))),
-            _ => return Err(no_result("it has not ended yet; watch it".to_owned())),
+            _ => return Err(no_result("it has not ended: wait for its end".to_owned())),
         }
         let result = self.store.result(&record.id).await.map_err(store_failed)?;
         Ok(Response::new(GetResultResponse {

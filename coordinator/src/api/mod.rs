@@ -1,4 +1,4 @@
-//! The gRPC services: check what comes in, ask the actor or the store, answer.
+//! gRPC services: they check requests, query the actor or the store, and respond.
 
 mod gates;
 mod hello;
@@ -21,22 +21,22 @@ use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot, watch as watching};
 use tonic::Status;
 
-/// What all services share.
+/// State that all services share.
 #[derive(Clone)]
 pub(crate) struct Api {
     pub store: Arc<dyn Store>,
     pub commands: mpsc::Sender<Command>,
     pub live: Live,
-    /// Turns true when the coordinator stops.
+    /// Becomes true when the coordinator stops.
     pub stopping: watching::Receiver<bool>,
-    /// The engines of this build.
+    /// Engines of this build, by name.
     pub engines: Arc<[(&'static str, Digest)]>,
-    /// How much of a kind may be under way.
+    /// Limits on concurrent work.
     pub gates: Gates,
 }
 
 impl Api {
-    /// Asks the actor and waits for what it answers.
+    /// Sends a command to the actor and waits for its reply.
     async fn ask<T>(&self, command: impl FnOnce(oneshot::Sender<T>) -> Command) -> Result<T, Status> {
         let (reply, answer) = oneshot::channel();
         self.commands.send(command(reply)).await.map_err(|_| stopping())?;
@@ -44,14 +44,14 @@ impl Api {
     }
 }
 
-/// Retryable: the coordinator will be back, or another one.
+/// Returns the error of a stopping coordinator. The call can be retried, on this coordinator or on its successor.
 fn stopping() -> Status {
-    Status::unavailable("the coordinator stops: try again once it is back")
+    Status::unavailable("the coordinator is stopping: try again after its restart")
 }
 
 fn store_failed(error: StoreError) -> Status {
     match error {
-        // It is back in a moment, or another coordinator is.
+        // This coordinator restarts, or another one takes over.
         StoreError::Closed | StoreError::Superseded { .. } => stopping(),
         StoreError::Unreachable { .. } => Status::unavailable("the store can't be reached: try again"),
         error => {
@@ -61,7 +61,7 @@ fn store_failed(error: StoreError) -> Status {
     }
 }
 
-/// Refuses texts beyond a limit.
+/// Refuses a text longer than the limit, in bytes.
 fn at_most(field: &str, value: &str, limit: usize) -> Result<(), Status> {
     if value.len() <= limit {
         Ok(())
@@ -70,27 +70,27 @@ fn at_most(field: &str, value: &str, limit: usize) -> Result<(), Status> {
     }
 }
 
-/// Refuses what can't be an id.
+/// Checks an id: 1 to [`MAX_ID`] bytes without NUL.
 fn id(field: &str, value: &str) -> Result<(), Status> {
     if value.is_empty() {
-        return Err(Status::invalid_argument(format!("{field} is missing: 1 to {MAX_ID} bytes are needed")));
+        return Err(Status::invalid_argument(format!("{field} is missing: 1 to {MAX_ID} bytes are required")));
     }
     no_nul(field, value)?;
     at_most(field, value, MAX_ID)
 }
 
-/// Refuses text that could steer a terminal it is printed on.
+/// Refuses text with control characters, which could alter a terminal that prints it.
 fn printable(field: &str, value: &str) -> Result<(), Status> {
     match value.chars().find(|c| c.is_control()) {
         None => Ok(()),
-        Some(c) => Err(Status::invalid_argument(format!("{field} has a control character, {}", c.escape_default()))),
+        Some(c) => Err(Status::invalid_argument(format!("{field} has a control character, {}: remove it", c.escape_default()))),
     }
 }
 
-/// Refuses the one letter that not every store can keep.
+/// Refuses text with NUL, which PostgreSQL can't store.
 fn no_nul(field: &str, value: &str) -> Result<(), Status> {
     if value.contains('\0') {
-        Err(Status::invalid_argument(format!("{field} has a NUL, which is not allowed")))
+        Err(Status::invalid_argument(format!("{field} has a NUL character, which is not allowed")))
     } else {
         Ok(())
     }

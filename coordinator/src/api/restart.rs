@@ -1,4 +1,4 @@
-//! RestartJob: an ended job is done again from one of its rounds on.
+//! RestartJob: a new job repeats an ended job from one of its rounds on.
 
 use super::jobs::{read, request_id};
 use super::{Api, store_failed};
@@ -10,7 +10,7 @@ use sim_core::base::digest::Digest;
 use tonic::Status;
 
 impl Api {
-    /// The new job, and whether it is new.
+    /// Returns the new job, and true if it did not exist before.
     pub(super) async fn restart(&self, request: RestartJobRequest) -> Result<(JobRecord, bool), Status> {
         let RestartJobRequest { request_id: name, id, from_round } = request;
         request_id(&name)?;
@@ -28,13 +28,13 @@ impl Api {
             let from = new.procedure.round().number;
             let limit = ROUNDS_AT_ONCE.min(first - from);
             let rounds = self.store.rounds(&record.id, from, limit).await.map_err(store_failed)?;
-            let failed = |_| Status::internal("taking rounds over failed: this is a bug, please report it");
+            let failed = |_| Status::internal("taking rounds over failed; this is a bug: please report it with both job ids");
             let told = tokio::task::spawn_blocking(move || {
                 let told = rounds.into_iter().try_for_each(|sealed| carried.tell(&mut *new.procedure, sealed));
                 (told, new, carried)
             });
             let (told, taken, carrying) = told.await.map_err(failed)?;
-            told.map_err(|e| Status::failed_precondition(format!("job {} can't be done again: {e}", record.id)))?;
+            told.map_err(|e| Status::failed_precondition(format!("job {} can't be restarted: {e}", record.id)))?;
             (new, carried) = (taken, carrying);
             if new.procedure.round().number == from {
                 return Err(Status::failed_precondition(format!(
@@ -47,8 +47,8 @@ impl Api {
     }
 }
 
-/// The first round to be done again: the one that is asked for, if that can be, or else the one where the job was tainted or
-/// where a dispute is open.
+/// Returns the first round to repeat: the requested round, if it is allowed. Without a request it is the first round
+/// with a wrong or disputed result.
 fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
     let id = &record.id;
     if !record.state.is_end() {
@@ -57,17 +57,17 @@ fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
         )));
     }
     let doubtful = first_doubtful(record);
-    // Results of later rounds are not kept: those rounds are done again, too.
+    // Results of later rounds are not kept, so those rounds are repeated too.
     let first = asked.or(doubtful.map(|(round, _)| round.min(record.rounds_kept))).ok_or_else(|| {
         Status::invalid_argument(format!(
-            "nothing of job {id} is wrong or in doubt: tell the first round to be done again, 0 to {}",
+            "job {id} has no wrong or disputed result: name the first round to repeat, 0 to {}",
             record.rounds_kept
         ))
     })?;
     if first > record.rounds_kept {
         return Err(Status::invalid_argument(format!(
-            "round {first} is out of range: the results of {} rounds of job {id} are kept, so 0 to {0} can be the first to be \
-             done again",
+            "round {first} is out of range: the results of {} rounds of job {id} are kept, so the first round to repeat \
+             can be 0 to {0}",
             record.rounds_kept
         )));
     }
@@ -79,25 +79,25 @@ fn first_again(record: &JobRecord, asked: Option<u32>) -> Result<u32, Status> {
     Ok(first)
 }
 
-/// The first round that an ended job should not have sealed as it did, and the reason.
+/// Returns the first sealed round with a wrong or disputed result, and the fault in words.
 fn first_doubtful(record: &JobRecord) -> Option<(u32, &'static str)> {
     let doubtful = |d: &Dispute| match d.ruling {
         Some(Ruling::Tainted) => Some((d.round, "is wrong")),
         None if d.round < record.rounds_sealed => {
-            Some((d.round, "is in doubt (the job ended before that was decided)"))
+            Some((d.round, "is disputed (the job ended before a decision)"))
         }
         _ => None,
     };
     record.disputes.iter().filter_map(doubtful).min_by_key(|(round, _)| *round)
 }
 
-/// The new job before it takes anything over.
+/// Prepares the new job, without rounds of the old one.
 fn prepare(request_id: String, request_digest: Digest, record: &JobRecord, job_toml: String) -> Result<NewJob, Status> {
     let request = SubmitJobRequest { request_id, job_toml, priority: record.priority };
     let new = read(request, record.priority, request_digest)?;
     if new.job_digest != record.job_digest {
         return Err(Status::failed_precondition(format!(
-            "job {} was submitted to another version of evogait, which reads it differently (job digest then {}, now {}): \
+            "job {} was submitted to another version of evogait, which interprets it differently (job digest then {}, now {}): \
              submit it again",
             record.id,
             record.job_digest.short(),
@@ -118,40 +118,40 @@ mod tests {
         Dispute { round, index: 0, what, task, claims: Vec::new(), ruling, at_ms: 0 }
     }
 
-    /// A cancelled job of three sealed rounds, the results of all kept.
+    /// Returns a cancelled job with three sealed rounds and the results of all of them.
     fn cancelled(disputes: Vec<Dispute>) -> JobRecord {
         JobRecord { state: JobState::Cancelled, rounds_sealed: 3, rounds_kept: 3, disputes, ..record(1) }
     }
 
     fn refusal(record: &JobRecord, asked: Option<u32>) -> String {
-        first_again(record, asked).expect_err("it is refused").message().to_owned()
+        first_again(record, asked).expect_err("the restart is refused").message().to_owned()
     }
 
     #[test]
-    fn result_in_doubt_is_not_taken_over() {
+    fn disputed_result_is_not_taken_over() {
         let record = cancelled(vec![dispute(1, None), dispute(3, None)]);
-        assert_eq!(first_again(&record, None).ok(), Some(1), "from where it is in doubt");
+        assert_eq!(first_again(&record, None).ok(), Some(1), "the disputed round");
         assert_eq!(first_again(&record, Some(1)).ok(), Some(1));
         let why = refusal(&record, Some(2));
-        assert!(why.contains("a result of round 1 of job") && why.contains("is in doubt"), "{why}");
+        assert!(why.contains("a result of round 1 of job") && why.contains("is disputed"), "{why}");
         assert!(why.contains("restart from round 1 or an earlier one"), "{why}");
 
         let tainted = cancelled(vec![dispute(1, None), dispute(0, Some(Ruling::Tainted))]);
-        assert_eq!(first_again(&tainted, None).ok(), Some(0), "the earlier of both");
+        assert_eq!(first_again(&tainted, None).ok(), Some(0), "the earlier of both rounds");
         assert!(refusal(&tainted, Some(1)).contains("is wrong"));
     }
 
     #[test]
-    fn decided_or_unsealed_dispute_is_no_hindrance() {
+    fn decided_or_unsealed_dispute_allows_restart() {
         let record = cancelled(vec![dispute(1, Some(Ruling::Upheld)), dispute(3, None)]);
-        assert_eq!(first_again(&record, Some(3)).ok(), Some(3), "the round at hand is done again anyway");
+        assert_eq!(first_again(&record, Some(3)).ok(), Some(3), "the unsealed round is repeated anyway");
         let why = refusal(&record, None);
-        assert!(why.contains("nothing of job") && why.contains("0 to 3"), "{why}");
+        assert!(why.contains("has no wrong or disputed result") && why.contains("0 to 3"), "{why}");
         assert!(refusal(&record, Some(4)).contains("round 4 is out of range"));
     }
 
     #[test]
-    fn doubt_beyond_the_kept_rounds_restarts_from_their_end() {
+    fn dispute_beyond_kept_rounds_restarts_after_them() {
         let record = JobRecord { rounds_kept: 2, ..cancelled(vec![dispute(2, Some(Ruling::Tainted))]) };
         assert_eq!(first_again(&record, None).ok(), Some(2));
         let later = JobRecord { rounds_sealed: 5, ..record.clone() };
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn job_that_runs_is_not_restarted() {
+    fn running_job_is_not_restarted() {
         let running = JobRecord { state: JobState::Running, ..cancelled(Vec::new()) };
         assert!(refusal(&running, Some(0)).contains("has not ended"));
     }

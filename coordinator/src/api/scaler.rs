@@ -1,7 +1,7 @@
-//! KEDA's external scaler: how many slots the jobs could use, by which Kubernetes starts and stops workers.
+//! External scaler for KEDA: serves the number of slots that the jobs could use. KEDA starts and stops workers by it.
 //!
-//! It has a listener of its own, in the clear and without tokens: KEDA has none to send, and what a stranger can learn
-//! here is a number.
+//! It has its own listener, without encryption and tokens: KEDA sends none. An unauthenticated peer can only read a
+//! number.
 
 use crate::door::{self, Admission, Door};
 use crate::limits::{DEMAND_EVERY, KEEPALIVE, MAX_HEADERS, MAX_SCALERS};
@@ -27,34 +27,34 @@ use tonic::transport::Server;
 use tonic::{Request, Response, Status};
 use tower::util::MapRequestLayer;
 
-/// The one metric.
+/// Name of the only metric.
 const SLOTS: &str = "slots_wanted";
-/// In the trigger's metadata: the workers' `--slots`.
+/// Key in the trigger's metadata: the `--slots` of a worker.
 const SLOTS_PER_WORKER: &str = "slotsPerWorker";
 
-/// Why KEDA can't be answered.
+/// Reason why the external scaler can't start.
 #[derive(Debug, thiserror::Error)]
 pub enum ScalerError {
     /// The address is reachable from other machines.
     #[error(
-        "the demand at {addr} could be read from other machines by anybody: serve it on 127.0.0.1, or add \
+        "other machines could read the demand at {addr} without authentication: use 127.0.0.1, or add \
          --keda-insecure-bind"
     )]
     NotLoopback {
-        /// Where.
+        /// Address of the listener.
         addr: SocketAddr,
     },
-    /// The system refuses to listen there.
-    #[error("can't answer KEDA at {addr}: {source}")]
+    /// The system refuses the address.
+    #[error("can't serve KEDA at {addr}: {source}")]
     Bind {
-        /// Where.
+        /// Address of the listener.
         addr: SocketAddr,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
 }
 
-/// Answers until it is dropped.
+/// Server for KEDA; stops when it is dropped.
 #[derive(Debug)]
 pub(crate) struct ScalerEndpoint {
     addr: SocketAddr,
@@ -68,7 +68,7 @@ impl Drop for ScalerEndpoint {
 }
 
 impl ScalerEndpoint {
-    /// Binds and serves.
+    /// Binds the address and starts serving.
     pub async fn start(bind: telemetry::Bind, pulse: Arc<Pulse>) -> Result<Self, ScalerError> {
         let telemetry::Bind { addr, beyond_loopback } = bind;
         if !addr.ip().is_loopback() && !beyond_loopback {
@@ -90,13 +90,13 @@ impl ScalerEndpoint {
                 .add_service(ExternalScalerServer::new(scaler))
                 .serve_with_incoming(door);
             if let Err(error) = server.await {
-                tracing::error!(%error, "KEDA is not answered any more");
+                tracing::error!(%error, "the server for KEDA has failed");
             }
         });
         Ok(Self { addr, task })
     }
 
-    /// Where it listens, with the port that was chosen.
+    /// Address of the listener, with the chosen port.
     pub fn addr(&self) -> SocketAddr {
         self.addr
     }
@@ -107,7 +107,7 @@ struct Scaler {
     streams: Arc<Semaphore>,
 }
 
-/// Asks for the demand so seldom that strangers can't keep the coordinator from its work.
+/// Cache of the demand. It limits the queries, so that unauthenticated peers can't overload the coordinator.
 struct Asked {
     pulse: Arc<Pulse>,
     last: Mutex<Option<(Instant, Option<Demand>)>>,
@@ -118,7 +118,8 @@ impl Asked {
         Self { pulse, last: Mutex::new(None) }
     }
 
-    /// As it is, or was a moment ago. An error is retryable: another coordinator serves, or this one will.
+    /// Returns the demand, at most half of [`DEMAND_EVERY`] old. An error can be retried: another coordinator serves,
+    /// or this one will.
     async fn demand(&self) -> Result<Demand, Status> {
         let mut last = self.last.lock().await;
         let demand = match *last {
@@ -129,7 +130,7 @@ impl Asked {
                 demand
             }
         };
-        demand.ok_or_else(|| Status::unavailable("this coordinator does not serve now"))
+        demand.ok_or_else(|| Status::unavailable("this coordinator is not active: try again"))
     }
 }
 
@@ -147,7 +148,7 @@ impl ExternalScaler for Scaler {
     ) -> Result<Response<Self::StreamIsActiveStream>, Status> {
         let room = self.streams.clone().try_acquire_owned();
         let room =
-            room.map_err(|_| Status::resource_exhausted(format!("at most {MAX_SCALERS} streams are answered")))?;
+            room.map_err(|_| Status::resource_exhausted(format!("{MAX_SCALERS} streams are open, which is the limit: try again later")))?;
         let pulse = self.pulse.clone();
         let (out, stream) = mpsc::channel(1);
         tokio::spawn(async move {
@@ -178,7 +179,7 @@ impl ExternalScaler for Scaler {
         let slots: u32 = match request.into_inner().scaler_metadata.get(SLOTS_PER_WORKER) {
             None => 1,
             Some(text) => text.parse().ok().filter(|slots| *slots > 0).ok_or_else(|| {
-                Status::invalid_argument(format!("{SLOTS_PER_WORKER} = \"{text}\" must be a whole number from 1 on"))
+                Status::invalid_argument(format!("{SLOTS_PER_WORKER} = \"{text}\" must be a whole number of at least 1"))
             })?,
         };
         let spec = MetricSpec {

@@ -1,4 +1,4 @@
-//! WatchJob: stored events first, then live ones, without a gap between them.
+//! WatchJob: sends stored events first, then live events, without a gap.
 
 use super::{Api, stopping, store_failed};
 use crate::convert;
@@ -14,7 +14,7 @@ use tonic::Status;
 type Outbox = mpsc::Sender<Result<JobEvent, Status>>;
 
 impl Api {
-    /// The events after a sequence number, until the job ends. Keeps its place until then.
+    /// Returns the events after a sequence number, to the end of the job. Holds the permit until then.
     pub(super) fn watch(
         &self,
         id: JobId,
@@ -28,7 +28,7 @@ impl Api {
             let ended = api.feed(&id, after, &outbox).await;
             api.live.forget(&id);
             if let Err(status) = ended {
-                // If the watcher has gone there is nobody to tell.
+                // The watcher may have disconnected.
                 let _ = outbox.send(Err(status)).await;
             }
         });
@@ -36,7 +36,7 @@ impl Api {
     }
 
     async fn feed(&self, id: &JobId, after: u64, outbox: &Outbox) -> Result<(), Status> {
-        // Subscribed before the store is read: what is committed meanwhile comes at least once.
+        // Subscribed before the store is read, so that no event between the two is lost.
         let mut live = self.live.subscribe(id);
         let mut stop = self.stopping.clone();
         let mut last = after;
@@ -66,7 +66,7 @@ impl Api {
                 };
                 let event = match received {
                     Ok(event) => (*event).clone(),
-                    // Too slow for the live ones: read on in the store.
+                    // The watcher is too slow for live events: continue from the store.
                     Err(RecvError::Lagged(_)) => break,
                     Err(RecvError::Closed) => return Err(stopping()),
                 };

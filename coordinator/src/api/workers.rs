@@ -1,4 +1,4 @@
-//! WorkerService: what a worker says to the coordinator.
+//! WorkerService: calls of workers.
 
 use super::{Api, hello, id, printable, stopping, store_failed};
 use crate::access::Pass;
@@ -32,20 +32,20 @@ impl WorkerService for Api {
         let pass = Pass::of(request.extensions());
         let mut inbound = request.into_inner();
         let first = tokio::time::timeout(HELLO_WITHIN, inbound.message()).await.map_err(|_| {
-            Status::deadline_exceeded(format!("the worker did not say Hello within {} s", HELLO_WITHIN.as_secs()))
+            Status::deadline_exceeded(format!("the worker sent no Hello within {} s", HELLO_WITHIN.as_secs()))
         })??;
         let Some(WorkerMessage { message: Some(worker_message::Message::Hello(hello)) }) = first else {
-            return Err(Status::failed_precondition("a session starts with Hello"));
+            return Err(Status::failed_precondition("the first message of a session must be Hello"));
         };
         let greeting = hello::check(hello, address, pass.credential())?;
         let worker = greeting.worker.clone();
         if !hello::is_of_build(&greeting, &self.engines) {
-            // Whoever upgrades in mid-job leaves some workers as they were.
+            // After an upgrade some workers may still be of the build that an active job needs.
             let engines = greeting.engines.clone();
             if !self.ask(|reply| Command::Needs { engines, reply }).await? {
                 return Err(hello::other_build(&greeting, &self.engines));
             }
-            tracing::info!(%worker, version = greeting.version, "a worker of another build: a job needs its engine");
+            tracing::info!(%worker, version = greeting.version, "worker of another build accepted: a job needs its engine");
         }
         let place = self.gates.sessions.pass()?;
         drop(waiting);
@@ -53,7 +53,7 @@ impl WorkerService for Api {
         let messages = pass.clone().over(UnboundedReceiverStream::new(messages).map(Ok));
         let api = self.clone();
         let (connected, welcomed) = oneshot::channel();
-        // Of its own: whoever hangs up before the welcome must be missed, too.
+        // A task of its own: a worker that disconnects before the welcome must be handled as disconnected, too.
         tokio::spawn(async move {
             let session = api.ask(|reply| Command::Connect { greeting, outbox, reply }).await;
             let _ = connected.send(session.clone().map(drop));
@@ -84,7 +84,7 @@ fn refused(refused: RefusedResult) -> Status {
 }
 
 impl Api {
-    /// Compares a result of a round before the one sealed last with the digests in the store.
+    /// Compares a result of a round before the newest sealed round with the digests in the store.
     async fn compare(&self, completed: Completed) -> Result<Verdict, Status> {
         let (job, round) = (&completed.job, completed.range.round);
         let sealed = self.store.digests(job, round).await.map_err(store_failed)?;
@@ -93,7 +93,7 @@ impl Api {
         self.ask(|reply| Command::Compare { completed, sealed, reply }).await?.map_err(refused)
     }
 
-    /// Passes on what a worker says, until its connection ends or its token is taken away.
+    /// Forwards the messages of a worker to the actor, until its connection ends or its token is revoked.
     async fn listen(
         &self,
         mut inbound: Streaming<WorkerMessage>,
@@ -106,7 +106,8 @@ impl Api {
             let received = tokio::select! {
                 received = inbound.message() => match received {
                     Ok(Some(message)) => Ok(Some(message)),
-                    // Without its token it hears no more, and hangs up: that must not be taken for a crash.
+                    // After a revocation the message stream to the worker ends, and the worker disconnects. That is not
+                    // a crash.
                     Ok(None) | Err(_) => pass.check().map(|()| None),
                 },
                 status = pass.ended() => Err(status),
@@ -116,7 +117,7 @@ impl Api {
                 Ok(received) => received,
                 Err(status) => {
                     let reason = status.message().to_owned();
-                    // If the actor has gone there is nothing to take back.
+                    // The actor may have stopped.
                     let _ = self.commands.send(Command::Expel { worker, session, reason }).await;
                     return;
                 }
@@ -127,11 +128,11 @@ impl Api {
                     worker_message::Message::Heartbeat(Heartbeat { running: named, progress: told })
                         if named.len().max(told.len()) > MAX_RUNNING =>
                     {
-                        tracing::warn!(%worker, running = named.len(), told = told.len(), MAX_RUNNING, "not a worker of ours");
+                        tracing::warn!(%worker, running = named.len(), told = told.len(), MAX_RUNNING, "malformed heartbeat: session closed");
                         Command::Disconnect { worker, session }
                     }
                     worker_message::Message::Drain(drain) if drain.finishing.len() > MAX_RUNNING => {
-                        tracing::warn!(%worker, finishing = drain.finishing.len(), MAX_RUNNING, "not a worker of ours");
+                        tracing::warn!(%worker, finishing = drain.finishing.len(), MAX_RUNNING, "malformed drain message: session closed");
                         Command::Disconnect { worker, session }
                     }
                     worker_message::Message::Heartbeat(heartbeat) => {
@@ -148,10 +149,10 @@ impl Api {
                         let finishing = drain.finishing.into_iter().map(AssignmentId).collect();
                         Command::Drain { worker, session, finishing }
                     }
-                    // Said once is enough.
+                    // A repeated Hello is ignored.
                     worker_message::Message::Hello(_) => continue,
                 },
-                // A message of a later version.
+                // A message of a later version is ignored.
                 Some(WorkerMessage { message: None }) => continue,
                 None => {
                     let _ = self.commands.send(Command::Disconnect { worker, session }).await;
@@ -165,7 +166,7 @@ impl Api {
     }
 }
 
-/// Checks a worker's result as far as it can be without its job.
+/// Checks the fields of a worker's result that can be checked without its job.
 pub(crate) fn completed(request: CompleteRequest, caller: Caller) -> Result<Completed, Status> {
     id("worker_id", &request.worker_id)?;
     printable("worker_id", &request.worker_id)?;
@@ -178,7 +179,7 @@ pub(crate) fn completed(request: CompleteRequest, caller: Caller) -> Result<Comp
     Ok(completed)
 }
 
-/// A worker's words for people: not too many of them, and nothing that steers a terminal.
+/// Shortens a worker's text to [`MAX_REASON`] bytes and replaces control characters other than newlines.
 fn shortened(mut reason: String) -> String {
     let end = (0..=MAX_REASON).rev().find(|i| reason.is_char_boundary(*i)).unwrap_or(0);
     reason.truncate(end);

@@ -1,4 +1,5 @@
-//! What one side shows to the other: certificates, keys and tokens, read from files and checked before anything starts.
+//! Credentials that peers present to each other: certificates, keys and tokens, read from files and checked before
+//! anything starts.
 
 mod pem;
 mod token;
@@ -24,10 +25,10 @@ pub const TOKEN_VARIABLE: &str = "EVOGAIT_TOKEN";
 /// Largest file of certificates, keys or tokens, in bytes.
 pub const MAX_FILE: usize = 1024 * 1024;
 
-/// Where a client's or a worker's credentials are.
+/// Sources of a client's or a worker's credentials.
 #[derive(Clone, Debug, Default)]
 pub struct Sources {
-    /// Certificates of those who may sign the coordinator's certificate, PEM.
+    /// Certificates of CAs that may sign the coordinator's certificate, PEM.
     pub ca: Option<PathBuf>,
     /// Certificate to show to the coordinator, PEM.
     pub cert: Option<PathBuf>,
@@ -37,12 +38,12 @@ pub struct Sources {
     pub token_file: Option<PathBuf>,
 }
 
-/// What a client or a worker shows to a coordinator, and whom it believes.
+/// Credentials of a client or a worker, and the CAs that it accepts.
 #[derive(Clone, Debug, Default)]
 pub struct Credentials {
-    /// Who may sign the coordinator's certificate.
+    /// CAs that may sign the coordinator's certificate.
     pub ca: Option<Authority>,
-    /// Shown to the coordinator, if it asks.
+    /// Certificate for the coordinator, if it requests one.
     pub identity: Option<Identity>,
     /// Sent with every call.
     pub token: Option<Token>,
@@ -110,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_given_wins_over_the_environment_and_a_file_over_a_text() {
+    fn option_precedes_environment_and_file_precedes_text() {
         let folder = tempfile::tempdir().unwrap();
         let file = |name: &str, token: &str| {
             let path = folder.path().join(name);

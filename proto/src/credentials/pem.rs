@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use x509_parser::prelude::{FromDer as _, X509Certificate};
 
-/// Certificates whose signature is believed.
+/// Certificates of accepted CAs.
 #[derive(Clone, Debug)]
 pub struct Authority {
     /// As the transport wants it.
@@ -40,27 +40,27 @@ pub enum PemError {
     /// The file can't be read.
     #[error("can't read {file}: {reason}", file = .file.display())]
     Read {
-        /// Which.
+        /// The file.
         file: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// No PEM of the kind that is needed.
     #[error("{file} holds no {what} in PEM, a text with a line \"-----BEGIN {label}-----\"", file = .file.display())]
     NotPem {
-        /// Which.
+        /// The file.
         file: PathBuf,
         /// "certificate", "private key".
         what: &'static str,
-        /// What the line says.
+        /// The label of the line.
         label: &'static str,
     },
-    /// PEM whose content is damaged, or of a kind that can't be used.
+    /// PEM with content that is damaged, or of a kind that can't be used.
     #[error("{file} can't be used: {reason}", file = .file.display())]
     Unusable {
-        /// Which.
+        /// The file.
         file: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// Another key's certificate.
@@ -74,7 +74,7 @@ pub enum PemError {
     /// A certificate that was valid.
     #[error("the certificate in {file} expired on {day}: renew it, such as with `evogait certs renew`", file = .file.display())]
     Expired {
-        /// Which.
+        /// The file.
         file: PathBuf,
         /// Its last day, YYYY-MM-DD.
         day: String,
@@ -82,7 +82,7 @@ pub enum PemError {
     /// A certificate that will be valid.
     #[error("the certificate in {file} is valid from {day} on only: is this machine's clock right?", file = .file.display())]
     NotYet {
-        /// Which.
+        /// The file.
         file: PathBuf,
         /// Its first day, YYYY-MM-DD.
         day: String,
@@ -90,19 +90,19 @@ pub enum PemError {
     /// A certificate that can't sign others, where one is needed that can.
     #[error("the certificate in {file} is not that of a CA: give the file of the CA that signed the other side's", file = .file.display())]
     NoAuthority {
-        /// Which.
+        /// The file.
         file: PathBuf,
     },
 }
 
-/// Says which cryptography TLS uses in this process, whichever else may be linked in.
+/// Sets the cryptography that TLS uses in this process, also if other providers are linked in.
 pub fn choose_provider() {
     // Failing means that it has been said before.
     let _ = ring::default_provider().install_default();
 }
 
-/// Reads the certificates of CAs, one or more, so that an old and a new one can be believed at once. Of several those are
-/// believed that are valid today, if there are any.
+/// Reads the certificates of CAs, one or more, so that an old and a new one can be accepted at once. Of several, those
+/// that are valid today are accepted, if there are any.
 pub fn authority(file: &Path) -> Result<Authority, PemError> {
     let (text, certificates) = certificates(file)?;
     let text = String::from_utf8_lossy(&text);

@@ -1,4 +1,4 @@
-//! Bearer tokens: a secret text that says what its holder may do.
+//! Bearer tokens: secret texts that give their holder a role.
 
 use super::{plain, read_file};
 use std::ffi::OsString;
@@ -20,17 +20,17 @@ pub enum TokenError {
     /// The file can't be read.
     #[error("can't read the token file {file}: {reason}", file = .file.display())]
     Read {
-        /// Which.
+        /// The file.
         file: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// Too short or too long.
     #[error("the token in {place} has {length} characters: {MIN_TOKEN} to {MAX_TOKEN} are needed")]
     Length {
-        /// Which file or variable.
+        /// File or variable.
         place: String,
-        /// How many there are.
+        /// Length found.
         length: usize,
     },
     /// Something that a header can't carry.
@@ -38,7 +38,7 @@ pub enum TokenError {
         "the token in {place} has a character that is not visible ASCII: make a new one, such as with `openssl rand -hex 32`"
     )]
     Character {
-        /// Which file or variable.
+        /// File or variable.
         place: String,
     },
 }

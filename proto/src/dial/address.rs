@@ -1,4 +1,4 @@
-//! Where coordinators are: `http://HOST:PORT` or `https://HOST:PORT`, several of them separated by commas.
+//! Addresses of coordinators: `http://HOST:PORT` or `https://HOST:PORT`, several of them separated by commas.
 
 use http::Uri;
 use std::fmt;
@@ -17,9 +17,9 @@ pub struct Addresses(Vec<Address>);
 pub struct Address {
     /// Without a path: `https://HOST:PORT`.
     pub url: String,
-    /// Whether it is `https`.
+    /// True for `https`.
     pub tls: bool,
-    /// Whether nobody but this machine is there. A name is taken for another machine's, `localhost` excepted.
+    /// True if only this machine is reachable there. A name counts as another machine's, except `localhost`.
     pub loopback: bool,
 }
 
@@ -32,13 +32,13 @@ pub enum BadAddress {
          http://127.0.0.1:7077; several are separated by commas"
     )]
     Form {
-        /// What was given.
+        /// The given text.
         text: String,
     },
     /// Too many of them.
     #[error("{found} addresses of a coordinator are given: at most {MAX_ADDRESSES} are allowed")]
     TooMany {
-        /// How many.
+        /// Number found.
         found: usize,
     },
 }

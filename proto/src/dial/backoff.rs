@@ -1,4 +1,4 @@
-//! How long to wait before trying again.
+//! Delays between attempts.
 
 use std::hash::{BuildHasher as _, RandomState};
 use std::time::Duration;
@@ -22,7 +22,7 @@ impl Default for Backoff {
 }
 
 impl Backoff {
-    /// Nothing was tried yet.
+    /// A backoff before the first attempt.
     pub fn new() -> Self {
         Self { next: FIRST, random: RandomState::new(), tries: 0 }
     }
@@ -41,7 +41,7 @@ impl Backoff {
         wait
     }
 
-    /// Waits.
+    /// Waits for the next attempt.
     pub async fn wait(&mut self) {
         tokio::time::sleep(self.next_wait()).await;
     }

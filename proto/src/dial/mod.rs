@@ -1,8 +1,8 @@
-//! How a coordinator is reached, by clients and workers alike: its addresses and credentials become a [`Way`], a channel
-//! that goes on to the next address when one does not serve.
+//! Connections of clients and workers to a coordinator: addresses and credentials become a [`Way`], a channel that
+//! moves on to the next address when one does not serve.
 //!
-//! A coordinator that stands by answers UNAVAILABLE, and so does one that stops; one that died does not answer at all.
-//! The call that finds this out fails. The next one goes to the next address: callers try again anyway.
+//! A standby answers UNAVAILABLE, and so does a coordinator that stops; one that crashed does not answer at all. The
+//! call that finds this fails. The next call uses the next address: callers retry anyway.
 
 mod address;
 mod backoff;
@@ -23,11 +23,11 @@ use tonic::transport::{ClientTlsConfig, Endpoint};
 
 /// A connection is made within this time, or not at all.
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);
-/// How often a connection is checked, and how long the other side has to answer: a half-open one is found within twice
+/// Time between checks of a connection, and time the peer has to answer: a half-open connection is found within twice
 /// this.
 const KEEPALIVE: Duration = Duration::from_secs(10);
 
-/// What is needed to connect. Clones share which address is the right one at the moment.
+/// All that is needed to connect. Clones share the current address.
 #[derive(Clone, Debug)]
 pub struct Dial {
     addresses: Addresses,
@@ -46,30 +46,30 @@ pub enum DialError {
          --ca FILE, or leave the token away"
     )]
     PlainToken {
-        /// Where.
+        /// Its address.
         url: String,
     },
-    /// Nobody to believe.
+    /// No accepted CA is given.
     #[error(
         "{url} needs the certificate of the CA that signed the coordinator's: give it with --ca FILE (`evogait certs init` \
          makes one)"
     )]
     NoAuthority {
-        /// Where.
+        /// Its address.
         url: String,
     },
     /// The transport refuses these credentials.
     #[error("{url} can't be connected to with these certificates: {reason}")]
     Tls {
-        /// Where.
+        /// Its address.
         url: String,
-        /// What it says.
+        /// Its message.
         reason: String,
     },
 }
 
 impl Dial {
-    /// Puts addresses and credentials together. Connects to nobody yet.
+    /// Combines addresses and credentials. Does not connect.
     pub fn new(addresses: Addresses, credentials: &Credentials) -> Result<Self, DialError> {
         let endpoints = addresses.all().iter().map(|a| endpoint(a, credentials)).collect::<Result<_, _>>()?;
         let token = credentials.token.as_ref().map(|token| {
@@ -88,12 +88,12 @@ impl Dial {
         self
     }
 
-    /// Where it goes.
+    /// Returns the addresses.
     pub fn addresses(&self) -> &Addresses {
         &self.addresses
     }
 
-    /// How many addresses there are.
+    /// Returns the number of addresses.
     pub fn count(&self) -> usize {
         self.endpoints.len()
     }
@@ -108,7 +108,7 @@ impl Dial {
         Way::new(self)
     }
 
-    /// Connects once, to the first address that takes a connection: tells early that nobody is there. The error is that
+    /// Connects once, to the first address that accepts a connection: finds out early if none does. The error is that
     /// of the last address.
     pub async fn reach(&self) -> Result<(), tonic::transport::Error> {
         let mut last = Ok(());
@@ -123,7 +123,7 @@ impl Dial {
         last
     }
 
-    /// The address with this index does not serve: the next one's turn, unless somebody found out before.
+    /// Moves on from the address with this index, which does not serve, unless another call did so before.
     fn leave(&self, at: usize) {
         let next = (at + 1) % self.count();
         // Failing means that another call has moved on already.

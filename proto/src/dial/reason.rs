@@ -1,10 +1,10 @@
-//! Why a connection failed, in words that say what to do.
+//! Reasons of failed connections, with the remedy.
 
 use rustls::{AlertDescription, CertificateError, Error as Tls};
 use std::error::Error;
 use std::io;
 
-/// What the other side may find wrong with our certificate. In TLS 1.3 it says so when for us the connection stands already.
+/// Alerts about our certificate. In TLS 1.3 they arrive after the connection is established on our side.
 const ALERTS: [AlertDescription; 4] = [
     AlertDescription::CertificateRequired,
     AlertDescription::UnknownCA,
@@ -20,17 +20,17 @@ pub fn reason(error: &(dyn Error + 'static)) -> String {
         Err(cause) => cause,
     };
     let text = cause.to_string();
-    // Once a connection stands, HTTP/2 keeps of an error only what it says.
+    // After a connection is established, HTTP/2 keeps only the text of an error.
     if let Some(alert) = ALERTS.map(Tls::AlertReceived).iter().find(|alert| alert.to_string() == text) {
         return of_tls(alert);
     }
     text.find(" (os error").map_or(text.clone(), |end| text[..end].to_owned())
 }
 
-/// What is wrong with the certificate that the other side showed.
+/// Fault of the certificate that the peer presented.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BadCertificate {
-    /// Nobody who is believed has signed it.
+    /// It is not signed by an accepted CA.
     UnknownIssuer,
     /// It is not valid any more.
     Expired,
@@ -45,7 +45,7 @@ pub enum BadCertificate {
     Other(String),
 }
 
-/// Whether a connection failed because of the other side's certificate, and why. `None` if something else failed.
+/// Returns the fault of the peer's certificate if a connection failed because of it; `None` for other failures.
 pub fn bad_certificate(error: &(dyn Error + 'static)) -> Option<BadCertificate> {
     let Ok(Tls::InvalidCertificate(problem)) = to_the_bottom(error) else { return None };
     Some(match problem {
@@ -86,10 +86,10 @@ fn of_tls(error: &Tls) -> String {
             if presented.is_empty() { "no name".to_owned() } else { presented.join(", ") }
         ),
         Tls::AlertReceived(AlertDescription::CertificateRequired) => {
-            "it asks for a client certificate: give --cert FILE and --key FILE".to_owned()
+            "it requires a client certificate: give --cert FILE and --key FILE".to_owned()
         }
         Tls::AlertReceived(AlertDescription::UnknownCA | AlertDescription::DecryptError) => {
-            "it does not believe the CA of the certificate that --cert names".to_owned()
+            "it does not accept the CA of the certificate that --cert names".to_owned()
         }
         Tls::AlertReceived(AlertDescription::CertificateExpired) => {
             "the certificate that --cert names has expired: renew it, such as with `evogait certs renew`".to_owned()

@@ -10,8 +10,8 @@ use tonic::body::Body;
 use tonic::transport::Channel;
 use tower_service::Service;
 
-/// A channel to whichever of the addresses serves. A call that finds that one does not fails with UNAVAILABLE, and the
-/// next call goes to the next. Carries the token. Clones share connections.
+/// A channel to the address that serves. A call to one that does not serve fails with UNAVAILABLE, and the next call
+/// uses the next address. Carries the token. Clones share connections.
 #[derive(Clone, Debug)]
 pub struct Way {
     dial: Dial,
@@ -24,7 +24,7 @@ impl Way {
         Self { dial: dial.clone(), channels }
     }
 
-    /// Where it goes.
+    /// Returns the addresses and credentials.
     pub fn dial(&self) -> &Dial {
         &self.dial
     }
@@ -60,7 +60,7 @@ impl Service<http::Request<Body>> for Way {
     }
 }
 
-/// Whether an answer is UNAVAILABLE and nothing else.
+/// Returns true if an answer is UNAVAILABLE and nothing else.
 fn stands_by(answer: &http::Response<Body>) -> bool {
     let unavailable = tonic::Code::Unavailable as i32;
     answer.headers().get("grpc-status").is_some_and(|status| status.as_bytes() == unavailable.to_string().as_bytes())

@@ -103,7 +103,7 @@ impl<'de> Deserialize<'de> for Digest {
 
 /// The running digest of the results of a job's tasks, round by round; once sealed, the *result digest*.
 ///
-/// Two runs of jobs with the same job digest must end with the same result digest, whatever workers there were.
+/// Two runs of jobs with the same job digest must end with the same result digest, on any workers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultDigest(Digest);
 

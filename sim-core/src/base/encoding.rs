@@ -27,9 +27,9 @@ pub enum Unreadable {
     /// They decode, but the value's own encoding differs: bytes follow it, or a number is written in more bytes than it needs.
     #[error("it is not encoded as its own value is: {found} bytes instead of {wanted}, or others of them")]
     NotCanonical {
-        /// How many there are.
+        /// Number of bytes or items found.
         found: usize,
-        /// How many there should be.
+        /// Number of bytes or items needed.
         wanted: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! What can be wrong with what a user wrote.
+//! Errors in user input.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ pub enum Invalid {
     /// The text is not TOML, or its structure is not the expected one. `message` says where (line and column) and why.
     #[error("{message}")]
     Syntax {
-        /// What the parser says, with line and column.
+        /// Message of the parser, with line and column.
         message: String,
     },
     /// A number outside of what is allowed; NaN and infinities are always outside.
@@ -18,7 +18,7 @@ pub enum Invalid {
     OutOfRange {
         /// Path of the value.
         field: String,
-        /// What stands there.
+        /// The value found.
         value: f64,
         /// Least allowed value.
         min: f64,
@@ -32,7 +32,7 @@ pub enum Invalid {
     WholeOutOfRange {
         /// Path of the value.
         field: String,
-        /// What stands there.
+        /// The value found.
         value: u64,
         /// Least allowed value.
         min: u64,
@@ -46,7 +46,7 @@ pub enum Invalid {
     Unknown {
         /// Path of the value.
         field: String,
-        /// What stands there.
+        /// The value found.
         value: String,
         /// The names that exist.
         known: Vec<String>,
@@ -67,7 +67,7 @@ pub enum Invalid {
     Name {
         /// Path of the value.
         field: String,
-        /// What stands there.
+        /// The value found.
         value: String,
     },
     /// Two parts of the robot occupy the same space in the neutral configuration.
@@ -79,7 +79,7 @@ pub enum Invalid {
         first: String,
         /// The other module.
         second: String,
-        /// How deep they overlap, mu.
+        /// Depth of the overlap, mu.
         depth: f64,
     },
     /// A module that hangs on nothing.
@@ -107,25 +107,25 @@ pub enum Invalid {
         face: String,
         /// The module that has it.
         module: String,
-        /// Who is there already.
+        /// The module that is attached there already.
         by: String,
     },
     /// A place that has to be free is not.
     #[error("{what} at ({x}, {y}) lies {wrong}")]
     Misplaced {
-        /// What: the start, the goal.
+        /// The misplaced thing: the start or the goal.
         what: &'static str,
         /// mu from the map's centre.
         x: f64,
         /// mu from the map's centre.
         y: f64,
-        /// What is wrong there.
+        /// Description of the fault.
         wrong: String,
     },
     /// Something in a robot of another format that a robot here can't have.
     #[error("line {line}, {element}: {reason}")]
     Foreign {
-        /// Where the element begins.
+        /// Line on which the element begins.
         line: u32,
         /// The element and its name, such as `<joint name="knee">`.
         element: String,
@@ -152,7 +152,7 @@ impl From<toml::de::Error> for Invalid {
     }
 }
 
-/// What a parser says is allowed, and how to say it to somebody who writes no Rust.
+/// Expectations in a parser's messages, and their wording for readers without knowledge of Rust.
 const EXPECTED: [(&str, &str); 4] = [
     // TOML has larger integers than a field here takes.
     ("` as i128", "`"),
@@ -162,7 +162,7 @@ const EXPECTED: [(&str, &str); 4] = [
 ];
 
 impl Invalid {
-    /// Nothing, the one fault, or all of them.
+    /// Returns `Ok` without faults, the only fault, or all of them.
     ///
     /// # Errors
     /// If there is one.
@@ -194,12 +194,12 @@ impl Faults {
         found.map_err(|fault| self.add(fault)).ok()
     }
 
-    /// Whether there are so many that no more are sought.
+    /// Returns true if the limit on listed faults is reached.
     pub fn is_full(&self) -> bool {
         self.0.len() >= crate::base::limits::MAX_FAULTS_SOUGHT
     }
 
-    /// Whether nothing is wrong.
+    /// Returns true without faults.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Every limit has a name. What exceeds one is refused with an error that tells it.
+//! Limits. Each has a name, and the error of a value beyond it names the limit.
 
 /// Longest name of a robot, module, environment or job.
 pub const MAX_NAME_LENGTH: usize = 64;
@@ -72,5 +72,5 @@ pub const MAX_GENOTYPE: usize = 16_384;
 pub const MAX_GENERATION_PARAMETERS: usize = 8_000_000;
 /// Bytes of genotypes in the tasks of one assignment: it stays far below the largest message.
 pub const MAX_ASSIGNMENT_GENOTYPES: usize = 8 * 1024 * 1024;
-/// Longest text that says why a robot can't be prepared, in bytes.
+/// Longest reason for a robot that can't be prepared, in bytes.
 pub const MAX_REFUSAL: usize = 4096;

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use sha2::{Digest, Sha256};
 
-/// What a stream of random numbers is for. The numbers are part of every result's identity: never reuse one.
+/// Purpose of a stream of random numbers. The numbers are part of every result's identity: never reuse one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Purpose {
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn streams_are_recorded_and_differ_in_every_part_of_their_key() {
+    fn streams_match_record_and_differ_by_each_part_of_key() {
         let first = |mut s: Stream| s.unit().to_bits();
         let base = first(Stream::new(1, Purpose::Planner, 2, 3, 4));
         assert_eq!(base, first(Stream::new(1, Purpose::Planner, 2, 3, 4)));

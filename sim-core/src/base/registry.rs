@@ -22,7 +22,7 @@ pub trait Component: Sync + 'static {
 
 /// A kind of component that has a registry.
 pub trait Registered: Component {
-    /// Where all of the kind are found.
+    /// Returns the registry of this kind of component.
     fn registry() -> &'static Registry<Self>;
 }
 
@@ -116,7 +116,7 @@ impl<'de, T: Registered + ?Sized> Deserialize<'de> for Chosen<T> {
         let name = String::deserialize(deserializer)?;
         let registry = T::registry();
         registry.find(&name).map(Self).ok_or_else(|| {
-            // The words of serde's own refusal, whose list of names would have to be known at compile time.
+            // The wording of serde's own refusal, which needs the list of names at compile time.
             serde::de::Error::custom(format!("unknown variant `{name}`, {}", expected(&registry.names())))
         })
     }
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_added_is_found_and_a_name_is_given_once() {
+    fn added_component_is_found_and_duplicate_name_refused() {
         let registry = Registry::new(&[&Named("first"), &Named("second")]);
         assert!(registry.find("third").is_none());
         registry.add(&Named("third")).unwrap();

@@ -1,8 +1,8 @@
-//! What an evaluation says of a candidate, in the words that optimisers, scheduler and store share.
+//! Scores and counts of an evaluation, in the types that optimisers, scheduler and store share.
 
 use serde::{Deserialize, Serialize};
 
-/// Whether larger or smaller values are better.
+/// Direction of a score: larger or smaller values are better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
@@ -13,8 +13,8 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// Whether `a` is strictly better than `b`. A failed evaluation (`None`) and NaN are worse than any number, and not
-    /// better than each other.
+    /// Returns true if `a` is strictly better than `b`. A failed evaluation (`None`) and NaN are worse than any number,
+    /// and not better than each other.
     pub fn better(self, a: Option<f64>, b: Option<f64>) -> bool {
         match (a.filter(|v| !v.is_nan()), b.filter(|v| !v.is_nan())) {
             (Some(a), Some(b)) => match self {
@@ -44,7 +44,7 @@ pub fn mean(scores: &[Option<f64>]) -> Option<f64> {
     (present > 0).then(|| scores.iter().flatten().sum::<f64>() / present as f64)
 }
 
-/// What an evaluation did. All of it follows from the job and the candidate alone.
+/// Effort of an evaluation. All counts follow from the job and the candidate alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
     /// Rollouts simulated.

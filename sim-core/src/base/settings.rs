@@ -208,8 +208,8 @@ impl<'de, T: Configurable + Registered + ?Sized> Deserialize<'de> for Table<T> {
 /// Key of the component's name.
 const KIND: &str = "kind";
 
-/// Reader of a table. It knows the settings of all components before it has read the kind, so it reads each value as its
-/// type, and an error names the value's line.
+/// Reader of a table. The settings of all components are available before the kind is read, so each value is read as
+/// its type, and an error names the value's line.
 struct Reading<T: ?Sized>(PhantomData<T>);
 
 impl<'de, T: Configurable + Registered + ?Sized> Visitor<'de> for Reading<T> {

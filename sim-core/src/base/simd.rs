@@ -5,8 +5,8 @@
 
 pub use fearless_simd::Level;
 
-/// Does something generic over the instruction set at a level: AVX-512, AVX2, or the baseline, whose fused multiply-add
-/// is computed in software. Fewer than there are: each one is compiled in full.
+/// Runs code that is generic over the instruction set at a level: AVX-512, AVX2, or the baseline, which computes fused
+/// multiply-adds in software. Not all levels are used, because each one is compiled in full.
 macro_rules! at_level {
     ($level:expr, $simd:ident => $what:expr) => {{
         use fearless_simd::Simd as _;

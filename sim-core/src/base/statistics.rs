@@ -32,7 +32,7 @@ pub fn share_interval(successes: u32, n: u32) -> (f64, f64) {
     let middle = share + Z * Z / (2.0 * n);
     let half = Z * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
     let scale = 1.0 + Z * Z / n;
-    // At the ends the exact bound is known, whatever rounding makes of it.
+    // At the ends the bound is exact, free of rounding.
     let low = if successes == 0 { 0.0 } else { (middle - half) / scale };
     let high = if f64::from(successes) == n { 1.0 } else { (middle + half) / scale };
     (low, high)

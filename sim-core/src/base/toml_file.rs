@@ -38,18 +38,18 @@ pub fn read<T: DeserializeOwned>(text: &str) -> Result<T, Invalid> {
     all.and(Err(error.into()))
 }
 
-/// Where the key stands that an error calls unknown, if it is such an error.
+/// Returns the place of the key in an error about an unknown key.
 fn unknown_key(error: &Error) -> Option<Range<usize>> {
     error.span().filter(|_| error.message().starts_with("unknown field"))
 }
 
-/// The keys that an error says there are.
+/// Returns the allowed keys that an error lists.
 fn expected(error: &Error) -> Vec<&str> {
     let (_, known) = error.message().split_once("expected").unwrap_or_default();
     known.split('`').skip(1).step_by(2).collect()
 }
 
-/// Renames the entry whose key stands there to the key that may be meant, or removes it.
+/// Renames the entry at this key to the most similar allowed key, or removes it.
 fn mend(table: &mut DeTable, key: &Range<usize>, known: &[&str]) {
     if let Some(wrong) = table.keys().find(|found| found.span() == *key).cloned() {
         let value = table.remove(&wrong);
@@ -103,7 +103,7 @@ kind = "pso"
     }
 
     #[test]
-    fn what_follows_from_a_misspelt_key_is_no_fault_of_its_own() {
+    fn misspelt_key_causes_no_further_fault() {
         let said = read::<JobSpec>(&JOB.replace("name =", "nam =")).unwrap_err().to_string();
         assert!(
             said.contains("unknown field `nam`") && !said.contains("missing") && !said.contains("faults"),

@@ -19,7 +19,7 @@ pub struct GaitsSpec {
     /// τ, how long each is applied, s.
     #[serde(default = "paper_duration")]
     pub duration: f64,
-    /// What generates the joint targets.
+    /// Controller that generates the joint targets.
     #[serde(default)]
     pub controller: Chosen<dyn Controller>,
     /// Bounds of parameters that differ from the controller's own, by the parameter's name: `mu = [0.3, 1.3]`.

@@ -11,7 +11,7 @@ use fearless_simd::prelude::*;
 /// For α, β > 0 it converges to the circle of radius √μ. The bounds are the paper's. It starts at x = 0.1, y = 0.
 pub struct Hopf;
 
-/// Where oscillators start; the paper does not say.
+/// Start of the oscillators, (x, y); the paper gives none.
 const START: (f64, f64) = (0.1, 0.0);
 
 /// Parameters of an oscillator.
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn every_oscillator_is_the_printed_equation_whatever_runs_beside_it() {
+    fn oscillators_follow_eq_2_beside_any_others() {
         for joints in [1, 3, 8, 17] {
             let gait = drawn(joints);
             let told = signals(&gait, 2001);

@@ -1,7 +1,7 @@
 //! Controllers: signal generators that give joint targets over time.
 //!
-//! Nothing in a controller senses the physics, so a gait is compiled once to a motion, which all rollouts of that gait
-//! share. No physics engine knows what an oscillator is.
+//! A controller senses nothing of the physics, so a gait is compiled once to a motion, which all rollouts of that gait
+//! share. Physics engines execute motions and have no oscillators.
 
 mod gaits;
 mod hopf;
@@ -37,9 +37,10 @@ pub struct Parameter {
 pub struct Run<'a> {
     /// The compiled robot: its joints in order, with limits and speeds.
     pub robot: &'a Robot,
-    /// How long the motion lasts, s.
+    /// Duration of the motion, s.
     pub duration: f64,
-    /// Where an earlier motion of the same gait left the controller ([`Motion::end_phase`]); its own start if there is none.
+    /// Phase at the end of an earlier motion of the same gait ([`Motion::end_phase`]); `None` starts at the
+    /// controller's own start.
     pub from: Option<&'a Phase>,
     /// Events from outside, such as the failure of a joint.
     pub events: &'a [Event],

@@ -1,4 +1,4 @@
-//! Which engine a job runs on.
+//! The choice of a job's engine.
 
 use crate::base::error::Invalid;
 use crate::engines::known::{Known, Row};
@@ -20,7 +20,7 @@ pub struct Chosen {
 /// Why a job runs on its engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Why {
-    /// The job says so; a job that was resolved before always does.
+    /// The job names the engine; a job that was resolved before always does.
     Asked,
     /// Lockstep's fidelity on this robot is in the table that ships, and stands in so many steps a second and substeps.
     Measured((u32, u32)),
@@ -28,13 +28,13 @@ pub enum Why {
     Terrain,
     /// The robot has capsules.
     Capsules,
-    /// The job asks for multibody joints.
+    /// The job has multibody joints.
     Multibody,
     /// Gravity, friction, motors or steps are not the scale's own.
     OtherPhysics,
     /// The table does not know the robot.
     Unmeasured,
-    /// The table knows that lockstep is not good enough for it.
+    /// The table has rows for it, and none is good enough.
     Inexact,
 }
 
@@ -43,7 +43,7 @@ impl fmt::Display for Chosen {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let why = match self.why {
             Why::Asked => return self.engine.fmt(f),
-            Why::Measured(_) => "whose fidelity on this robot is measured",
+            Why::Measured(_) => "with measured fidelity on this robot",
             Why::Terrain => "since there is terrain",
             Why::Capsules => "since the robot has capsules",
             Why::Multibody => "since joints are multibody",
@@ -55,8 +55,8 @@ impl fmt::Display for Chosen {
     }
 }
 
-/// Settles on the engine that a job asks for, or chooses one by what is known. Refuses the lockstep engine where it does
-/// not serve.
+/// Returns the engine that a job names, or chooses one by the table of fidelity. Refuses the lockstep engine where it
+/// can't simulate the job.
 pub(crate) fn choose(
     spec: &PhysicsSpec,
     robot: &Robot,
@@ -80,7 +80,7 @@ pub(crate) fn choose(
     }
 }
 
-/// What rules the lockstep engine out, for `auto` and in words.
+/// Returns the reason that excludes the lockstep engine, for `auto` and in words.
 fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Option<(Why, String)> {
     match lockstep::supports(robot, &environment.terrain) {
         Err(reason) => {
@@ -144,7 +144,7 @@ mod tests {
         Environment::from_toml(catalogue::find(catalogue::environments(), name).unwrap().toml).unwrap()
     }
 
-    /// A table that knows one robot, at both scales.
+    /// A table with one robot, at both scales.
     fn knows(robot: &Robot, spearman: f64) -> Known {
         let agreement = Agreement { gaits: 100, spearman, ceiling: 1.0 };
         let row = |scale| {
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn auto_is_lockstep_for_a_measured_robot_on_its_scale_s_own_physics_and_rapier_for_any_other() {
+    fn auto_takes_lockstep_only_for_measured_robot_on_default_physics() {
         let robot = quadropod();
         let known = knows(&robot, 0.99);
         let chosen = |text: &str| choose(&physics(text), &robot, &environment("column"), &known).unwrap();
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn lockstep_is_refused_by_field_and_reason_where_it_does_not_serve() {
+    fn unsupported_lockstep_job_is_refused_by_field() {
         let mut pillar = environment("stairs");
         pillar.terrain[0].size[1] = 1.0;
         let refused = |robot: &Robot, environment: &Environment, more: &str| {
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_that_names_its_engine_gets_it_whatever_is_known() {
+    fn job_that_names_engine_gets_it_without_row() {
         let robot = quadropod();
         for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
             let spec = PhysicsSpec { engine: engine.into(), ..PhysicsSpec::default() };
@@ -273,7 +273,7 @@ mod tests {
         let said = |engine, why| Chosen { engine, why }.to_string();
         assert_eq!(
             said(EngineKind::Lockstep, Why::Measured((200, 2))),
-            "auto: lockstep, whose fidelity on this robot is measured"
+            "auto: lockstep, with measured fidelity on this robot"
         );
         assert_eq!(said(EngineKind::Rapier, Why::Terrain), "auto: rapier, since there is terrain");
     }

@@ -9,7 +9,8 @@ use std::sync::OnceLock;
 /// revisions of their own.
 const REVISION: u32 = 2;
 
-/// The exact versions of the crates whose arithmetic enters results; `tests/versions.rs` holds them to `Cargo.lock`.
+/// The exact versions of the crates with arithmetic that results depend on; `tests/versions.rs` compares them with
+/// `Cargo.lock`.
 pub const NUMERIC_CRATES: &[(&str, &str)] = &[
     ("rapier3d", "0.36.1"),
     ("parry3d", "0.31.1"),
@@ -39,8 +40,8 @@ pub fn engine_digest(kind: EngineKind) -> Digest {
     }
 }
 
-/// What a job needs that searches on one engine and chooses its winner on another: both, so that all of its tasks go to
-/// workers that have both.
+/// Digest that a job needs if it searches on one engine and chooses its winner on another: both, so that all of its
+/// tasks are leased to workers that have both.
 pub fn engines_digest(search: EngineKind, finish: EngineKind) -> Digest {
     if search == finish {
         return engine_digest(search);
@@ -48,7 +49,7 @@ pub fn engines_digest(search: EngineKind, finish: EngineKind) -> Digest {
     Digest::of("evogait engines 1", &(engine_digest(search), engine_digest(finish)))
 }
 
-/// What jobs of this build may need: name and digest.
+/// Engines that jobs of this build may need: name and digest.
 pub fn engine_digests() -> Vec<(&'static str, Digest)> {
     let (rapier, lockstep) = (EngineKind::Rapier, EngineKind::Lockstep);
     vec![

@@ -1,5 +1,5 @@
-//! What is known of the lockstep engine's fidelity: the table that ships, by which jobs that leave the choice of an engine
-//! open get one. `evogait bench fidelity --table` makes its rows.
+//! The table of the lockstep engine's fidelity that ships. Jobs with `engine = "auto"` get their engine from it.
+//! `evogait bench fidelity --table` makes its rows.
 
 use crate::base::digest::Digest;
 use crate::base::error::{Invalid, in_range, whole_in_range};
@@ -47,7 +47,7 @@ pub struct Row {
     pub evolved: Agreement,
 }
 
-/// How well travelled distances rank as with the reference.
+/// Rank correlation of travelled distances with the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Agreement {
@@ -55,8 +55,8 @@ pub struct Agreement {
     pub gaits: u32,
     /// Spearman's rank correlation, −1 to 1.
     pub spearman: f64,
-    /// That of the reference with itself: from a start that is off by a millionth rad or in half the step, whichever is
-    /// less.
+    /// Rank correlation of the reference with itself: from a start that is off by a millionth rad or in half the step;
+    /// the smaller of the two.
     pub ceiling: f64,
 }
 
@@ -67,7 +67,7 @@ impl Agreement {
 }
 
 impl Row {
-    /// Whether the engine may stand in for rapier.
+    /// Returns true if the engine may be used instead of rapier.
     pub fn stands(&self) -> bool {
         self.random.stands() && self.evolved.stands()
     }
@@ -77,7 +77,7 @@ impl Row {
         (self.steps_per_second, self.substeps)
     }
 
-    /// Whether it tells of the same thing as another.
+    /// Returns true if it is about the same robot, scale and revision as another.
     pub fn replaces(&self, other: &Row) -> bool {
         let what = |row: &Row| (row.mechanics, row.scale, row.steps_per_second, row.substeps);
         what(self) == what(other)
@@ -123,7 +123,7 @@ impl Known {
         format!("{HEAD}\n{rows}")
     }
 
-    /// What is known of a robot at a scale, by this revision of the engine; the fastest setting first.
+    /// Returns the rows of a robot at a scale for this revision of the engine; the fastest setting first.
     pub fn of(&self, robot: &Robot, scale: Scale) -> Vec<&Row> {
         let mechanics = robot.mechanics();
         let is = |row: &&Row| (row.mechanics, row.scale, row.revision) == (mechanics, scale, lockstep::REVISION);
@@ -135,7 +135,7 @@ impl Known {
 
 const SHIPPED: &str = include_str!("../../../scenarios/fidelity.toml");
 
-/// What the file begins with.
+/// Head of the file.
 const HEAD: &str = "\
 # How near settings of the lockstep engine come to its converged reference, robot by robot: `engine = \"auto\"` takes the
 # fastest that this table says stands, and rapier where none does. Made by tests/fidelity-table.sh; docs/performance.md
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_that_ships_is_valid_and_is_what_the_command_would_write() {
+    fn shipped_table_is_valid_and_in_written_form() {
         let known = Known::from_toml(SHIPPED).unwrap();
         assert_eq!(known.to_toml(), SHIPPED);
         for row in &known.rows {
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_stands_at_the_threshold_or_at_the_robots_ceiling() {
+    fn row_stands_at_threshold_or_ceiling() {
         let high = (0.99, 0.999);
         assert!(row(high, high).stands() && row((STANDS, 1.0), high).stands());
         assert!(!row((0.979, 1.0), high).stands() && !row(high, (0.979, 1.0)).stands());
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_is_of_one_robot_by_its_mechanics_one_scale_and_one_revision() {
+    fn row_applies_to_one_mechanics_scale_and_revision() {
         let good = row((0.99, 1.0), (0.99, 1.0));
         let knows = |row: Row, robot: &Robot, scale| !Known { rows: vec![row] }.of(robot, scale).is_empty();
         let mut whole = robot(None);
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_survives_being_written_and_a_wrong_one_is_refused_by_field() {
+    fn table_round_trips_and_wrong_one_is_refused() {
         let known = Known { rows: vec![row((0.99, 1.0), (0.98, 0.99))] };
         assert_eq!(Known::from_toml(&known.to_toml()).unwrap(), known);
         let twice = Known { rows: [known.rows.clone(), known.rows.clone()].concat() };

@@ -90,7 +90,7 @@ mod tests {
 
     /// A block with an arm at its upper edge that damping alone holds: it sinks for half a minute.
     #[test]
-    fn joint_that_turns_slowly_is_no_rest_on_the_quiet_setting() {
+    fn slowly_turning_joint_is_not_at_rest() {
         let xml = r#"<mujoco model="arm"><worldbody><body name="root" pos="0 0 2"><freejoint/>
             <geom type="box" size="0.5 0.5 1" mass="9"/>
             <body name="a" pos="0.5 0 0.9"><joint name="j" axis="0 1 0" range="-90 90"/>

@@ -10,13 +10,13 @@ use crate::plan::standing_at;
 /// A robot, an engine and an environment: enough to carry motions out.
 #[derive(Clone, Copy)]
 pub struct Stage<'a> {
-    /// Who moves.
+    /// The robot.
     pub robot: &'a Robot,
     /// The engine that simulates.
     pub engine: &'static dyn Engine,
     /// Its setting.
     pub physics: &'a Physics,
-    /// Where.
+    /// The map.
     pub environment: &'a Environment,
 }
 
@@ -25,7 +25,7 @@ pub struct Stage<'a> {
 pub struct Standing {
     /// Its configuration, in any frame of the same height: only joints, tilt and velocities count.
     pub state: State,
-    /// Where its pivot is.
+    /// Place of its pivot on the map.
     pub place: Place,
 }
 
@@ -34,7 +34,7 @@ pub struct Standing {
 pub struct Executed {
     /// The rollout.
     pub rollout: Rollout,
-    /// Where the rollout's frame lies on the map.
+    /// Place of the rollout's frame on the map.
     pub frame: Place,
 }
 
@@ -71,7 +71,7 @@ impl Standing {
 }
 
 impl Executed {
-    /// Where it ends, at rest.
+    /// Returns its end, at rest.
     pub fn end(&self) -> Standing {
         let State { pivot, .. } = &self.rollout.end;
         let (p, yaw) = (pivot.translation, heading(pivot.rotation));

@@ -1,8 +1,8 @@
 //! Candidates in, scores out: what a worker does.
 //!
-//! All candidates of a call are advanced together: each round, their planners say which transitions they lack, the
-//! engine simulates all of them in one batch, and they go on. A candidate has a table of transitions of its own, so what
-//! it scores does not depend on whom it shares a batch with.
+//! All candidates of a call are advanced together. In each round their planners list the transitions they lack, the
+//! engine simulates all of them in one batch, and the planners continue. Each candidate has a table of transitions of
+//! its own, so its score does not depend on the other candidates of the batch.
 
 mod execute;
 
@@ -25,7 +25,8 @@ const BATCH: usize = 64;
 /// stays small.
 const TOGETHER: usize = 20;
 
-/// What an evaluation needs of a problem: a robot that stands somewhere, and how its gaits, trees and scores are made.
+/// The parts of a problem that an evaluation needs: a robot at its start, and the settings of its gaits, trees and
+/// scores.
 pub trait Scene {
     /// All randomness follows from it.
     fn seed(&self) -> u64;
@@ -39,7 +40,7 @@ pub trait Scene {
     fn physics(&self) -> &Physics;
     /// The settled start in the canonical frame.
     fn start(&self) -> &State;
-    /// Where the pivot starts on the map.
+    /// Returns the place of the pivot at the start.
     fn root(&self) -> Place;
     /// Number and duration of gaits.
     fn gaits(&self) -> &GaitsSpec;
@@ -47,19 +48,19 @@ pub trait Scene {
     fn controller(&self) -> &'static dyn Controller;
     /// The space of its candidates.
     fn space(&self) -> &Space;
-    /// How trees are grown.
+    /// Returns the settings of the planner.
     fn planner(&self) -> PlannerSettings;
     /// Trees of a candidate.
     fn repeats(&self) -> u32;
-    /// How transitions are reused.
+    /// Returns the settings of the reuse of transitions.
     fn reuse(&self) -> Reuse;
-    /// What a tree is worth.
+    /// Returns the objective that rates a tree.
     fn fitness(&self) -> &dyn Objective;
     /// Rollouts that so many trees of a candidate may simulate; `as_in_search`: they reuse transitions as the search does.
     fn rollout_budget(&self, trees: u32, as_in_search: bool) -> u64;
 }
 
-/// Where a scene's trees are grown.
+/// Returns the setting of a scene's trees.
 pub fn setting(scene: &dyn Scene) -> Setting<'_> {
     Setting {
         robot: scene.robot(),
@@ -69,7 +70,7 @@ pub fn setting(scene: &dyn Scene) -> Setting<'_> {
     }
 }
 
-/// Where a scene's trees begin.
+/// Returns the root of a scene's trees.
 fn root(scene: &dyn Scene) -> Root {
     let limits = |hinge: &Hinge| hinge.limits.map(f64::from);
     Root {
@@ -91,7 +92,7 @@ pub struct Evaluation {
     pub candidate: u32,
     /// The score; `None` where the evaluation failed ([`Failure`]), which counts as worst.
     pub score: Option<f64>,
-    /// What it took.
+    /// Its effort.
     pub counts: Counts,
 }
 
@@ -104,7 +105,7 @@ pub struct Trial {
     pub table: Transitions,
     /// The trees.
     pub growths: Vec<Growth>,
-    /// What it took.
+    /// Its effort.
     pub counts: Counts,
     /// Rollouts it may simulate.
     pub budget: u64,
@@ -141,7 +142,7 @@ impl Trial {
         Self { budget, ..trial }
     }
 
-    /// A trial with one tree a stream, whose transitions are reused otherwise than the job says. It may cost what it likes.
+    /// A trial with one tree a stream and with its own settings of reuse, not the job's. It has no budget.
     ///
     /// # Panics
     /// If the genotype's length does not fit the scene.
@@ -233,8 +234,8 @@ pub fn grow_on(
         if wishes.is_empty() {
             return Ok(());
         }
-        // Canonical rollouts see flat ground only; rollouts in place see the terrain. A trial's outcomes are taken in by
-        // kind and then in the order of its wishes, whatever else is in the batch.
+        // Canonical rollouts have flat ground only; rollouts in place have the terrain. A trial receives its outcomes
+        // by kind and then in the order of its wishes, independent of the rest of the batch.
         let (placed, canonical): (Vec<_>, Vec<_>) =
             wishes.into_iter().partition(|(i, key)| trials[*i].table.is_in_place(key.start));
         run(engine, scene, trials, &[], &canonical, stop)?;

@@ -1,5 +1,5 @@
-//! Robots in the formats of others: MJCF (MuJoCo's) and URDF (ROS's). Text only; who reads and writes files is
-//! elsewhere.
+//! Robots in other formats: MJCF (MuJoCo) and URDF (ROS). The functions take and return text; files are read and
+//! written elsewhere.
 //!
 //! One unit of length in a file is 1 mu. Numbers are written so that reading them gives the same bits.
 //!

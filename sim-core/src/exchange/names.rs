@@ -16,7 +16,7 @@ pub(super) struct Names {
     pub bodies: Vec<String>,
     /// Of the hinge that carries a link, where there is one.
     pub hinges: Vec<Option<String>>,
-    /// Says which names are written differently.
+    /// Note that lists the names that were changed.
     pub note: Option<String>,
 }
 

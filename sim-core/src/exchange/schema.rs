@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(super) struct Rule {
     /// Its tag.
     pub tag: &'static str,
-    /// Attributes that are read. Those whose neutral value alone is allowed are among them.
+    /// Attributes that are read, including those with only the neutral value allowed.
     pub read: &'static [&'static str],
     /// Attributes that are knowingly passed over: looks, or what is a job's own.
     pub passed: &'static [&'static str],

@@ -1,4 +1,4 @@
-//! Reading XML: elements by the name a user knows them by, numbers, and refusals that say where.
+//! Reading XML: elements by the names that a user sees, numbers, and refusals with their place.
 
 use crate::base::error::{Invalid, whole_in_range};
 use crate::base::limits::{MAX_TOML_LENGTH, MAX_XML_DEPTH};
@@ -11,7 +11,7 @@ const LARGEST: f64 = 1e9;
 /// Why a file that xacro has yet to expand is refused.
 pub(super) const XACRO: &str = "this is xacro, which makes URDF: run `xacro FILE > robot.urdf` first and import that";
 
-/// Whether a value is an expression that xacro has yet to expand.
+/// Returns true if a value has an expression that xacro must expand first.
 pub(super) fn has_expression(value: &str) -> bool {
     value.contains("${") || value.contains("$(")
 }
@@ -25,7 +25,7 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, Invalid> {
         if depth > MAX_XML_DEPTH {
             return Err(foreign(
                 element,
-                format!("it lies deeper than {MAX_XML_DEPTH} elements: that many are allowed"),
+                format!("it is nested deeper than {MAX_XML_DEPTH} elements, the limit"),
             ));
         }
         open.extend(children(element).map(|child| (child, depth + 1)));

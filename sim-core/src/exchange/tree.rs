@@ -1,4 +1,4 @@
-//! What both formats have in common: links in each other's frames, to the bodies of a robot file.
+//! The common part of both formats: links in each other's frames become the bodies of a robot file.
 
 use super::names::Names;
 use super::source::foreign;
@@ -9,7 +9,7 @@ use crate::model::{BodySpec, BoxSpec, CapsuleSpec, HingeSpec, RobotSpec};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
-/// Where a frame lies in another.
+/// Place of a frame in another one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     pub rotation: UnitQuaternion<f64>,
@@ -26,12 +26,12 @@ impl Frame {
         self.origin + self.rotation * p
     }
 
-    /// A frame that lies in this one, seen from outside.
+    /// Returns a frame that lies in this one, as seen from outside.
     pub fn then(&self, inner: &Frame) -> Frame {
         Frame { rotation: self.rotation * inner.rotation, origin: self.point(inner.origin) }
     }
 
-    /// Whether it changes nothing, to the bit.
+    /// Returns true if it changes nothing, to the bit.
     pub fn is_none(&self) -> bool {
         self.rotation == UnitQuaternion::identity() && self.origin == Vector3::zeros()
     }
@@ -60,7 +60,7 @@ pub(super) struct Link<'a> {
     pub element: Node<'a, 'a>,
     /// As the file calls it.
     pub name: Option<String>,
-    /// What carries it; only the first has none.
+    /// The parent link; only the first link has none.
     pub parent: Option<usize>,
     /// In its parent's frame.
     pub frame: Frame,
@@ -69,7 +69,7 @@ pub(super) struct Link<'a> {
     /// In its own frame.
     pub lumps: Vec<Lump>,
     pub solids: Vec<Solid>,
-    /// Whether a part of it was refused: that it then has no mass is no fault of its own.
+    /// True if a part of it was refused: a missing mass is then no further fault.
     pub incomplete: bool,
 }
 
@@ -110,7 +110,7 @@ pub(super) struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    /// Whether two links share a hinge or are rigidly joined, so that they never touch here.
+    /// Returns true if two links share a hinge or are rigidly joined, so that they never touch here.
     pub fn neighbours(&self, a: usize, b: usize) -> bool {
         let (a, b) = (self.body_of[a], self.body_of[b]);
         a == b || self.parent_of[a] == Some(b) || self.parent_of[b] == Some(a)
@@ -121,7 +121,7 @@ impl Tree<'_> {
 /// Bodies that can't be had are added to the faults.
 pub(super) fn grow<'a>(names: &Names, format: &str, links: &[Link<'a>], faults: &mut Faults) -> Tree<'a> {
     let mut bodies: Vec<Growing> = Vec::new();
-    // For each link its body, and where it lies in that body's frame.
+    // For each link its body, and its place in that body's frame.
     let mut placed: Vec<(usize, Frame)> = Vec::new();
     for (i, link) in links.iter().enumerate() {
         let carrier = link.parent.map(|p| placed[p]);

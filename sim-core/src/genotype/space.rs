@@ -51,7 +51,7 @@ pub enum Length {
 pub struct Space {
     /// The genes of a genotype, or of one segment of a sequence.
     pub genes: Vec<NamedGene>,
-    /// How long genotypes are.
+    /// Length of genotypes.
     pub length: Length,
 }
 
@@ -61,9 +61,9 @@ pub enum Misfit {
     /// It has too many or too few numbers.
     #[error("it has {found} numbers; {wanted} are needed")]
     Length {
-        /// How many it has.
+        /// Number of genes found.
         found: usize,
-        /// How many are allowed.
+        /// Number of genes allowed.
         wanted: String,
     },
     /// A number is NaN or infinite.
@@ -127,7 +127,7 @@ impl NamedGene {
 }
 
 impl Space {
-    /// Vectors of real numbers within these (low, high), whose genes are named `x1`, `x2` and so on.
+    /// Vectors of real numbers within the bounds (low, high); the genes are named `x1`, `x2` and so on.
     pub fn of_reals(bounds: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let named = |(i, (low, high))| NamedGene { name: format!("x{i}"), unit: "", gene: Gene::Real { low, high } };
         Self { genes: (1..).zip(bounds).map(named).collect(), length: Length::Fixed }

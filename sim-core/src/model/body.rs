@@ -37,11 +37,11 @@ pub struct Robot {
 pub struct Body {
     /// Its name, unique in the robot: that of the hinge that carries it, "pivot" for the pivot's.
     pub name: String,
-    /// What collides, in the body's frame, together with the capsules.
+    /// Boxes that collide, in the body's frame.
     pub boxes: Vec<CollisionBox>,
-    /// What collides, in the body's frame. An engine that knows no capsules must refuse a robot that has any.
+    /// Capsules that collide, in the body's frame. An engine without capsules must refuse a robot that has any.
     pub capsules: Vec<CollisionCapsule>,
-    /// kg.
+    /// Mass, kg.
     pub mass: f32,
     /// Centre of mass in the body's frame, mu.
     pub center_of_mass: Vector,
@@ -63,7 +63,7 @@ pub struct CollisionBox {
 pub struct CollisionCapsule {
     /// Ends of the line, mu.
     pub ends: [Vector; 2],
-    /// mu.
+    /// Radius, mu.
     pub radius: f32,
 }
 
@@ -87,7 +87,7 @@ pub struct Hinge {
 }
 
 impl Hinge {
-    /// Greatest torque of its motor under a job whose motors give `max_torque`, kg·mu²/s².
+    /// Greatest torque of its motor, or the job's `max_torque` if it has none of its own, kg·mu²/s².
     pub fn torque_or(&self, max_torque: f32) -> f32 {
         self.torque.unwrap_or(max_torque)
     }
@@ -98,7 +98,7 @@ impl Hinge {
 pub struct PartBox {
     /// Name of its module, or of its body where bodies are written out.
     pub module: String,
-    /// Whether the joints of that are stuck.
+    /// True if the joints of the module are stuck.
     pub failed: bool,
     /// Centre, mu.
     pub center: [f64; 3],

@@ -1,4 +1,4 @@
-//! What ships: robots, environments and jobs by name, compiled into the program.
+//! The catalogue: robots, environments and jobs that ship, by name, compiled into the program.
 
 /// A file of the catalogue.
 #[derive(Clone, Copy, Debug)]

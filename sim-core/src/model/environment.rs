@@ -6,20 +6,20 @@ use crate::base::error::{Faults, Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
 use serde::{Deserialize, Serialize};
 
-/// An environment as its TOML file says it.
+/// An environment as in its TOML file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Environment {
     /// Name in messages, tables and file names.
     pub name: String,
-    /// What it is, and what was assumed where its source is silent.
+    /// Description, with the assumptions made where the source is silent.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
     /// Width (x) and height (y) of the map, mu. The map ends where the robot's pivot must not go.
     pub size: [f64; 2],
-    /// Where the robot starts.
+    /// Start of the robot.
     pub start: Start,
-    /// Where it should go, if anywhere.
+    /// Goal of the robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goal: Option<Goal>,
     /// Boxes that must not be touched.
@@ -34,9 +34,9 @@ pub struct Environment {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
-    /// mu.
+    /// x of the pivot, mu.
     pub x: f64,
-    /// mu.
+    /// y of the pivot, mu.
     pub y: f64,
     /// Heading, rad.
     #[serde(default)]
@@ -47,9 +47,9 @@ pub struct Start {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Goal {
-    /// mu.
+    /// x of the pivot, mu.
     pub x: f64,
-    /// mu.
+    /// y of the pivot, mu.
     pub y: f64,
     /// Height of the pivot there, mu; only for a distance that weighs it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -57,7 +57,7 @@ pub struct Goal {
     /// Heading there, rad; likewise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub yaw: Option<f64>,
-    /// How near the pivot must come for a planning job to end, mu.
+    /// Greatest distance of the pivot at which a planning job ends, mu.
     #[serde(default = "Goal::default_radius")]
     pub radius: f64,
 }
@@ -92,10 +92,10 @@ pub struct Block {
 }
 
 impl Block {
-    /// Whether a point of the plane, grown to a disc of `margin` mu, lies over the box.
+    /// Returns true if a point of the plane, grown to a disc of `margin` mu, lies over the box.
     pub fn covers(&self, x: f64, y: f64, margin: f64) -> bool {
         let (dx, dy) = (x - self.center[0], y - self.center[1]);
-        // Far off, whatever the turn, with room for rounding.
+        // Too far away at any turn, with a margin for rounding.
         let reach = (self.size[0] + self.size[1]) / 2.0 + margin;
         if dx * dx + dy * dy > reach * reach * (1.0 + 1e-6) {
             return false;
@@ -116,12 +116,12 @@ impl Environment {
         Ok(environment)
     }
 
-    /// Whether all ground is flat: no terrain.
+    /// Returns true if all ground is flat: no terrain.
     pub fn is_flat(&self) -> bool {
         self.terrain.is_empty()
     }
 
-    /// Whether a point of the plane lies on the map.
+    /// Returns true if a point of the plane lies on the map.
     pub fn contains(&self, x: f64, y: f64) -> bool {
         x.abs() <= self.size[0] / 2.0 && y.abs() <= self.size[1] / 2.0
     }

@@ -2,7 +2,7 @@
 
 use crate::base::registry::Component;
 
-/// Limits of a joint whose kind or file says none: least and greatest angle, rad.
+/// Limits of a joint without limits in its kind or file: least and greatest angle, rad.
 pub const QUARTER_TURNS: [f32; 2] = [-std::f32::consts::FRAC_PI_2, std::f32::consts::FRAC_PI_2];
 
 /// A kind of module. Coordinates are the module's own, mu.
@@ -14,7 +14,8 @@ pub struct Kind {
     pub parts: &'static [PartKind],
     /// The hinges between two parts each.
     pub hinges: &'static [HingeKind],
-    /// Where others can be attached, at least one. A module is attached by the first unless its file names another.
+    /// Faces for attaching other modules, at least one. A module is attached by the first unless its file names
+    /// another.
     pub faces: &'static [FaceKind],
 }
 
@@ -27,7 +28,7 @@ pub struct PartKind {
     pub center: [f64; 3],
     /// Half of its sides, mu.
     pub half: [f64; 3],
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
 }
 
@@ -53,7 +54,7 @@ pub struct HingeKind {
 }
 
 impl HingeKind {
-    /// A hinge from −90° to 90°, as fast as its controller and as strong as the job says.
+    /// A hinge from −90° to 90° without limits on speed and torque of its own.
     pub const fn new(name: &'static str, [from, to]: [usize; 2], anchor: [f64; 3], axis: [f64; 3]) -> Self {
         Self { name, from, to, anchor, axis, limits: QUARTER_TURNS, speed: None, torque: None }
     }

@@ -1,4 +1,4 @@
-//! What of a robot its motion depends on, as a digest.
+//! Digest of all properties of a robot that its motion depends on.
 
 use super::{Body, Hinge, QUARTER_TURNS, Robot};
 use crate::base::digest::Digest;

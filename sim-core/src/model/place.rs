@@ -1,15 +1,15 @@
-//! Where a robot is on the map, and how far two places are apart.
+//! Places of a robot on the map.
 
 use crate::base::math::{Pose, Vector, about_z, wrap};
 
 /// Place of the pivot: what a planner knows of a configuration. Joint angles and tilt belong to its local state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// mu.
+    /// x, mu.
     pub x: f64,
-    /// mu.
+    /// y, mu.
     pub y: f64,
-    /// mu.
+    /// z, mu.
     pub z: f64,
     /// Heading, rad, in (−π, π].
     pub yaw: f64,

@@ -5,7 +5,7 @@ use crate::base::math::{Pose, Vector};
 
 /// An inertia is doubted where the mass would have to lie so many times as far from the axis as the shapes reach.
 const FAR: f32 = 2.0;
-/// Bodies of modules are about 1 mu long. A robot whose bodies are shorter or longer than this may be in other units.
+/// Usual lengths of bodies, mu. Bodies of modules are about 1 mu long; shorter or longer ones may be in other units.
 const USUAL: (f32, f32) = (0.2, 10.0);
 
 impl Robot {

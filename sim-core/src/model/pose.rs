@@ -1,4 +1,4 @@
-//! Where a robot is and how its joints stand.
+//! Poses of a robot and angles of its joints.
 
 use super::Robot;
 use crate::base::math::{Pose, Rotation, Vector, about};
@@ -12,7 +12,7 @@ pub struct State {
     pub pivot: Pose,
     /// Joint angles in the order of the robot's hinges, rad.
     pub joints: Vec<f32>,
-    /// How it moves; `None` at rest.
+    /// Velocities; `None` at rest.
     pub velocities: Option<Velocities>,
     /// Connections of the robot's modules, in the order in which they were made; empty for a robot that keeps those it is
     /// built with.
@@ -72,7 +72,7 @@ impl State {
         Self { velocities: None, phase: Phase::default(), ..self }
     }
 
-    /// Whether every number is finite.
+    /// Returns true if every number is finite.
     pub fn is_finite(&self) -> bool {
         let moves = |v: &Velocities| {
             v.pivot.angular.is_finite() && v.pivot.linear.is_finite() && v.rates.iter().all(|rate| rate.is_finite())
@@ -112,7 +112,7 @@ impl Robot {
         poses
     }
 
-    /// Forward kinematics of velocities: the twists of all bodies, whose poses are given; `None` at rest.
+    /// Forward kinematics of velocities: the twists of all bodies at the given poses; `None` at rest.
     pub fn body_twists(&self, state: &State, poses: &[Pose]) -> Option<Vec<Twist>> {
         let velocities = state.velocities.as_ref()?;
         let mut twists: Vec<Twist> = Vec::with_capacity(self.bodies.len());

@@ -20,7 +20,7 @@ const FARTHEST: f64 = 3.0;
 const SPEED: (f64, f64) = (1e-3, 1e4);
 /// kg·mu²/s², as `physics.max_torque`.
 const TORQUE: (f64, f64) = (0.0, 1e7);
-/// kg.
+/// Range of a mass, kg.
 const MASS: (f64, f64) = (1e-6, 1e6);
 
 /// Mass (kg), its centre (mu) and the inertia about that (kg·mu²), all in the same axes.
@@ -46,7 +46,7 @@ impl Lump {
         (mass > 0.0).then(|| Lump { mass, center, inertia: lumps.iter().map(inertia).sum() })
     }
 
-    /// The same seen from a frame whose origin lies at `-by`.
+    /// The same as seen from a frame with its origin at `-by`.
     pub fn shifted(self, by: Vector3<f64>) -> Lump {
         Lump { center: self.center + by, ..self }
     }
@@ -169,7 +169,7 @@ fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnM
     let moment =
         |(i, moment): (usize, &f64)| in_range(field(&format!("inertia[{i}]")), *moment, (-1e12, 1e12), "kg·mu²");
     let wrong: Vec<Invalid> = body.inertia.iter().enumerate().filter_map(|m| moment(m).err()).collect();
-    // The second moments of the mass itself, ∫ r rᵀ dm, whose diagonal can't be negative in any axes.
+    // The second moments of the mass itself, ∫ r rᵀ dm: their diagonal can't be negative in any axes.
     let inertia = symmetric(body.inertia);
     let trace = inertia.trace();
     let spread = Matrix3::identity() * (trace * (0.5 + 1e-6)) - inertia;

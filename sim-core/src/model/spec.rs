@@ -4,18 +4,18 @@ use crate::base::error::Invalid;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A robot as its TOML file says it.
+/// A robot as in its TOML file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotSpec {
     /// Name in messages, tables and file names.
     pub name: String,
-    /// What it is, and what was assumed where its source is silent.
+    /// Description, with the assumptions made where the source is silent.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// The part whose pose is the robot's pose: a module's name, or `module/part`; of bodies the one without a hinge.
+    /// The part with the robot's pose: a module's name, or `module/part`; of bodies the one without a hinge.
     pub pivot: String,
-    /// Modules all of whose joints are stuck at zero; of bodies the hinges that are.
+    /// Modules with all joints stuck at zero; of bodies the stuck hinges.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
     /// Named sets of failed modules, such as E1 and E2 of the paper.
@@ -36,7 +36,7 @@ pub struct RobotSpec {
 pub struct BodySpec {
     /// Name, unique among the bodies.
     pub name: String,
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// Centre of mass, mu.
     #[serde(default)]
@@ -46,10 +46,10 @@ pub struct BodySpec {
     /// The hinge that carries it; the pivot's body has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hinge: Option<HingeSpec>,
-    /// What collides.
+    /// Boxes that collide.
     #[serde(rename = "box", default, skip_serializing_if = "Vec::is_empty")]
     pub boxes: Vec<BoxSpec>,
-    /// What collides.
+    /// Capsules that collide.
     #[serde(rename = "capsule", default, skip_serializing_if = "Vec::is_empty")]
     pub capsules: Vec<CapsuleSpec>,
 }
@@ -99,7 +99,7 @@ pub struct CapsuleSpec {
     pub from: [f64; 3],
     /// The other end, mu.
     pub to: [f64; 3],
-    /// mu.
+    /// Radius, mu.
     pub radius: f64,
 }
 
@@ -119,7 +119,7 @@ pub struct ModuleSpec {
     pub name: String,
     /// Kind of module, by its name in the registry: `cosmo`, `block`.
     pub kind: String,
-    /// What it is attached to; exactly one module, the root, has none.
+    /// The place where it is attached; exactly one module, the root, has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attach: Option<Attachment>,
     /// Pose of the root in the neutral configuration.

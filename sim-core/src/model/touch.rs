@@ -6,7 +6,7 @@ use crate::base::math::{Pose, Vector, about_z};
 use rapier3d::parry::query::details::{intersection_test_cuboid_cuboid, intersection_test_support_map_support_map};
 use rapier3d::parry::shape::{Capsule, Cuboid};
 
-/// Whether the robot, in this configuration of the frame at `place`, touches a block.
+/// Returns true if the robot, in this configuration of the frame at `place`, touches a block.
 pub(crate) fn state_touches(robot: &Robot, block: &Block, place: &Place, state: &State) -> bool {
     Solid::of(block).meets(robot, &place.frame(), &robot.body_poses(state))
 }
@@ -58,7 +58,7 @@ impl<'a> Solid<'a> {
         Self { block, cuboid, pose: Pose::from_parts(center, about_z(block.yaw)) }
     }
 
-    /// Whether a robot with bodies at these poses of a frame touches it.
+    /// Returns true if a robot with bodies at these poses of a frame touches it.
     pub fn meets(&self, robot: &Robot, frame: &Pose, poses: &[Pose]) -> bool {
         poses.iter().zip(&robot.bodies).any(|(pose, body)| {
             let of_box = |part: &CollisionBox| self.meets_box(&(*frame * *pose * part.pose), &Cuboid::new(part.half));

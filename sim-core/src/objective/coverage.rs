@@ -152,7 +152,7 @@ impl Grid {
         Some((k * self.counts[1] + j) * self.counts[0] + i)
     }
 
-    /// Whether a cell, cut by the map, lies wholly inside a block.
+    /// Returns true if a cell, cut by the map, lies wholly inside a block.
     fn inside(&self, index: usize, block: &Block, solid: bool, environment: &Environment) -> bool {
         let (i, rest) = (index % self.counts[0], index / self.counts[0]);
         let (j, k) = (rest % self.counts[1], rest / self.counts[1]);

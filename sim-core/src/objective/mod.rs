@@ -35,7 +35,7 @@ pub trait ObjectiveKind: Configurable {
     /// Refuses settings that no start in the environment makes usable. Cheap. Their ranges were checked before.
     fn validate(&self, settings: &Settings, environment: &Environment) -> Result<(), Invalid>;
 
-    /// Whether larger or smaller scores are better.
+    /// Returns the direction: larger or smaller scores are better.
     fn direction(&self) -> Direction;
 
     /// Name and unit of the score.

@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn shortest_way_to_the_goal_counts_and_without_one_the_distance() {
+    fn shortest_path_counts_and_else_the_distance() {
         let score = |radius: f64, tree: &Tree| ToGoal(Goal::at(4.0, 3.0, radius)).score(tree);
         let around = vec![
             node(0.0, 0.0, None),

@@ -7,7 +7,7 @@ use crate::model::{Robot, State};
 /// A rollout to be done.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    /// Where it starts.
+    /// State at the start.
     pub start: &'a State,
     /// The motion to execute.
     pub motion: &'a Motion,
@@ -23,7 +23,7 @@ pub enum Unsupported {
     )]
     Terrain,
     /// Shapes that lockstep does not know.
-    #[error("the lockstep engine knows boxes only, and the robot has capsules")]
+    #[error("the lockstep engine simulates boxes only, and the robot has capsules")]
     Capsules,
     /// A kind of event, by its name, that no engine executes.
     #[error("no engine executes the event \"{0}\": a robot keeps its modules and their connections during a rollout")]

@@ -4,7 +4,7 @@ use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// How big the robot is, which gravity in map units tells.
+/// Size of the robot, which sets gravity in map units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
@@ -21,9 +21,9 @@ pub enum Scale {
 pub struct PhysicsSpec {
     /// The engine, or `auto`; in a resolved job the one that this became.
     pub engine: EngineChoice,
-    /// How big the robot is.
+    /// Size of the robot.
     pub scale: Scale,
-    /// How joints are held together, on rapier; the lockstep engine has reduced coordinates only.
+    /// Kind of joints on rapier; the lockstep engine has reduced coordinates only.
     pub joints: JointKind,
     /// mu/s².
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -49,16 +49,16 @@ pub struct PhysicsSpec {
     pub substeps: Option<u32>,
 }
 
-/// The engine that a job asks for.
+/// Engine in a job's settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EngineChoice {
     /// Lockstep where its fidelity is known, else rapier.
     #[default]
     Auto,
-    /// rapier.
+    /// The engine rapier.
     Rapier,
-    /// Lockstep.
+    /// The engine lockstep.
     Lockstep,
 }
 
@@ -97,7 +97,7 @@ impl From<EngineKind> for EngineChoice {
     }
 }
 
-/// How an engine holds the two bodies of a joint together.
+/// Constraint that holds the two bodies of a joint together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JointKind {
@@ -131,12 +131,12 @@ pub struct Physics {
     /// rapier integrates a step in this many substeps: `1 / (steps_per_second · substeps)` decides the fidelity. The
     /// lockstep engine linearises contacts and motors this many times in a step.
     pub substeps: u32,
-    /// How joints are held together.
+    /// Kind of joints.
     pub joints: JointKind,
 }
 
 impl Physics {
-    /// What a scale ships with on an engine: on lockstep that of rapier, in other steps.
+    /// Returns the default physics of a scale on an engine; that of lockstep is rapier's with other steps.
     pub fn of(engine: EngineKind, scale: Scale) -> Self {
         let rapier = Self::of_scale(scale);
         let (steps_per_second, substeps) = match (engine, scale) {
@@ -147,8 +147,9 @@ impl Physics {
         Self { steps_per_second, substeps, ..rapier }
     }
 
-    /// What a scale ships with on rapier. `paper`: modules of 1 m under 9.81 m/s². `real`: CoSMO modules of 0.105 m, so
-    /// 9.81 / 0.105 mu/s², with motors ten times as strong and finer steps, because joints carry ten times the load.
+    /// Returns the default physics of a scale on rapier. `paper`: modules of 1 m under 9.81 m/s². `real`: CoSMO modules
+    /// of 0.105 m, so 9.81 / 0.105 mu/s², with motors ten times as strong and finer steps, because joints carry ten
+    /// times the load.
     pub fn of_scale(scale: Scale) -> Self {
         let paper = Self {
             gravity: 9.81,
@@ -232,7 +233,7 @@ impl Physics {
     }
 }
 
-/// The f64 whose text is that of the f32, so that 0.8 is written as 0.8 and read back to the same bits.
+/// Returns the f64 with the text of the f32, so that 0.8 is written as 0.8 and read back to the same bits.
 fn shortest(value: f32) -> f64 {
     value.to_string().parse().expect("a number's text is a number")
 }

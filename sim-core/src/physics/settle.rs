@@ -31,7 +31,7 @@ pub enum Unsettled {
     Moving {
         /// mu/s.
         speed: f32,
-        /// s.
+        /// Simulated time, s.
         seconds: f64,
     },
     /// The caller gave it up.

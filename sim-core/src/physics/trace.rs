@@ -7,7 +7,7 @@ use std::fmt;
 
 /// Samples a second that a trace has at least, if there are as many steps.
 const SAMPLES_PER_SECOND: u32 = 20;
-/// Samples whose boxes are joined to one span.
+/// Number of samples with their boxes joined to one span.
 const SAMPLES_PER_SPAN: usize = 10;
 
 /// A rollout's outcome and the way to it.
@@ -22,7 +22,7 @@ pub struct Rollout {
     pub trace: Trace,
     /// Boxes around the robot over short spans of time, in the frame of the simulation.
     pub swept: Vec<Span>,
-    /// How it ended.
+    /// Outcome of the rollout.
     pub outcome: Outcome,
     /// Simulated time, ms.
     pub simulated_ms: u64,
@@ -35,7 +35,7 @@ pub struct Rollout {
 pub struct Effort {
     /// With its sign: motors that brake take energy back.
     pub work: f64,
-    /// Without the signs: what motors cost that can't store what they take back.
+    /// Work without signs: the cost of motors that can't store energy.
     pub turnover: f64,
 }
 
@@ -54,7 +54,7 @@ impl std::ops::AddAssign for Effort {
     }
 }
 
-/// How a rollout ended.
+/// Outcome of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
     /// It ran to its end.
@@ -63,7 +63,7 @@ pub enum Outcome {
     Unstable {
         /// When, s.
         time: f32,
-        /// Which bound.
+        /// The exceeded bound.
         bound: Bound,
     },
     /// The engine can't simulate the rest. Everything before is simulated.
@@ -72,7 +72,7 @@ pub enum Outcome {
         time: f32,
         /// Index of the refused event in the motion; `None` where the robot, the terrain or the start is refused.
         event: Option<usize>,
-        /// Why.
+        /// Reason of the refusal.
         reason: Unsupported,
     },
 }
@@ -94,7 +94,7 @@ impl Rollout {
     }
 }
 
-/// The bounds that tell a sound simulation from a broken one.
+/// Bounds that separate a sound simulation from a broken one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// A number that is not finite.
@@ -117,7 +117,7 @@ impl Bound {
     pub const DEPTH: f32 = 0.5;
     /// mu²/s².
     pub const ENERGY: f32 = 5000.0;
-    /// mu.
+    /// Height of the lift, mu.
     pub const LIFT: f32 = 0.1;
     /// A share.
     pub const DRIFT: f32 = 0.05;
@@ -193,7 +193,7 @@ impl Trace {
         self.times.len()
     }
 
-    /// Whether there is none.
+    /// Returns true without samples.
     pub fn is_empty(&self) -> bool {
         self.times.is_empty()
     }

@@ -1,4 +1,4 @@
-//! A planner and the table of transitions it is fed from: grows one tree, saying which rollouts it lacks.
+//! Growth of one tree: runs a planner on a table of transitions and returns the transitions that are missing.
 
 use super::{
     Arrival, Ask, Planner, PlannerSettings, Posture, Root, StartId, TransitionKey, Transitions, Tree, leaves_map,
@@ -11,44 +11,44 @@ use crate::model::environment::Environment;
 use crate::model::{Place, Robot, State};
 use crate::physics::{Outcome, canonical};
 
-/// Where trees are grown.
+/// Robot, environment and gaits that a tree is grown for.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting<'a> {
-    /// Who moves.
+    /// The robot.
     pub robot: &'a Robot,
-    /// Where.
+    /// The environment that it moves in.
     pub environment: &'a Environment,
-    /// k.
+    /// k, the number of gaits.
     pub gaits: usize,
     /// Height of the pivot above the ground at rest, mu.
     pub height: f64,
 }
 
-/// A tree on its way.
+/// A tree being grown.
 #[derive(Debug)]
 pub struct Growth {
     planner: Box<dyn Planner>,
     nodes: Vec<NodeStart>,
-    /// Of every expanded node, the transition behind each gait's arrival.
+    /// Transitions behind the arrivals of all gaits, by node; empty for nodes that are not expanded.
     edges: Vec<Vec<TransitionKey>>,
-    /// The planner is told postures, too.
+    /// True if the planner needs postures, because its metric weighs them.
     postures: bool,
     counts: Counts,
 }
 
-/// What a node starts from.
+/// Start configuration of a node.
 #[derive(Clone, Debug)]
 struct NodeStart {
-    /// Its local state in the canonical frame: the configuration to start from.
+    /// The node's local state in the canonical frame, from which its canonical rollouts start.
     local: StartId,
-    /// The exact configuration in the map, where it was reached by a rollout in place.
+    /// The exact configuration in the map, if a rollout in place led to the node.
     exact: Option<State>,
-    /// The start bound to its place, once one was needed.
+    /// The start bound to the node's place; `None` until terrain requires one.
     in_place: Option<StartId>,
 }
 
 impl Growth {
-    /// Starts at a place, in start 0 of the table.
+    /// Begins a tree at `root`, whose configuration is start 0 of the table.
     pub fn new(settings: PlannerSettings, root: impl Into<Root>, stream: Stream) -> Self {
         let root_start = NodeStart { local: StartId(0), exact: None, in_place: None };
         Self {
@@ -60,34 +60,34 @@ impl Growth {
         }
     }
 
-    /// The tree so far.
+    /// Returns the tree so far.
     pub fn tree(&self) -> &Tree {
         self.planner.tree()
     }
 
-    /// Whether it ended at the goal of [`PlannerSettings::stop_at`].
+    /// Returns true if the growth ended at the goal of [`PlannerSettings::stop_at`].
     pub fn at_goal(&self) -> bool {
         self.planner.at_goal()
     }
 
-    /// Edges tried and rejected, and nodes. Rollouts are counted where they are run.
+    /// Returns the numbers of edges tried, edges rejected and nodes. Rollouts are counted where they are run.
     pub fn counts(&self) -> Counts {
         Counts { nodes: self.tree().nodes.len() as u64, ..self.counts }
     }
 
-    /// The transition that led to a node; `None` for the root.
+    /// Returns the transition that led to a node, or `None` for the root.
     pub fn transition_to(&self, node: usize) -> Option<TransitionKey> {
         let (parent, gait) = self.tree().nodes[node].edge?;
         self.edges[parent].get(gait).copied()
     }
 
-    /// Where a node is laid out from when its transition was simulated in the canonical frame: its place, or the map's
-    /// origin for a rollout in place.
+    /// Returns the place from which a node's transition is laid out: the node's place for a transition in the canonical
+    /// frame, the map's origin for a rollout in place.
     pub fn frame(&self, table: &Transitions, node: usize, key: TransitionKey) -> Place {
         if table.is_in_place(key.start) { Place::ORIGIN } else { self.tree().nodes[node].place }
     }
 
-    /// Grows until transitions are missing and returns them, or returns none when the tree is grown.
+    /// Grows the tree until transitions are missing and returns their keys. Returns no keys once the tree is complete.
     pub fn advance(&mut self, setting: &Setting<'_>, table: &mut Transitions) -> Vec<TransitionKey> {
         let ground = |x: f64, y: f64| {
             let over = setting.environment.terrain.iter().filter(|t| t.covers(x, y, 0.0));
@@ -114,7 +114,7 @@ impl Growth {
         }
     }
 
-    /// Takes in the nodes that were added since.
+    /// Adds a start for each node that the planner has added since the last call.
     fn register(&mut self, table: &Transitions) {
         for new in self.nodes.len()..self.tree().nodes.len() {
             self.edges.push(Vec::new());
@@ -123,7 +123,8 @@ impl Growth {
         }
     }
 
-    /// The transition to use from a node: the canonical one unless it comes over terrain.
+    /// Returns the transition to use from a node: the canonical one, or one bound to the node's place if the robot
+    /// stands over terrain or the canonical transition passes over terrain.
     fn key(&mut self, setting: &Setting<'_>, table: &mut Transitions, node: usize, gait: usize) -> TransitionKey {
         let place = self.tree().nodes[node].place;
         let local = TransitionKey { start: self.nodes[node].local, gait };
@@ -139,7 +140,7 @@ impl Growth {
         let bound = start.in_place.unwrap_or_else(|| {
             let exact = start.exact.clone();
             let state = table.start(local.start);
-            // The root may stand on terrain, where its place is higher than its local state.
+            // The root may stand on terrain: then its place is higher than its local state.
             let laid_out = || if node == 0 { standing_at(state, &place) } else { laid_out(state, &place) };
             table.in_place(exact.unwrap_or_else(laid_out))
         });
@@ -174,7 +175,7 @@ impl Growth {
     }
 }
 
-/// A canonical configuration, moved to a place of the map.
+/// Moves a canonical configuration to a place of the map; its height stays.
 pub(super) fn laid_out(state: &State, place: &Place) -> State {
     let local = canonical(state.clone());
     let height = f64::from(local.pivot.translation.z);
@@ -185,14 +186,14 @@ pub(super) fn laid_out(state: &State, place: &Place) -> State {
     State { pivot: Pose::from_parts(translation, rotation), velocities, ..local }
 }
 
-/// A canonical configuration, moved to a place of the map and to its height.
+/// Moves a canonical configuration to a place of the map and to the height of that place.
 pub(crate) fn standing_at(state: &State, place: &Place) -> State {
     let mut state = laid_out(state, place);
     state.pivot.translation.z = place.z as f32;
     state
 }
 
-/// Whether the robot's bounds come over terrain.
+/// Returns true if the disc around the robot's bounding box, seen from above, overlaps terrain.
 fn over(robot: &Robot, terrain: &[crate::model::environment::Block], state: &State) -> bool {
     let (low, high) = robot.bounds(state);
     let (x, y) = (f64::from(low.x + high.x) / 2.0, f64::from(low.y + high.y) / 2.0);

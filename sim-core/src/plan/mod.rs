@@ -23,7 +23,7 @@ pub use tree::{Node, Tree};
 
 use crate::base::registry::{Registered, Registry};
 
-/// The planners that ship. Messages list them in this order; the first is the default.
+/// Built-in planners. Error messages list them in this order; the first is the default.
 static PLANNERS: Registry<dyn PlannerKind> =
     Registry::new(&[&rrt_mp::FLOOD_FILL, &rrt_mp::ORIGINAL, &rrt_mp::NEAREST_VALID]);
 

@@ -1,37 +1,37 @@
-//! Nearest neighbours under the planner's metric, as a k-d tree that grows with the planner's.
+//! Nearest-neighbour search under the planner's metric: a k-d tree that grows with the planner's tree.
 //!
-//! The answer is that of a linear scan, to the bit: distances are [`Metric::squared`] of the very places, ties go to the
-//! lowest index. A subtree is passed over only if its box can't hold a better answer, and that bound needs no slack: it is
-//! computed by the metric's own operations in the metric's own order, and rounding keeps the order of what it rounds.
-//! Heading is an interval like the others; how near the circle brings its two ends is in [`Cell::bound`].
+//! The result equals that of a linear scan, to the bit: distances are [`Metric::squared`] of the stored places, and
+//! ties go to the lowest index. A subtree is skipped only if its box cannot hold a better result. The bound needs no
+//! slack: it uses the metric's own operations in the metric's own order, and rounding preserves order. Heading is an
+//! interval like the other coordinates; [`Cell::bound`] accounts for its wrap at ±π.
 //!
-//! Why no crate: those of k-d trees and R-trees give Euclidean distances without a circle, leave the order of ties open,
-//! or are built once; and the planner asks after every few places it adds.
+//! No crate fits: crates of k-d trees and R-trees offer Euclidean distances without a circular coordinate, leave the
+//! order of ties open, or build the tree only once. The planner needs a query after every few places it adds.
 
 use super::Metric;
 use crate::base::math::wrap;
 use crate::model::Place;
 use std::f64::consts::PI;
 
-/// Places that a leaf holds at most.
+/// Most places in a leaf.
 const LEAF: usize = 16;
-/// A subtree is built anew when one side holds more than this share of it: depth stays logarithmic in any order of
-/// places, along a line or all on one spot.
+/// Share of a subtree's places that one side may hold (plus one leaf); above it the subtree is rebuilt. So depth stays
+/// logarithmic for any order of places, also along a line or all at one point.
 const BALANCE: f64 = 0.7;
 
-/// Places that can be asked for the nearest; ties go to the lowest index.
+/// Set of places with queries for the nearest; ties go to the lowest index.
 #[derive(Clone, Debug)]
 pub struct Nearest {
     metric: Metric,
     places: Vec<Place>,
     cells: Vec<Cell>,
-    /// The cell around all places of the tree.
+    /// Root of the tree: the cell around all of its places.
     top: Option<u32>,
-    /// Cells that were built anew elsewhere.
+    /// Unused cells, left over when a subtree was rebuilt.
     free: Vec<u32>,
-    /// Places that the tree does not hold, since its bounds would not: headings beyond ±π.
+    /// Places outside the tree, because the bounds do not hold for headings beyond ±π.
     loose: Vec<u32>,
-    /// A place or the weight is not finite: then only a scan does as a scan does.
+    /// True if a place or a weight is not finite. Then every query scans all places.
     scan_only: bool,
 }
 
@@ -40,7 +40,7 @@ pub struct Nearest {
 struct Cell {
     low: Place,
     high: Place,
-    /// Lowest index of its places.
+    /// Lowest index of the cell's places.
     least: u32,
     count: u32,
     content: Content,
@@ -49,7 +49,7 @@ struct Cell {
 #[derive(Clone, Debug)]
 enum Content {
     Leaf(Vec<u32>),
-    /// Two cells; new places below `at` go to the first.
+    /// Two child cells. A new place with a coordinate below `at` goes to the first.
     Split {
         axis: Axis,
         at: f64,
@@ -77,7 +77,7 @@ impl Axis {
 }
 
 impl Nearest {
-    /// An empty set.
+    /// Creates an empty set.
     pub fn new(metric: Metric) -> Self {
         Self {
             metric,
@@ -90,7 +90,7 @@ impl Nearest {
         }
     }
 
-    /// Adds a place; its index is how many there were before.
+    /// Adds a place. Its index is the number of places added before.
     pub fn add(&mut self, place: Place) {
         let index = self.places.len() as u32;
         self.places.push(place);
@@ -104,7 +104,8 @@ impl Nearest {
         }
     }
 
-    /// Index and squared distance of the place nearest to `q`, leaving out the index `but`. `None` if there is no other.
+    /// Returns the index and squared distance of the place nearest to `q`, without the place of index `but`. `None` if
+    /// there is no other place.
     pub fn nearest(&self, q: &Place, but: Option<usize>) -> Option<(usize, f64)> {
         let but = but.and_then(|i| u32::try_from(i).ok());
         let mut search = Search { set: self, q, but, best: None };
@@ -119,10 +120,10 @@ impl Nearest {
         search.best.map(|(i, distance)| (i as usize, distance))
     }
 
-    /// Adds a place to the tree; the highest cell that it makes too full or too uneven is built anew.
+    /// Adds a place to the tree. Rebuilds the highest cell that becomes too full or too uneven.
     fn insert(&mut self, top: u32, index: u32) {
         let place = self.places[index as usize];
-        // The way down: where the link to each cell stands.
+        // Parent and side of the current cell.
         let mut link: Option<(u32, usize)> = None;
         let mut uneven: Option<(Option<(u32, usize)>, u32)> = None;
         let mut at = top;
@@ -162,7 +163,7 @@ impl Nearest {
         }
     }
 
-    /// Frees a cell and all below it; what they held goes to `members`.
+    /// Frees a cell and all cells below it, and moves their places to `members`.
     fn take_apart(&mut self, cell: u32, members: &mut Vec<u32>) {
         self.free.push(cell);
         match std::mem::replace(&mut self.cells[cell as usize].content, Content::Leaf(Vec::new())) {
@@ -171,7 +172,7 @@ impl Nearest {
         }
     }
 
-    /// Builds a balanced cell of these places, at least one.
+    /// Builds a balanced cell of these places (at least one) and returns its index.
     fn build(&mut self, members: &mut [u32]) -> u32 {
         let first = self.places[members[0] as usize];
         let (mut low, mut high, mut least) = (first, first, members[0]);
@@ -190,7 +191,7 @@ impl Nearest {
             let places = &self.places;
             let along = |i: &u32| axis.of(&places[*i as usize]);
             let middle = members.len() / 2;
-            // The index decides between equals: any set of places has two halves.
+            // The index breaks ties, so that any set of places can be halved.
             members.select_nth_unstable_by(middle, |a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
             let at = along(&members[middle]);
             let (first, second) = members.split_at_mut(middle);
@@ -209,7 +210,7 @@ impl Nearest {
         }
     }
 
-    /// The axis along which the metric sees the longest side of a box.
+    /// Returns the axis along which a box is longest under the metric.
     fn widest(&self, low: &Place, high: &Place) -> Axis {
         let mut widest = (high.x - low.x, Axis::X);
         let height = if self.metric.z == 0.0 { 0.0 } else { self.metric.z.abs() * (high.z - low.z) };
@@ -223,7 +224,7 @@ impl Nearest {
     }
 }
 
-/// A question on its way through the tree.
+/// One query and its best result so far.
 struct Search<'a> {
     set: &'a Nearest,
     q: &'a Place,
@@ -248,7 +249,7 @@ impl<'a> Search<'a> {
             Content::Leaf(members) => members.iter().for_each(|&i| self.try_place(i)),
             Content::Split { sides, .. } => {
                 let [a, b] = sides.map(|side| (self.bound(side), side));
-                // The nearer first; of equals the one that holds the lower index, which wins ties.
+                // The nearer side first. If both are equally near, the side with the lower index first: it wins ties.
                 let swap = b.0 < a.0 || (b.0 == a.0 && self.least(b.1) < self.least(a.1));
                 for (bound, side) in if swap { [b, a] } else { [a, b] } {
                     if self.may_hold_better(bound, side) {
@@ -273,12 +274,12 @@ impl<'a> Search<'a> {
 }
 
 impl Cell {
-    /// A number that [`Metric::squared`] from `q` to any place in the box does not fall below, in floating point.
+    /// Returns a lower bound, in floating point, of [`Metric::squared`] from `q` to any place in the box.
     ///
-    /// Rounded differences, products and sums of non-negative numbers keep the order of the exact ones, so it is enough
-    /// to do what the metric does with each axis's least difference. The turn between two headings of [−π, π] is t for
-    /// t = |Δyaw| ≤ π and 2π − t beyond, both exact in floating point. It rises, then falls, so over an interval of t it is
-    /// least at one of the ends.
+    /// Rounded differences, products and sums of non-negative numbers keep the order of the exact ones. So it is enough
+    /// to apply the metric's operations to the least difference along each axis. The turn between two headings of [−π,
+    /// π] is t for t = |Δyaw| ≤ π and 2π − t beyond, both exact in floating point. It rises, then falls, so over an
+    /// interval of t its minimum is at one of the ends.
     fn bound(&self, metric: &Metric, q: &Place) -> f64 {
         let outside = |low: f64, high: f64, q: f64| (low - q).max(q - high).max(0.0);
         let dx = outside(self.low.x, self.high.x, q.x);

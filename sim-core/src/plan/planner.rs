@@ -1,4 +1,4 @@
-//! The interface of planners.
+//! Interface of planners.
 
 use super::{Metric, Posture, Tree};
 use crate::base::random::Stream;
@@ -6,59 +6,59 @@ use crate::base::registry::{Chosen, Component};
 use crate::model::Place;
 use std::fmt;
 
-/// How a tree is grown.
+/// Settings of a tree's growth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannerSettings {
-    /// The planner.
+    /// Kind of planner.
     pub algorithm: Chosen<dyn PlannerKind>,
-    /// K_max.
+    /// K_max, the number of iterations.
     pub iterations: u32,
-    /// ϱ.
+    /// ϱ, the metric.
     pub metric: Metric,
-    /// Width and height of the map that q_rand is drawn from, mu.
+    /// Width and height of the map from which q_rand is drawn, mu.
     pub map: [f64; 2],
-    /// Ends the growth once a node is as near to (x, y) as the radius (x, y, radius; mu).
+    /// Goal (x, y, radius; mu). Growth ends once a node lies within the radius of (x, y).
     pub stop_at: Option<(f64, f64, f64)>,
 }
 
 impl PlannerSettings {
-    /// Starts the planner at a root. Everything random is drawn from `stream`.
+    /// Starts the planner at a root. All random numbers are drawn from `stream`.
     pub fn start(self, root: impl Into<Root>, stream: Stream) -> Box<dyn Planner> {
         self.algorithm.0.start(self, root.into(), stream)
     }
 }
 
-/// Where a tree begins.
+/// Root of a tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Root {
     /// The pivot's place.
     pub place: Place,
-    /// Tilt and joint angles there.
+    /// Tilt and joint angles at the root.
     pub posture: Posture,
-    /// Least and greatest angle of every joint, rad: what q_rand is drawn from.
+    /// Least and greatest angle of every joint, rad. The joint angles of q_rand are drawn between them.
     pub limits: Vec<[f64; 2]>,
 }
 
 impl From<Place> for Root {
-    /// A root whose posture does not count.
+    /// Makes a root without a posture, for a metric that does not weigh postures.
     fn from(place: Place) -> Self {
         Self { place, posture: Posture::default(), limits: Vec::new() }
     }
 }
 
-/// Where a gait leads from a node.
+/// Outcome of executing a gait from a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Arrival {
-    /// The robot gets here, and touches nothing on its way.
+    /// The robot arrives at this place; it neither touches an obstacle nor leaves the map on its way.
     Free(Place),
-    /// It would get here, but touches an obstacle or leaves the map on its way.
+    /// The robot would arrive at this place, but touches an obstacle or leaves the map on its way.
     Blocked(Place),
-    /// Nowhere: the rollout has no end.
+    /// The rollout did not complete, so it has no end.
     Lost,
 }
 
 impl Arrival {
-    /// Where it may go.
+    /// Returns the place if the way there is free.
     pub fn free(self) -> Option<Place> {
         match self {
             Self::Free(place) => Some(place),
@@ -66,7 +66,7 @@ impl Arrival {
         }
     }
 
-    /// Where it would get, whatever is in the way.
+    /// Returns the place, also if the way there is blocked.
     pub fn place(self) -> Option<Place> {
         match self {
             Self::Free(place) | Self::Blocked(place) => Some(place),
@@ -75,45 +75,46 @@ impl Arrival {
     }
 }
 
-/// What a planner needs next.
+/// Next request of a planner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
-    /// Where all gaits lead from this node.
+    /// The arrivals of all gaits from this node are needed.
     Expand(usize),
-    /// Nothing: the tree is grown.
+    /// The tree is complete.
     Done,
 }
 
-/// A tree being grown. The planner asks, it does not call: [`Planner::ask`] says which node must be expanded with all
-/// gaits next, and [`Planner::tell`] takes where they arrive. So many planners can be advanced side by side.
+/// A tree being grown, with an ask–tell interface. [`Planner::ask`] returns the node to expand next with all gaits, and
+/// [`Planner::tell`] receives the arrivals. A planner runs no rollouts itself, so many planners can be advanced side by
+/// side.
 ///
-/// What it asks follows from its settings, root, stream, and what it was told: never from time or other planners.
+/// Its requests depend only on its settings, root, stream and the arrivals it has received, never on time or on other
+/// planners.
 pub trait Planner: fmt::Debug + Send {
-    /// Runs iterations until one needs an expansion that was not told yet. Asked again before it is told, it gives the
-    /// same answer. No node may be asked for twice once it was told. `ground` gives the pivot's height (mu) at a place
-    /// (x, y; mu) of the map.
+    /// Runs iterations until one needs an expansion whose arrivals are not known yet. Repeated calls before
+    /// [`Planner::tell`] return the same request. A node whose arrivals were received must not be requested again.
+    /// `ground` returns the pivot's height (mu) at a place (x, y; mu) of the map.
     fn ask(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Ask;
 
-    /// Takes the robot's posture at each of the arrivals that are told next; only where the metric
-    /// [weighs postures](Metric::weighs_postures).
+    /// Receives the robot's posture at each arrival of the next [`Planner::tell`]. Called only if the metric [weighs
+    /// postures](Metric::weighs_postures).
     fn postures(&mut self, _postures: Vec<Posture>) {}
 
-    /// Takes where each gait arrives from the node asked for. A node that is added to the tree has as its edge the node
-    /// asked for, or one told before, and the index of a gait that is free to arrive there.
+    /// Receives the arrival of each gait from the requested node. The edge of a node that is added has the requested
+    /// node, or one expanded before, and the index of a gait whose arrival there is free.
     ///
-    /// # Panics
-    /// If nothing was asked for.
+    /// # Panics If no request is pending.
     fn tell(&mut self, arrivals: Vec<Arrival>);
 
-    /// The tree so far. Nodes are only ever added, at its end.
+    /// Returns the tree so far. Nodes are only appended.
     fn tree(&self) -> &Tree;
 
-    /// Whether the growth ended at the goal of [`PlannerSettings::stop_at`].
+    /// Returns true if the growth ended at the goal of [`PlannerSettings::stop_at`].
     fn at_goal(&self) -> bool;
 }
 
-/// A kind of planner, by its name in `[planner] algorithm`.
+/// Kind of planner, selected by its name in `[planner] algorithm`.
 pub trait PlannerKind: Component {
-    /// Starts a tree at a root. Everything random is drawn from `stream`.
+    /// Starts a tree at a root. All random numbers are drawn from `stream`.
     fn start(&self, settings: PlannerSettings, root: Root, stream: Stream) -> Box<dyn Planner>;
 }

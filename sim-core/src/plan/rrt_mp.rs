@@ -1,9 +1,10 @@
-//! RRT-MP: a tree grown with gaits as motion primitives. Algorithm 1 of Vonásek and Faigl (2016), the original planner that
-//! it modifies (section IV-A), and a variant of that.
+//! RRT-MP: a tree grown with gaits as motion primitives. There are three variants: Algorithm 1 of Vonásek and Faigl
+//! (2016), the original planner that it modifies (section IV-A), and a variant of the original.
 //!
-//! How silences are read: q_rand is uniform in x, y and yaw, and in tilt and joint angles if the metric weighs them; in line 8, q' is the nearest neighbour other than q_near
-//! (with q_near included line 9 could never hold), infinitely far if there is none, and siblings added before count. An
-//! iteration that picks a node already expanded counts and adds nothing.
+//! Choices that the paper leaves open: q_rand is uniform in x, y and yaw, and in tilt and joint angles if the metric
+//! weighs them. In line 8, q' is the nearest neighbour other than q_near, since with q_near the condition of line 9
+//! could never hold. q' is infinitely far if there is no other node; siblings added before count. In Algorithm 1, an
+//! iteration that picks a node already expanded counts and adds no node.
 
 use super::{Arrival, Ask, Nearest, Planner, PlannerKind, PlannerSettings, Posture, Root, Tree};
 use crate::base::random::Stream;
@@ -11,33 +12,32 @@ use crate::base::registry::Component;
 use crate::model::Place;
 use std::f64::consts::PI;
 
-/// Flood-fill, Algorithm 1: every gait's new configuration is added unless it lies nearer to another node than to its
-/// parent.
+/// Flood-fill, Algorithm 1: adds every gait's new configuration that lies nearer to its parent than to any other node.
 pub(super) static FLOOD_FILL: RrtMpKind =
     RrtMpKind { name: "flood-fill", revision: 1, extension: Extension::FloodFill };
 
-/// The original RRT-MP as printed: of all new configurations the one nearest to the random one is chosen, and added if the
-/// robot touches nothing on its way there. Revision 1 was what is [`NEAREST_VALID`] now.
+/// The original RRT-MP as printed: chooses the new configuration nearest to the random one, and adds it if the robot
+/// touches no obstacle on its way there. Revision 1 was the algorithm that is now [`NEAREST_VALID`].
 pub(super) static ORIGINAL: RrtMpKind =
     RrtMpKind { name: "original", revision: 2, extension: Extension::Nearest(Arrival::place) };
 
-/// The original RRT-MP with its two steps the other way round: of the new configurations that the robot gets to without
-/// touching anything, the one nearest to the random one is added.
+/// The original RRT-MP with its two steps exchanged: of the new configurations that the robot reaches without touching
+/// an obstacle, adds the one nearest to the random one.
 pub(super) static NEAREST_VALID: RrtMpKind =
     RrtMpKind { name: "nearest-valid", revision: 1, extension: Extension::Nearest(Arrival::free) };
 
-/// One of these planners.
+/// A variant of RRT-MP.
 pub(super) struct RrtMpKind {
     name: &'static str,
     revision: u32,
     extension: Extension,
 }
 
-/// How RRT-MP extends its tree.
+/// Rule by which RRT-MP extends its tree.
 #[derive(Clone, Copy, Debug)]
 enum Extension {
     FloodFill,
-    /// One of the arrivals is chosen, among those that have such a place.
+    /// Chooses one of the arrivals for which this function returns a place.
     Nearest(fn(Arrival) -> Option<Place>),
 }
 
@@ -66,45 +66,45 @@ struct RrtMp {
     nearest: Nearest,
     stream: Stream,
     iteration: u32,
-    /// Where the gaits lead from every expanded node. Never asked for twice.
+    /// Arrivals of all gaits, by node; `None` for a node that is not expanded. No node is requested twice.
     arrivals: Vec<Option<Vec<Reached>>>,
-    /// An expansion that was asked for: q_rand and the node.
+    /// The pending request: q_rand and the node to expand.
     pending: Option<(Random, usize)>,
-    /// Postures, where the metric weighs them.
+    /// Postures; `None` if the metric does not weigh them.
     postures: Option<Postures>,
     at_goal: bool,
 }
 
-/// q_rand.
+/// The random configuration q_rand.
 #[derive(Clone, Debug)]
 struct Random {
     place: Place,
     posture: Posture,
 }
 
-/// How the robot stands where it is.
+/// Postures of nodes and arrivals.
 #[derive(Debug)]
 struct Postures {
-    /// Least and greatest angle of every joint.
+    /// Least and greatest angle of every joint, rad.
     limits: Vec<[f64; 2]>,
-    /// At each node.
+    /// Posture of each node.
     nodes: Vec<Posture>,
-    /// Where the gaits lead from every expanded node.
+    /// Postures of the arrivals of all gaits, by node; empty for a node that is not expanded.
     arrivals: Vec<Vec<Posture>>,
-    /// At the arrivals that are told next.
+    /// Postures of the arrivals that the next `tell` receives.
     told: Vec<Posture>,
 }
 
-/// Where a gait leads from an expanded node.
+/// Arrival of a gait from an expanded node.
 #[derive(Clone, Copy, Debug)]
 struct Reached {
     arrival: Arrival,
-    /// It is a node of the tree.
+    /// True if the arrival is a node of the tree.
     added: bool,
 }
 
 impl RrtMp {
-    /// Starts at a root; q_rand is drawn from `stream`.
+    /// Starts a tree at a root; q_rand is drawn from `stream`.
     fn new(extension: Extension, settings: PlannerSettings, root: Root, stream: Stream) -> Self {
         let Root { place, posture, limits } = root;
         let postures = Postures { limits, nodes: Vec::new(), arrivals: Vec::new(), told: Vec::new() };
@@ -124,7 +124,7 @@ impl RrtMp {
         rrt
     }
 
-    /// Lines 6 to 11 of Algorithm 1.
+    /// Adds arrivals from `near` to the tree: lines 6 to 11 of Algorithm 1.
     fn flood(&mut self, near: usize) {
         for gait in 0..self.arrivals[near].as_ref().map_or(0, Vec::len) {
             let Some(new) = self.arrival(near, gait).and_then(Arrival::free) else { continue };
@@ -137,8 +137,8 @@ impl RrtMp {
         }
     }
 
-    /// The original planner: of the candidates among the configurations reachable from q_near, the nearest to q_rand is
-    /// added, unless the way there is blocked or it is in the tree already.
+    /// Extends the tree as the original planner does: chooses the candidate nearest to q_rand among the arrivals from
+    /// `near`, and adds it unless the way there is blocked or it is a node already.
     fn extend(&mut self, random: &Random, near: usize, candidate: fn(Arrival) -> Option<Place>) {
         let mut best: Option<(f64, usize, Reached)> = None;
         for (gait, &reached) in self.arrivals[near].iter().flatten().enumerate() {
@@ -190,18 +190,18 @@ impl RrtMp {
         let y = self.stream.uniform(-height / 2.0, height / 2.0);
         let place = Place { x, y, z: ground(x, y), yaw: self.stream.uniform(-PI, PI) };
         let Some(postures) = &self.postures else { return Random { place, posture: Posture::default() } };
-        // What has no weight is drawn, too: then a weight of 0 gives the tree that a tiny one gives.
+        // Coordinates of weight 0 are drawn, too: then a weight of 0 gives the same tree as a tiny one.
         let tilt = [(); 2].map(|()| self.stream.uniform(-PI, PI));
         let joints = postures.limits.iter().map(|[low, high]| self.stream.uniform(*low, *high)).collect();
         Random { place, posture: Posture { tilt, joints } }
     }
 
-    /// The posture at a gait's arrival.
+    /// Returns the posture at a gait's arrival.
     fn posture(&self, near: usize, gait: usize) -> Posture {
         self.postures.as_ref().map_or_else(Posture::default, |postures| postures.arrivals[near][gait].clone())
     }
 
-    /// ϱ² from a node.
+    /// Returns ϱ² between a node and a configuration.
     fn squared(&self, node: usize, place: &Place, posture: &Posture) -> f64 {
         let metric = &self.settings.metric;
         let of_places = metric.squared(place, &self.tree.nodes[node].place);
@@ -211,8 +211,8 @@ impl RrtMp {
         }
     }
 
-    /// Index and squared distance of the nearest node but one, ties to the lowest index. Where postures count it is sought among
-    /// all of them.
+    /// Returns the index and squared distance of the nearest node other than `but`; ties go to the lowest index. If the
+    /// metric weighs postures, all nodes are scanned.
     fn nearest(&self, place: &Place, posture: &Posture, but: Option<usize>) -> Option<(usize, f64)> {
         if self.postures.is_none() {
             return self.nearest.nearest(place, but);
@@ -229,7 +229,7 @@ impl RrtMp {
 }
 
 impl Planner for RrtMp {
-    /// `ground` is for q_rand; it counts only if the metric looks at height.
+    /// `ground` gives the height of q_rand; it matters only if the metric weighs height.
     fn ask(&mut self, ground: &dyn Fn(f64, f64) -> f64) -> Ask {
         loop {
             if let Some((_, node)) = self.pending {
@@ -256,9 +256,9 @@ impl Planner for RrtMp {
     }
 
     fn tell(&mut self, arrivals: Vec<Arrival>) {
-        let (random, near) = self.pending.take().expect("only what was asked for can be told");
+        let (random, near) = self.pending.take().expect("tell needs a pending request: call ask first");
         if let Some(postures) = &mut self.postures {
-            assert_eq!(postures.told.len(), arrivals.len(), "each arrival needs a posture where the metric weighs it");
+            assert_eq!(postures.told.len(), arrivals.len(), "if the metric weighs postures, each arrival needs one");
             postures.arrivals[near] = std::mem::take(&mut postures.told);
         }
         let reached = |arrival| Reached { arrival, added: false };

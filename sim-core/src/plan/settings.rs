@@ -10,46 +10,46 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlannerSpec {
-    /// The planner.
+    /// Planner to use.
     pub algorithm: Chosen<dyn PlannerKind>,
-    /// K_max, iterations.
+    /// K_max, the number of iterations.
     pub iterations: u32,
-    /// w of the metric √(Δx² + Δy² (+ Δz²) + (w·Δyaw)²), mu/rad.
+    /// w, weight of the heading in the metric √(Δx² + Δy² (+ Δz²) + (w·Δyaw)²), mu/rad.
     pub yaw_weight: f64,
-    /// What else the metric weighs.
+    /// Weights of the metric's other coordinates.
     #[serde(skip_serializing_if = "MetricSpec::is_default")]
     pub metric: MetricSpec,
-    /// How far joint angles (rad), tilt (rad) and height (mu) may differ for a transition to be reused. 0: every
+    /// Greatest difference of joint angles (rad), tilt (rad) and height (mu) at which a transition is reused. 0: every
     /// expansion is simulated.
     pub reuse_tolerance: f64,
-    /// V, how many configurations of a local state transitions are simulated from. 1: always its first one.
+    /// V, number of configurations of a local state from which transitions are simulated. 1: only the first one.
     pub variants: u32,
-    /// Trees a candidate; its fitness is their mean.
+    /// Trees per candidate; its fitness is the mean of theirs.
     pub repeats: u32,
-    /// Rollouts that an evaluation may simulate for all of its trees; one that needs more has failed. Not given: as many
-    /// as it can ever need.
+    /// Limit on the rollouts that an evaluation may simulate for all of its trees; an evaluation that needs more fails.
+    /// Default: the greatest number it can need.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_rollouts: Option<u64>,
-    /// Whether a tree's growth ends once a node is within the goal's radius. Not given: true in jobs that plan, if there is
-    /// a goal; else false, which is not written out.
+    /// Ends a tree's growth once a node is within the goal's radius. Default: true in jobs that plan, if there is a
+    /// goal; else false, which is not written out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_at_goal: Option<bool>,
 }
 
-/// Weights of the metric's other coordinates.
+/// Weights of the metric's coordinates other than x, y and yaw.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MetricSpec {
-    /// Of height; 1 over terrain and 0 on flat ground unless given.
+    /// Weight of the height. Default: 1 over terrain, 0 on flat ground.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub z: Option<f64>,
-    /// Of the tilt about the heading, mu/rad; 0 unless given, and so for the others.
+    /// Weight of the tilt about the heading, mu/rad. Default: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roll: Option<f64>,
-    /// Of the tilt about the axis to the left, mu/rad.
+    /// Weight of the tilt about the axis to the left, mu/rad. Default: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pitch: Option<f64>,
-    /// Of each joint's angle, mu/rad.
+    /// Weight of each joint angle, mu/rad. Default: 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joints: Option<f64>,
 }
@@ -59,7 +59,7 @@ impl MetricSpec {
         *self == Self::default()
     }
 
-    /// The metric with this weight of the heading.
+    /// Returns the metric with this weight of the heading. `flat` selects the default weight of the height.
     pub fn metric(&self, yaw_weight: f64, flat: bool) -> Metric {
         Metric {
             yaw_weight,
@@ -87,7 +87,7 @@ impl Default for PlannerSpec {
     }
 }
 
-/// Refuses settings out of range.
+/// Rejects settings out of range.
 pub(crate) fn validate_planner(planner: &PlannerSpec) -> Result<(), Invalid> {
     let mut faults = Faults::default();
     faults.take(whole_in_range("planner.iterations", planner.iterations, (1, limits::MAX_ITERATIONS.into()), ""));

@@ -1,35 +1,35 @@
-//! Laying a transition into the map: does it leave it, does it touch an obstacle, does it come over terrain?
+//! Tests of a transition laid out in the map: whether it leaves the map, touches an obstacle or passes over terrain.
 //!
-//! Obstacles stay out of the simulation: rejecting a motion needs no contact forces. A transition is laid out hundreds of
-//! times, so what holds in its own frame is worked out once ([`Extent`]), and most layouts end there. Then boxes around
-//! the robot over short spans of time are tested; only where one comes near an obstacle are the robot's own boxes, at
-//! every sample of that span (20 or more a second of motion).
+//! Obstacles are not simulated: rejecting a motion needs no contact forces. A transition is laid out hundreds of times,
+//! so bounds in its own frame are computed once ([`Extent`]); they decide most layouts. The others are tested with
+//! boxes around the robot over short spans of time. Only where such a box comes near an obstacle are the robot's own
+//! boxes tested, at every sample of that span (20 or more per second of motion).
 
 use super::Transition;
 use crate::model::environment::{Block, Environment};
 use crate::model::{Place, Plane, Robot, Solid};
 use crate::physics::{Rollout, Span};
 
-/// Room for rounding where something is told to be inside or far off without a closer look, mu.
+/// Margin for rounding where bounds alone decide, mu.
 const SLACK: f64 = 1e-6;
 
-/// How far a rollout reaches, in its own frame.
+/// Bounds of a rollout, in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent {
-    /// Centre of the box around the pivot's way in the plane, mu.
+    /// Centre of the box around the pivot's path in the plane, mu.
     way: [f64; 2],
     /// Half of that box's sides, mu.
     way_half: [f64; 2],
     /// Centre of a disc that holds the discs of all spans, mu.
     center: [f64; 2],
-    /// Its radius, mu.
+    /// Radius of that disc, mu.
     reach: f64,
     /// Lowest and highest point of the robot, mu.
     heights: [f64; 2],
 }
 
 impl Extent {
-    /// Of a rollout.
+    /// Computes the bounds of a rollout.
     pub fn of(rollout: &Rollout) -> Self {
         let pivots = (0..rollout.trace.len()).map(|i| {
             let p = rollout.trace.pivot(i).translation;
@@ -55,7 +55,7 @@ impl Extent {
         }
     }
 
-    /// Whether the pivot's whole way, laid out, is known to lie inside the map.
+    /// Returns true if the bounds show that the pivot's whole path, laid out, lies inside the map.
     fn stays_inside(&self, environment: &Environment, plane: &Plane) -> bool {
         let ([x, y], [w, h]) = (self.way, self.way_half);
         [(-w, -h), (w, -h), (-w, h), (w, h)].iter().all(|(dx, dy)| {
@@ -64,14 +64,14 @@ impl Extent {
         })
     }
 
-    /// Whether a span's disc, laid out, may come over a block.
+    /// Returns true if a span's disc, laid out, may overlap a block, seen from above.
     fn may_cover(&self, block: &Block, plane: &Plane) -> bool {
         let (x, y) = plane.point(self.center[0], self.center[1]);
         block.covers(x, y, self.reach)
     }
 }
 
-/// Centre and half sides of the box around boxes given by their corners.
+/// Returns centre and half sides of the box around boxes that are given by their corners.
 fn middle(boxes: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> ([f64; 2], [f64; 2]) {
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for (l, h) in boxes {
@@ -83,15 +83,15 @@ fn middle(boxes: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> ([f64; 2], [f64;
     ([0, 1].map(|i| (low[i] + high[i]) / 2.0), [0, 1].map(|i| (high[i] - low[i]) / 2.0))
 }
 
-/// Whether the pivot leaves the map on a transition laid out from `place`.
+/// Returns true if the pivot leaves the map on a transition laid out from `place`.
 pub fn leaves_map(environment: &Environment, place: &Place, transition: &Transition) -> bool {
     goes_outside(environment, place, &transition.rollout, &transition.extent)
 }
 
-/// Whether the pivot leaves the map on a rollout laid out from `place`.
+/// Returns true if the pivot leaves the map on a rollout laid out from `place`.
 pub fn goes_outside(environment: &Environment, place: &Place, rollout: &Rollout, extent: &Extent) -> bool {
     let (plane, trace) = (place.plane(), &rollout.trace);
-    // From the end: who leaves the map is most often out there still.
+    // From the end: a robot that leaves the map is usually still outside at the end.
     !extent.stays_inside(environment, &plane)
         && (0..trace.len()).rev().any(|i| {
             let p = trace.pivot(i).translation;
@@ -100,12 +100,12 @@ pub fn goes_outside(environment: &Environment, place: &Place, rollout: &Rollout,
         })
 }
 
-/// Whether any part of the robot touches an obstacle on a transition laid out from `place`.
+/// Returns true if any part of the robot touches an obstacle on a transition laid out from `place`.
 pub fn touches(robot: &Robot, obstacles: &[Block], place: &Place, transition: &Transition) -> bool {
     first_touch(robot, obstacles, place, &transition.rollout, &transition.extent).is_some()
 }
 
-/// The first sample of a rollout laid out from `place` at which any part of the robot touches an obstacle.
+/// Returns the first sample of a rollout laid out from `place` at which any part of the robot touches an obstacle.
 pub fn first_touch(
     robot: &Robot,
     obstacles: &[Block],
@@ -131,7 +131,8 @@ pub fn first_touch(
     })
 }
 
-/// Whether the swept boxes of a transition laid out from `place` come over any of these blocks.
+/// Returns true if the disc around a swept box of a transition laid out from `place` overlaps any of these blocks, seen
+/// from above.
 pub fn on_terrain(terrain: &[Block], place: &Place, transition: &Transition) -> bool {
     let plane = place.plane();
     let swept = &transition.rollout.swept;
@@ -139,7 +140,8 @@ pub fn on_terrain(terrain: &[Block], place: &Place, transition: &Transition) -> 
     near.any(|block| swept.iter().any(|span| footprint(block, &plane, span)))
 }
 
-/// Whether a span's box, laid out, may touch a block: a disc around it against the footprint, and heights.
+/// Returns true if a span's box, laid out, may touch a block. Compares a disc around the box with the block's
+/// footprint, and their heights.
 fn is_near(block: &Block, span: &Span, plane: &Plane) -> bool {
     f64::from(span.low.z) <= block.top && f64::from(span.high.z) >= block.base && footprint(block, plane, span)
 }
@@ -150,7 +152,7 @@ fn footprint(block: &Block, plane: &Plane, span: &Span) -> bool {
     block.covers(x, y, radius)
 }
 
-/// A disc around a span's box.
+/// Returns centre and radius of a disc around a span's box, mu.
 fn disc(span: &Span) -> ([f64; 2], f64) {
     let (low, high) = (span.low, span.high);
     let center = [f64::from(low.x + high.x) / 2.0, f64::from(low.y + high.y) / 2.0];
@@ -166,7 +168,7 @@ mod tests {
     use crate::physics::{Effort, Outcome, Trace};
     use crate::plan::{Reuse, StartId, TransitionKey, Transitions};
 
-    /// A robot drawn along a random way with random joints.
+    /// Makes a transition of a robot that moves along a random path with random joint angles.
     fn drawn(robot: &Robot, stream: &mut Stream) -> Transition {
         let mut state = robot.neutral();
         let (mut trace, mut boxes) = (Trace::new(robot.hinges.len()), Vec::new());
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_and_discs_never_change_the_answer_of_testing_every_sample() {
+    fn bounds_give_same_result_as_testing_every_sample() {
         let robot = crate::model::catalogue::robots().iter().find(|r| r.name == "lizard").unwrap().toml;
         let robot = Robot::compile(&toml::from_str(robot).unwrap()).unwrap();
         let mut stream = Stream::new(1, Purpose::Sample, 0, 0, 0);
@@ -238,14 +240,14 @@ mod tests {
                 assert_eq!(leaves_map(&environment, &place, &transition), outside);
                 assert_eq!(touches(&robot, &blocks, &place, &transition), touching);
                 assert_eq!(on_terrain(&blocks, &place, &transition), over);
-                assert!(over || !touching, "a block is met outside of the swept boxes");
+                assert!(over || !touching, "a block is touched outside the swept boxes");
                 left += u32::from(outside);
                 touched += u32::from(touching);
                 covered += u32::from(over);
             }
         }
         for n in [left, touched, covered] {
-            assert!((50..550).contains(&n), "one answer alone shows little: {left} {touched} {covered} of 600");
+            assert!((50..550).contains(&n), "too few cases of one result to test both: {left} {touched} {covered} of 600");
         }
     }
 }

@@ -1,17 +1,17 @@
-//! Transition reuse: what a gait does depends on the local state it starts from, not on where on the map.
+//! Transition reuse: the outcome of a gait depends on the local state it starts from, not on the place in the map.
 //!
 //! A *local state* is a configuration in the canonical frame (x = y = 0, heading 0): joint angles, tilt and height. A
-//! gait drives the robot onto a limit cycle, so its ends cluster; a tree of hundreds of expansions has but a few local
+//! gait drives the robot onto a limit cycle, so its ends cluster: a tree of hundreds of expansions has only a few local
 //! states. A node belongs to the first representative within the tolerance; representatives never move. So the
-//! transition from (representative, gait) is simulated once and laid into the map wherever it is needed.
+//! transition of a pair (representative, gait) is simulated once and laid out in the map wherever it is needed.
 //!
 //! With tolerance 0 every configuration is its own representative, and every expansion is simulated.
 //!
-//! A robot whose every step repeats exactly may walk a closed polygon that the small differences between its steps would
-//! lead it out of. So a local state can keep several *members*: the first V distinct configurations that fall into it,
-//! its representative first. A node that is one of them starts from itself, any other from one of them, picked by the
-//! node's index, so that transitions come in up to V simulated variants. With at least as many variants as distinct
-//! configurations every node starts from itself: the tree is that of tolerance 0.
+//! A robot whose steps all repeat exactly may walk a closed polygon; small differences between its steps would lead it
+//! out. So a local state can keep several *members*: the first V distinct configurations that fall into it, the
+//! representative first. A node whose configuration is a member starts from it. Any other node starts from a member
+//! chosen by the node's index, so that transitions occur in up to V simulated variants. If V is at least the number of
+//! distinct configurations, every node starts from its own: the tree equals that of tolerance 0.
 
 use super::Extent;
 use crate::base::math::{angle_between, heading};
@@ -22,50 +22,50 @@ use crate::physics::{Outcome, Rollout, canonical};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct StartId(pub usize);
 
-/// What a transition is known by.
+/// Key of a transition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TransitionKey {
-    /// Where it starts.
+    /// Start of the transition.
     pub start: StartId,
-    /// Which gait.
+    /// Index of the gait.
     pub gait: usize,
 }
 
-/// A rollout and what the planner needs of it.
+/// A rollout and the results of it that the planner needs.
 #[derive(Clone, Debug)]
 pub struct Transition {
-    /// The rollout; in the canonical frame, or in the map if its start is bound to a place.
+    /// The rollout, in the canonical frame, or in the map if its start is bound to a place.
     pub rollout: Rollout,
-    /// Where it ends, in the frame of the rollout.
+    /// Place of its end, in the frame of the rollout.
     pub end: Place,
-    /// How far it reaches, in the frame of the rollout.
+    /// Bounds of the rollout, in its own frame.
     pub extent: Extent,
-    /// The representative of where it ends. `None` if it did not run to its end.
+    /// Representative of the end; `None` if the rollout did not complete.
     pub end_start: Option<StartId>,
-    /// Where it ends, if that is a member of its local state.
+    /// Start with the end's own configuration, if that is a member of its local state.
     pub end_member: Option<StartId>,
 }
 
 #[derive(Clone, Debug)]
 struct Start {
     state: State,
-    /// Bound to a place: simulated there, among the terrain, and never matched.
+    /// True if the start is bound to a place: simulated there, with the terrain, and never matched.
     in_place: bool,
-    /// Of a representative, the members of its local state, itself first; of others none.
+    /// For a representative, the members of its local state, itself first; else empty.
     members: Vec<StartId>,
     transitions: Vec<Option<Transition>>,
 }
 
-/// How far transitions are reused.
+/// Settings of transition reuse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reuse {
-    /// Most that joint angles (rad), tilt (rad) and height (mu) may differ; 0: nothing is reused.
+    /// Greatest difference of joint angles (rad), tilt (rad) and height (mu); 0: no transition is reused.
     pub tolerance: f64,
-    /// V, members of a local state, at least 1.
+    /// V, most members of a local state, at least 1.
     pub variants: u32,
 }
 
-/// The table of one candidate: its local states and the transitions simulated from them.
+/// Table of one candidate: its local states and the transitions simulated from them.
 #[derive(Clone, Debug)]
 pub struct Transitions {
     gaits: usize,
@@ -75,7 +75,8 @@ pub struct Transitions {
 }
 
 impl Transitions {
-    /// A table for so many gaits; `root` is the settled start in the canonical frame and becomes start 0.
+    /// Creates a table for this number of gaits. `root` is the settled start in the canonical frame and becomes start
+    /// 0.
     pub fn new(gaits: usize, reuse: Reuse, root: &State) -> Self {
         let (tolerance, variants) = (reuse.tolerance as f32, reuse.variants as usize);
         let mut table = Self { gaits, tolerance, variants, starts: Vec::new() };
@@ -83,7 +84,8 @@ impl Transitions {
         table
     }
 
-    /// The representative that a configuration belongs to, and the member of the local state that it is, if it is one.
+    /// Returns the representative of a configuration, and the member with exactly this configuration if there is one.
+    /// Adds the configuration as representative or member where there is room.
     fn local_state(&mut self, state: State) -> (StartId, Option<StartId>) {
         let local = canonical(state);
         let close = |s: &Start| !s.members.is_empty() && self.close(&s.state, &local);
@@ -102,41 +104,41 @@ impl Transitions {
         (StartId(i), Some(new))
     }
 
-    /// What a node starts from that a transition led to: itself if it is a member of its local state, else one of the
-    /// members. Which one follows from the node's index, mixed: siblings are neighbours, so by the remainder alone a
-    /// gait would be tied to a variant.
+    /// Returns the start of a node that a transition led to: the end's own configuration if it is a member of its local
+    /// state, else one of the members. The member is chosen by the mixed bits of the node's index. Siblings have
+    /// consecutive indexes, so the remainder of the index alone would tie a gait to a variant.
     pub fn start_of_node(&self, transition: &Transition, node: usize) -> StartId {
         let representative = transition.end_start.unwrap_or(StartId(0));
         let members = &self.starts[representative.0].members;
         transition.end_member.unwrap_or_else(|| members[(mixed(node as u64) % members.len() as u64) as usize])
     }
 
-    /// A start bound to a place of the map, exactly this configuration.
+    /// Adds a start that is bound to a place of the map, with exactly this configuration.
     pub fn in_place(&mut self, state: State) -> StartId {
         self.add(state, true)
     }
 
-    /// The configuration of a start.
+    /// Returns the configuration of a start.
     pub fn start(&self, id: StartId) -> &State {
         &self.starts[id.0].state
     }
 
-    /// Whether a start is bound to a place of the map.
+    /// Returns true if a start is bound to a place of the map.
     pub fn is_in_place(&self, id: StartId) -> bool {
         self.starts[id.0].in_place
     }
 
-    /// How many starts there are.
+    /// Returns the number of starts.
     pub fn starts(&self) -> usize {
         self.starts.len()
     }
 
-    /// A transition, if it was simulated.
+    /// Returns a transition, or `None` if it was not simulated.
     pub fn get(&self, key: TransitionKey) -> Option<&Transition> {
         self.starts[key.start.0].transitions[key.gait].as_ref()
     }
 
-    /// Takes a simulated transition.
+    /// Stores a simulated transition.
     pub fn insert(&mut self, key: TransitionKey, rollout: Rollout) {
         let (p, yaw) = (rollout.end.pivot.translation, heading(rollout.end.pivot.rotation));
         let end = Place { x: p.x.into(), y: p.y.into(), z: p.z.into(), yaw };
@@ -161,7 +163,7 @@ impl Transitions {
         id
     }
 
-    /// Whether joint angles (rad), tilt (rad) and height (mu) all differ by at most the tolerance.
+    /// Returns true if joint angles (rad), tilt (rad) and height (mu) all differ by at most the tolerance.
     fn close(&self, a: &State, b: &State) -> bool {
         a.joints.iter().zip(&b.joints).all(|(a, b)| (a - b).abs() <= self.tolerance)
             && (a.pivot.translation.z - b.pivot.translation.z).abs() <= self.tolerance
@@ -179,8 +181,8 @@ fn same_bits(a: &State, b: &State) -> bool {
         && a.joints.iter().zip(&b.joints).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
-/// All bits of a number spread over all bits of another (the finaliser of SplitMix64: Steele, Lea and Flood, Fast
-/// splittable pseudorandom number generators, OOPSLA 2014).
+/// Mixes the bits of a number (the finaliser of SplitMix64: Steele, Lea and Flood, Fast splittable pseudorandom number
+/// generators, OOPSLA 2014).
 fn mixed(n: u64) -> u64 {
     let n = n.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let n = (n ^ (n >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -212,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn place_and_heading_are_no_part_of_a_local_state_and_joints_tilt_and_height_are() {
+    fn local_state_is_joints_tilt_and_height_without_place() {
         for tilt in [0.0, 0.4, FRAC_PI_2, 3.0] {
             let tilted = |angle: f32| about(Vector::new(0.6, 0.8, 0.0), angle);
             let root = state(0.0, tilted(tilt), 0.1);
@@ -236,21 +238,22 @@ mod tests {
     }
 
     #[test]
-    fn a_configuration_belongs_to_the_first_representative_within_the_tolerance_and_none_moves() {
+    fn first_representative_within_tolerance_matches_and_never_moves() {
         let at = |joint: f32| state(0.0, Rotation::IDENTITY, joint);
         let mut table = table(&at(0.0));
-        // Each is near the one before, but only what is near the first belongs to it: local states do not creep.
+        // Each is close to the one before, but only those close to the first belong to it: local states do not drift.
         assert_eq!(table.local_state(at(0.04)).0, StartId(0));
         assert_eq!(table.local_state(at(0.08)).0, StartId(1));
-        assert_eq!(table.local_state(at(0.045)).0, StartId(0), "of two within the tolerance the first");
+        assert_eq!(table.local_state(at(0.045)).0, StartId(0), "of two representatives within the tolerance, the first is chosen");
         assert_eq!(table.local_state(at(0.12)).0, StartId(1));
         assert_eq!(table.start(StartId(0)).joints[0], 0.0);
         assert_eq!(table.start(StartId(1)).joints[0], 0.08);
     }
 
-    /// On its head a robot has hardly a heading: it may count as another local state, never as a wrong one.
+    /// Upside down, a robot's heading is almost undefined: the configuration may become a new local state, never a
+    /// wrong one.
     #[test]
-    fn what_shares_a_local_state_is_laid_out_alike_in_any_tilt_up_to_the_half_turn() {
+    fn configurations_of_one_local_state_agree_at_any_tilt() {
         let mut stream = Stream::new(4, Purpose::Sample, 0, 0, 0);
         let half_turn = Rotation::from_xyzw(0.6, 0.8, 0.0, 0.0);
         let mut shared = 0;
@@ -273,14 +276,14 @@ mod tests {
                 shared += u32::from(representative == StartId(0));
             }
         }
-        assert!(shared > 150, "{shared} of 1500 share a local state: this shows little");
+        assert!(shared > 150, "{shared} of 1500 share a local state: too few to test the layout");
         let exact = state(0.0, half_turn, 0.1);
         assert_eq!(heading(exact.pivot.rotation), 0.0);
         assert_eq!(table(&exact).local_state(exact.clone()), (StartId(0), Some(StartId(0))));
     }
 
     #[test]
-    fn members_are_the_first_distinct_configurations_and_nodes_are_spread_over_them() {
+    fn nodes_spread_over_distinct_members_of_local_state() {
         let at = |joint: f32| state(0.0, Rotation::IDENTITY, joint);
         let mut table = Transitions::new(1, Reuse { tolerance: 0.05, variants: 3 }, &canonical(at(0.0)));
         let members: Vec<_> = [0.01, 0.0, 0.02, 0.01, 0.03, 0.02].map(|j| table.local_state(at(j)).1).to_vec();
@@ -298,7 +301,7 @@ mod tests {
         };
         let transition =
             Transition { end: Place::ORIGIN, extent: Extent::of(&rollout), rollout, end_start, end_member };
-        // Three gaits add nodes in turn: no gait may be tied to a member.
+        // Three gaits add nodes in turn; no gait may be tied to a member.
         for gait in 0..3 {
             let mut uses = [0u32; 3];
             (0..300).for_each(|i| uses[table.start_of_node(&transition, 3 * i + gait).0] += 1);

@@ -1,4 +1,5 @@
-//! What an evaluation may cost at most, in rollouts and physics steps: so every one ends, with the same bits everywhere.
+//! Greatest cost of an evaluation, in rollouts and physics steps: so every evaluation ends, with the same bits
+//! everywhere.
 //!
 //! A tree of K iterations with k gaits asks for K·k rollouts at most, and over terrain for twice as many: first in the
 //! canonical frame, then in place. Reuse makes that far fewer, which a job can count on by `planner.max_rollouts`.
@@ -66,7 +67,7 @@ fn motion_rollouts(simulate: &SimulateSpec, spec: &JobSpec) -> u64 {
     steps * ways + anew
 }
 
-/// Refuses motions that could take longer than anybody wants to wait.
+/// Refuses motions that could take too long.
 pub(super) fn validate_motion(
     spec: &JobSpec,
     gaits: &GaitsSpec,
@@ -110,7 +111,7 @@ fn settling(robot: &Robot, physics: &Physics) -> u64 {
     steps * (u64::from(physics.substeps) + 2) * (bodies + shapes as u64) * quarters / 4
 }
 
-/// Refuses jobs whose preparation could take too long.
+/// Refuses jobs with a preparation that could take too long.
 pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
     let needed = job.preparation_budget();
     if needed <= MAX_PREPARATION {
@@ -131,7 +132,7 @@ pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
     })
 }
 
-/// Refuses jobs whose evaluations could take longer than anybody wants to wait.
+/// Refuses jobs with evaluations that could take too long.
 pub(super) fn validate(
     spec: &JobSpec,
     gaits: &GaitsSpec,

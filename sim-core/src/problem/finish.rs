@@ -5,18 +5,18 @@ use crate::base::limits::{MAX_ARCHIVE, MAX_FINISH_SEEDS};
 use crate::physics::{EngineChoice, Physics, PhysicsSpec, Scale};
 use serde::{Deserialize, Serialize};
 
-/// Fresh seeds unless a job asks for another number.
+/// Default number of fresh seeds.
 const SEEDS: u32 = 20;
-/// Genotypes in the archive unless a job asks for another number.
+/// Default number of genotypes in the archive.
 const ARCHIVE: u32 = 20;
 
 /// The `[finish]` table. What is not given gets its default; all but `kind` belongs to `kind = "reference"`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishSpec {
-    /// How the published winner is chosen.
+    /// Rule for the choice of the published winner.
     pub kind: FinishKind,
-    /// How many of the best distinct genotypes of the search are scored again.
+    /// Number of the best distinct genotypes of the search that are scored again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub archive: Option<u32>,
     /// On how many fresh RRT seeds each.
@@ -28,12 +28,12 @@ pub struct FinishSpec {
     /// Solver iterations (substeps) of a step, on the reference setting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps: Option<u32>,
-    /// Whether every new global best of the search is scored again without reuse of transitions.
+    /// True if every new global best of the search is scored again without reuse of transitions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub audit: Option<bool>,
 }
 
-/// How the published winner is chosen.
+/// Rule for the choice of the published winner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FinishKind {
@@ -55,7 +55,7 @@ pub struct Finish {
     pub steps_per_second: u32,
     /// Substeps of a step on the reference setting.
     pub substeps: u32,
-    /// Whether global bests are audited without reuse.
+    /// True if global bests are audited without reuse.
     pub audit: bool,
 }
 

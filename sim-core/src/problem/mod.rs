@@ -49,7 +49,7 @@ struct Resolved {
     robot: Robot,
     engine: Chosen,
     physics: Physics,
-    /// As the file says; of a motion that is not made of gaits, as long as it lasts.
+    /// Gaits as in the file; for a motion without gaits, with the duration of the motion.
     gaits: GaitsSpec,
     space: Space,
     fitness: FitnessSpec,
@@ -61,15 +61,15 @@ struct Resolved {
 }
 
 impl Checked {
-    /// Reads a self-contained job: one whose robot and environment are written out or ship with evogait.
-    /// Settings that are not given get their defaults, so that [`Checked::to_toml`] tells all of them.
+    /// Reads a self-contained job: its robot and environment are written out or ship with evogait. Settings that are
+    /// not given get their defaults, so that [`Checked::to_toml`] writes all of them.
     pub fn from_toml(text: &str) -> Result<Self, Invalid> {
         let most = limits::MAX_TOML_LENGTH as u64;
         whole_in_range("length of the job's text", text.len() as u64, (0, most), "bytes")?;
         Self::new(toml_file::read(text)?)
     }
 
-    /// Resolves and validates a job whose robot and environment are written out or ship with evogait. Simulates nothing.
+    /// Resolves and validates a self-contained job. Simulates nothing.
     pub fn new(mut spec: JobSpec) -> Result<Self, Invalid> {
         let mut faults = Faults::default();
         faults.take(name("name", &spec.name));
@@ -209,13 +209,13 @@ impl Checked {
         Quiet::of(&self.0.robot, &self.0.physics, trembling)
     }
 
-    /// Which engine the job runs on, and why. [`Self::on_reference`] has one of its own.
+    /// Returns the engine of the job and the reason. [`Self::on_reference`] has one of its own.
     pub fn chosen(&self) -> Chosen {
         self.0.engine
     }
 
-    /// Candidates whose first rollouts fill the engine's lanes on this machine: fewer in a batch take as long. 1 for an
-    /// engine without lanes.
+    /// Returns the number of candidates with first rollouts that fill the engine's lanes on this machine: a smaller
+    /// batch takes as long. 1 for an engine without lanes.
     pub fn candidates_at_once(&self) -> u32 {
         (self.engine().lanes() as u32 / self.0.gaits.count).max(1)
     }
@@ -245,7 +245,7 @@ impl Checked {
         &self.0.physics
     }
 
-    /// How the published winner is chosen; `None` if it is the best of the search.
+    /// Returns the finish; `None` if the published winner is the best of the search.
     pub fn finish(&self) -> Option<&Finish> {
         self.0.finish.as_ref()
     }
@@ -276,7 +276,7 @@ impl Checked {
         self.0.gaits.controller.0
     }
 
-    /// How trees are grown.
+    /// Returns the settings of the planner.
     pub fn planner(&self) -> PlannerSettings {
         let spec = &self.0.spec.planner;
         let goal = self.0.environment.goal.filter(|_| spec.stop_at_goal == Some(true));
@@ -289,13 +289,13 @@ impl Checked {
         }
     }
 
-    /// How transitions are reused.
+    /// Returns the settings of the reuse of transitions.
     pub fn reuse(&self) -> Reuse {
         let spec = &self.0.spec.planner;
         Reuse { tolerance: spec.reuse_tolerance, variants: spec.variants }
     }
 
-    /// Whether larger or smaller scores are better.
+    /// Returns the direction: larger or smaller scores are better.
     pub fn direction(&self) -> Direction {
         self.0.fitness.kind.0.direction()
     }
@@ -320,7 +320,7 @@ impl Checked {
         &self.0.gaits
     }
 
-    /// What the job's procedure does with it.
+    /// Returns the kind of work that the job's procedure does.
     pub fn does(&self) -> Does {
         Does::of(&self.0.spec)
     }
@@ -347,7 +347,8 @@ impl Checked {
     }
 }
 
-/// What is done with a problem, by the tables that it needs. A procedure that another program registers evolves in this sense.
+/// Kind of work on a problem, by the tables that it needs. A procedure that another program registers evolves in this
+/// sense.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Does {
     /// Search for gaits.
@@ -445,7 +446,7 @@ fn resolve_stop_at_goal(spec: &mut JobSpec, environment: &Environment) -> Result
     Ok(())
 }
 
-/// What a tree is worth if the job does not say: how near it comes to the goal, or where there is none what it covers.
+/// Returns the default fitness: the distance to the goal, or coverage without a goal.
 fn default_fitness(environment: &Environment) -> FitnessSpec {
     let kind: Registration<dyn ObjectiveKind> =
         if environment.goal.is_some() { Registration(&Distance) } else { Registration(&Coverage) };

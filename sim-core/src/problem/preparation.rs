@@ -1,4 +1,4 @@
-//! The dear part of a job: its robot settled, and all that follows from where it stands.
+//! The expensive part of a job: its settled robot, and all that follows from its start.
 
 use super::{Checked, JobSpec, standing, unusable_reference, with_physics};
 use crate::base::encoding::{Unreadable, encoded};
@@ -77,17 +77,17 @@ pub enum Unfit {
     /// The job has a reference setting and the preparation none, or the other way round.
     #[error("the preparation has {found} settled starts, its job {wanted}")]
     Starts {
-        /// How many there are.
+        /// Number found.
         found: usize,
-        /// How many there should be.
+        /// Number needed.
         wanted: usize,
     },
     /// Another number of joints than the robot has.
     #[error("a settled start has {found} joint angles, the robot {wanted} joints")]
     Joints {
-        /// How many there are.
+        /// Number found.
         found: usize,
-        /// How many there should be.
+        /// Number needed.
         wanted: usize,
     },
     /// Numbers that no settled robot has.
@@ -226,12 +226,12 @@ impl Deref for Job {
 }
 
 impl Job {
-    /// Reads, checks and prepares a self-contained job: one whose robot and environment are written out or ship with evogait.
+    /// Reads, checks and prepares a self-contained job: its robot and environment are written out or ship with evogait.
     pub fn from_toml(text: &str) -> Result<Job, Invalid> {
         Self::prepared(Checked::from_toml(text)?)
     }
 
-    /// Checks and prepares a job whose robot and environment are written out or ship with evogait.
+    /// Checks and prepares a self-contained job.
     pub fn new(spec: JobSpec) -> Result<Job, Invalid> {
         Self::prepared(Checked::new(spec)?)
     }
@@ -302,13 +302,13 @@ impl Job {
         }
     }
 
-    /// Where the pivot starts on the map.
+    /// Returns the place of the pivot at the start.
     pub fn root(&self) -> Place {
         let start = &self.environment().start;
         Place { x: start.x, y: start.y, z: f64::from(self.0.start.pivot.translation.z) + self.0.ground, yaw: start.yaw }
     }
 
-    /// Where the pivot is if the robot starts elsewhere: at (x, y), mu, with this heading, rad.
+    /// Returns the place of the pivot if the robot starts elsewhere: at (x, y), mu, with this heading, rad.
     ///
     /// # Errors
     /// The robot can't stand there, or it is off the map.
@@ -328,7 +328,7 @@ impl Job {
         standing::blocked_goal(self.robot(), self.environment(), &self.0.start)
     }
 
-    /// Where trees are grown.
+    /// Returns the setting of trees.
     pub fn setting(&self) -> Setting<'_> {
         evaluate::setting(self)
     }

@@ -25,7 +25,7 @@ pub struct SimulateSpec {
     /// Gaits in turn, counted from 1: a plan, or a single gait.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<Vec<u32>>,
-    /// Where the plan says that each step leads: x, y, z (mu) and yaw (rad) of the pivot.
+    /// Places that the plan gives for the ends of the steps: x, y, z (mu) and yaw (rad) of the pivot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub places: Option<Vec<[f64; 4]>>,
     /// A table of joint targets: a path to a CSV file, or the table itself.
@@ -37,13 +37,13 @@ pub struct SimulateSpec {
     /// The gaits of `steps` and `replan`: a path to a run's folder or to its gaits.json, or the table itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gaits: Option<Reference<GaitSet>>,
-    /// How steps follow each other; both ways unless given.
+    /// Ways in which steps follow each other; both unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ways: Option<Vec<Way>>,
     /// Repeats, each with draws of its own from what varies. The motion is carried out once more with nothing varied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub repeats: Option<u32>,
-    /// What varies.
+    /// Quantities that vary.
     #[serde(skip_serializing_if = "VarySpec::is_nothing")]
     pub vary: VarySpec,
     /// Plan anew where the motion leads elsewhere than planned.
@@ -51,7 +51,7 @@ pub struct SimulateSpec {
     pub replan: Option<ReplanSpec>,
 }
 
-/// How the gaits of a plan follow each other.
+/// Way in which the gaits of a plan follow each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Way {
@@ -81,7 +81,7 @@ pub struct TargetTable {
     pub rows: Vec<Vec<f64>>,
 }
 
-/// What varies from repeat to repeat. Each is drawn uniformly from its range, by a stream of its own.
+/// Quantities that vary from repeat to repeat. Each is drawn uniformly from its range, by a stream of its own.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VarySpec {
@@ -100,7 +100,7 @@ pub struct VarySpec {
     /// Added to the start's heading, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub yaw: Option<[f64; 2]>,
-    /// So many joints, drawn without a preference, are locked where they stand at the start.
+    /// Number of joints that are locked at their angle of the start, drawn uniformly.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dead_joints: Option<u32>,
     /// Standard deviation of noise on every joint's target, rad: normal, drawn anew every 0.1 s, linear between.
@@ -112,7 +112,7 @@ pub struct VarySpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReplanSpec {
-    /// Planar distance from where the plan says, mu, beyond which a new one is made.
+    /// Planar distance from the place in the plan, mu, beyond which a new plan is made.
     #[serde(default = "deviation")]
     pub deviation: f64,
     /// Plans that are made at most.
@@ -224,12 +224,12 @@ impl SimulateSpec {
         Ok(())
     }
 
-    /// Whether the motion is made of gaits.
+    /// Returns true if the motion is made of gaits.
     pub(super) fn uses_gaits(&self) -> bool {
         self.steps.is_some() || self.replan.is_some()
     }
 
-    /// How long a motion without gaits takes, s.
+    /// Returns the duration of a motion without gaits, s.
     pub(super) fn duration(&self) -> Option<f64> {
         match (&self.targets, self.stand) {
             (Some(Reference::Inline(table)), _) => Some(table.rows.last()?[0]),
@@ -243,7 +243,7 @@ impl SimulateSpec {
         let off_map = |[x, y, ..]: &[f64; 4]| !environment.contains(*x, *y);
         if let Some(i) = self.places.iter().flatten().position(off_map) {
             let reason =
-                format!("it lies off the map of environment \"{}\": the plan is for another one", environment.name);
+                format!("it lies outside the map of environment \"{}\": the plan is for another environment", environment.name);
             faults.take::<()>(Err(conflict(&format!("simulate.places[{i}]"), &reason)));
         }
         for (i, &step) in self.steps.iter().flatten().enumerate() {
@@ -311,7 +311,7 @@ impl TargetTable {
 }
 
 impl VarySpec {
-    /// Whether nothing varies.
+    /// Returns true if nothing varies.
     pub fn is_nothing(&self) -> bool {
         *self == Self::default()
     }

@@ -14,8 +14,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// A job as its TOML file says it; *resolved* once robot and environment stand in it in full and every setting is
-/// written out.
+/// A job as in its TOML file; *resolved* once robot and environment stand in it in full and every setting is written
+/// out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobSpec {
@@ -33,16 +33,17 @@ pub struct JobSpec {
     /// Name of the procedure: what is done with the problem that the rest describes. The registry's first unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub procedure: Option<String>,
-    /// What the gaits are. Only motions that are not made of gaits can do without.
+    /// The gaits. Only motions without gaits can do without.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub gaits: Option<GaitsSpec>,
-    /// How a candidate's tree is grown.
+    /// Settings of the planner that grows a candidate's trees.
     #[serde(default)]
     pub planner: PlannerSpec,
-    /// What the tree is worth. Jobs that plan may leave it out: the distance to the goal, or coverage where there is none.
+    /// Score of a tree. Jobs that plan may omit it: the default is the distance to the goal, or coverage without a
+    /// goal.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub fitness: Option<FitnessSpec>,
-    /// How candidates are searched for; in jobs that evolve.
+    /// Search for candidates; in jobs that evolve.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub optimiser: Option<OptimiserSpec>,
     /// Given gaits, and trees with them; in jobs that plan.
@@ -51,10 +52,10 @@ pub struct JobSpec {
     /// A given motion, and what varies; in jobs that simulate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulate: Option<SimulateSpec>,
-    /// Where they move.
+    /// Physics of the motions.
     #[serde(default)]
     pub physics: PhysicsSpec,
-    /// What is done once the search is over; in jobs that evolve.
+    /// Finish after the search; in jobs that evolve.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub finish: Option<FinishSpec>,
     /// The environment: a name that ships, a path, or the table itself.
@@ -92,7 +93,7 @@ pub enum Reference<T> {
 }
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Reference<T> {
-    /// By hand, so that a mistake inside a table is told as itself.
+    /// Written by hand, so that the error of a mistake inside a table stays as it is.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Either<T>(PhantomData<T>);
 

@@ -1,4 +1,4 @@
-//! Where the settled robot stands on the map: its start on flat ground or on terrain, and its goal.
+//! Poses of the settled robot on the map: its start on flat ground or on terrain, and its goal.
 
 use crate::base::error::Invalid;
 use crate::base::math::Vector;

@@ -38,9 +38,9 @@ pub struct Round {
     pub at_most: u32,
     /// Tasks that take as long together as one alone, at least 1: an engine's lanes.
     pub lanes: u32,
-    /// What the work is, in a word: "preparing", "searching". A task's measured cost holds within a phase.
+    /// Name of the work, one word: "preparing", "searching". A task's measured cost holds within a phase.
     pub phase: &'static str,
-    /// What all tasks of the round need beside their own bytes; sent to a worker once a session. Empty in round 0.
+    /// Bytes that all tasks of the round share; sent to a worker once a session. Empty in round 0.
     pub shared: Arc<[u8]>,
     /// Results of the sealed round stay in the store: a restart takes them over.
     pub kept: bool,
@@ -52,7 +52,7 @@ pub struct Round {
 pub struct Rejected {
     /// The task, for people.
     pub task: String,
-    /// What is wrong, and what is allowed.
+    /// The fault, and the allowed values.
     pub reason: String,
 }
 
@@ -85,7 +85,7 @@ impl PartialEq for Value {
     }
 }
 
-/// What is told of a sealed round: a row of a series.
+/// A row about a sealed round, in a series.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The series, such as "generations".
@@ -96,18 +96,18 @@ pub struct Row {
     pub values: Vec<Value>,
 }
 
-/// How far a procedure is.
+/// Progress of a procedure.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// [`Round::phase`] of the round at hand.
     pub phase: Cow<'static, str>,
-    /// What it counts, in the plural: "generations".
+    /// Name of the units that it counts, in the plural: "generations".
     pub unit: Cow<'static, str>,
-    /// So many of these are done …
+    /// Number of finished units …
     pub done: u32,
     /// … of so many.
     pub total: u32,
-    /// What a list, a bar and a page show.
+    /// Values for lists, bars and pages.
     pub values: Vec<Value>,
 }
 
@@ -122,7 +122,7 @@ pub struct Artefact {
     pub content: Vec<u8>,
 }
 
-/// What follows from a round's results.
+/// The step after a round's results.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// The next round: [`Procedure::round`].
@@ -135,12 +135,12 @@ pub enum Step {
     Failed(String),
 }
 
-/// A round was told.
+/// Answer of a procedure to a round's results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Told {
     /// The row of the round's series, if it has one.
     pub row: Option<Row>,
-    /// What follows.
+    /// The next step.
     pub step: Step,
 }
 
@@ -161,10 +161,11 @@ pub trait Procedure: Send {
     /// Checks that bytes are a result of a task of the round at hand: whole, in range, and encoded as this side would.
     fn check(&self, index: u32, result: &[u8]) -> Result<(), Rejected>;
 
-    /// A result for people, so that two that differ can be told apart: a score and its bits.
+    /// Returns a result for people, which shows how two results differ: a score and its bits.
     fn show(&self, result: &[u8]) -> String;
 
-    /// How many of the first tasks settle the round, once their results are there; the others are cancelled then.
+    /// Returns the number of first tasks that settle the round, once their results are there; the others are then
+    /// cancelled.
     fn decided(&self, _so_far: &[Option<Arc<[u8]>>]) -> Option<u32> {
         None
     }
@@ -180,16 +181,17 @@ pub trait Procedure: Send {
     /// The state between two rounds, to be stored.
     fn save(&self) -> Vec<u8>;
 
-    /// How far it is.
+    /// Returns its progress.
     fn progress(&self) -> Progress;
 }
 
-/// What a worker tells a task that runs, and is told by it.
+/// Messages between a running task and its worker.
 pub trait Hooks {
-    /// Whether the work may be given up. Asked before every batch of rollouts, so it also is the sign that they move.
+    /// Returns true if the work may be given up. Called before every batch of rollouts, so each call is also a sign of
+    /// progress.
     fn stop(&self) -> bool;
 
-    /// Part of a task's result, for those who watch.
+    /// Receives a part of a task's result, for watchers.
     fn partial(&self, _index: u32, _part: &[u8]) {}
 }
 

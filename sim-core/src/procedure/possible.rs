@@ -1,11 +1,11 @@
-//! What counts and records of a task can be: bounds that follow from the job alone.
+//! Possible values of a task's counts and records: bounds that follow from the job alone.
 
 use crate::base::score::Counts;
 use crate::genotype::Genotype;
 use crate::problem::Checked;
 use crate::report::{GaitTrace, PathMode, PathTrace, TraceSample, Traces, TreeRecord};
 
-/// Longest text that says why a gait was unstable, in bytes.
+/// Longest reason of an unstable gait, in bytes.
 const MAX_UNSTABLE: usize = 1024;
 /// A time may exceed the gait's duration by so much, s: rounding.
 const ROUNDING: f64 = 1e-3;
@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("its count of {what}, {found}, is impossible: at most {most} is allowed")]
 pub struct Uncountable {
-    /// What is counted.
+    /// The quantity.
     pub what: &'static str,
     /// The count.
     pub found: u64,

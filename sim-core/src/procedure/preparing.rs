@@ -32,7 +32,7 @@ encoded!(Outcome = OUTCOME);
 pub(super) struct Preparing {
     problem: Checked,
     inner: Box<dyn Procedure>,
-    /// The encoded preparation, once round 0 is told.
+    /// The encoded preparation, once round 0 is complete.
     preparation: Option<Arc<[u8]>>,
 }
 

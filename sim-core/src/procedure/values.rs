@@ -3,7 +3,7 @@
 use super::Value;
 use crate::base::score::Counts;
 
-/// What evaluations took, a value each.
+/// Effort of evaluations, a value for each count.
 pub(super) fn counted(counts: &Counts) -> [Value; 6] {
     let milliseconds = Value { unit: "ms".into(), ..number("simulated_ms", counts.simulated_ms) };
     [

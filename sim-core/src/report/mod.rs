@@ -15,7 +15,7 @@ use crate::problem::Job;
 use crate::search::Scored;
 use serde::{Deserialize, Serialize};
 
-/// What is recorded of a winner: the part of the report that no score tells.
+/// Record of a winner: the part of the report beside scores.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Traces {
     /// Each of the winner's gaits, applied at the start.
@@ -68,9 +68,9 @@ pub struct TreeRecord {
 /// A node and the edge that leads to it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NodeRecord {
-    /// mu.
+    /// x, mu.
     pub x: f64,
-    /// mu.
+    /// y, mu.
     pub y: f64,
     /// Height of the pivot, mu.
     pub z: f64,
@@ -80,19 +80,19 @@ pub struct NodeRecord {
     pub parent: Option<usize>,
     /// Gait from the parent, from 0; `null` for the root.
     pub gait: Option<usize>,
-    /// The pivot's way from the parent, (x, y) in the map, sampled about once a second, ends included; more seldom in
-    /// a tree whose ways would have more than 50,000 points.
+    /// The pivot's path from the parent, (x, y) on the map, sampled about once a second with both ends. In a tree with
+    /// more than 50,000 points of paths it is sampled at longer intervals.
     pub way: Vec<[f64; 2]>,
 }
 
 /// A path, run in one of three ways.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathTrace {
-    /// How.
+    /// Mode of execution.
     pub mode: PathMode,
     /// The pivot's way, (x, y) in the map.
     pub way: Vec<[f64; 2]>,
-    /// Planar distance of its end from where the tree says it ends, mu.
+    /// Planar distance of its end from the end in the tree, mu.
     pub end_error: f64,
 }
 

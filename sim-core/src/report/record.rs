@@ -145,7 +145,7 @@ mod tests {
     use crate::base::limits::{MAX_DURATION, MAX_ITERATIONS};
 
     #[test]
-    fn ways_have_a_point_a_second_unless_all_of_them_would_have_too_many() {
+    fn paths_have_point_a_second_up_to_limit() {
         assert_eq!((way_step(1, 10.0), way_step(5000, 10.0)), (1.0, 1.0));
         for (ways, duration) in [(5001, 10.0), (20_000, 30.0), (MAX_ITERATIONS as usize + 1, MAX_DURATION)] {
             let step = way_step(ways, duration);

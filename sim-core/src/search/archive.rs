@@ -8,9 +8,9 @@ pub const MAX_BESTS: usize = 1000;
 
 /// The best distinct genotypes of a search, best first, and every global best it ever had.
 ///
-/// Genotypes are told apart by their bits. One that was scored several times (an elite of a genetic algorithm) counts
-/// with its best score, the earliest of them if there are several. Equal scores stand in the order of generation and
-/// candidate. What is kept does not depend on the order of the offers of one generation.
+/// Genotypes are distinguished by their bits. A genotype that was scored several times (an elite of a genetic
+/// algorithm) counts with its best score, the earliest of equal ones. Equal scores stand in the order of generation and
+/// candidate. The content does not depend on the order of the offers of one generation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Archive {
     direction: Direction,
@@ -71,7 +71,7 @@ impl Archive {
         self.entries.truncate(self.capacity);
     }
 
-    /// Whether `a` ranks before `b`: better, or as good and earlier.
+    /// Returns true if `a` ranks before `b`: better, or as good and earlier.
     fn before(&self, a: &Scored, b: &Scored) -> bool {
         if a.score == b.score {
             (a.generation, a.candidate) < (b.generation, b.candidate)
@@ -128,7 +128,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_holds_the_best_distinct_genotypes_of_all_that_was_scored(
+        fn archive_holds_best_distinct_genotypes(
             search in search(), capacity in 1u32..8, maximise in any::<bool>(), crash in 0usize..8, backwards in any::<bool>(),
         ) {
             let direction = if maximise { Direction::Maximise } else { Direction::Minimise };
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn bests_have_a_limit_and_the_newest_is_always_there() {
+    fn bests_are_limited_and_keep_the_newest() {
         let mut archive = Archive::new(Direction::Minimise, 1);
         for generation in 0..2000 {
             let score = -f64::from(generation);

@@ -17,7 +17,7 @@ pub const GENERATIONS: Setting = Setting::whole("generations", 150).within(1.0, 
 
 /// A kind of search, chosen by `kind` in the `[optimiser]` table.
 pub trait SearchKind: Configurable {
-    /// Kind of evaluation that it asks for.
+    /// Returns the kind of evaluation that it needs.
     fn asks(&self) -> Ask {
         Ask::Set
     }
@@ -30,7 +30,7 @@ pub trait SearchKind: Configurable {
         Ok(())
     }
 
-    /// Refuses a space that it can't search in: unless it says otherwise, every space but that of real vectors.
+    /// Refuses a space that it can't search in: by default every space except that of real vectors.
     fn takes(&self, space: &Space) -> Result<(), Invalid> {
         let choice = |named: &&NamedGene| matches!(named.gene, Gene::Choice { .. });
         let found = match (space.length, space.genes.iter().find(choice)) {
@@ -80,8 +80,8 @@ impl OptimiserSpec {
         self.settings.whole(&GENERATIONS)
     }
 
-    /// Refuses settings out of range, and those that can't stand together: swarms that explode, more elites than places.
-    /// Refuses a search that asks for evaluations which no procedure does.
+    /// Refuses settings out of range, and combinations that can't work: swarms that diverge, more elites than
+    /// individuals. Refuses a search that needs evaluations which no procedure does.
     pub fn validate(&self) -> Result<(), Invalid> {
         let mut faults = Faults::default();
         if self.kind.0.asks() == Ask::Motion {

@@ -1,7 +1,7 @@
-//! Searches, as ask and tell: they say which candidates they want evaluated and are told the evaluations.
+//! Searches, as ask and tell: they propose candidates and receive the evaluations.
 //!
-//! A search's state serialises, so a coordinator can stop between two generations and go on later with the same bits.
-//! Evaluations are told for a whole generation at once, by candidate index, never by arrival.
+//! A search's state serialises, so a coordinator can stop between two generations and continue later with the same
+//! bits. Evaluations are passed for a whole generation at once, by candidate index, never by arrival.
 
 pub mod archive;
 mod kind;
@@ -41,7 +41,7 @@ pub enum Ask {
     /// The score of a set of gaits: what a planner does with them.
     Set,
     /// The displacement of one motion. No procedure does such evaluations yet, so [`OptimiserSpec::validate`] refuses
-    /// searches that ask for them.
+    /// searches that need them.
     Motion,
 }
 
@@ -73,7 +73,7 @@ pub struct Evaluation {
     pub genotype: Genotype,
     /// The score; `None` if the evaluation failed, which counts as worst.
     pub score: Option<f64>,
-    /// What the candidate does beside its score, for searches that keep candidates apart by it.
+    /// Descriptors of the candidate's behaviour, for searches that separate candidates by them.
     pub descriptors: Vec<f64>,
 }
 
@@ -101,7 +101,7 @@ pub trait Search: Send {
     /// It is not the state of such a search. The search is unchanged then.
     fn restore(&mut self, state: &[u8]) -> Result<(), BadState>;
 
-    /// Whether larger or smaller scores are better.
+    /// Returns the direction: larger or smaller scores are better.
     fn direction(&self) -> Direction;
 }
 

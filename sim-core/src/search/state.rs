@@ -1,4 +1,4 @@
-//! How an optimiser's state is written: a tag, then numbers of eight bytes each, floating-point ones by their bits.
+//! Encoding of an optimiser's state: a tag, then numbers of eight bytes each, floating-point ones by their bits.
 //!
 //! The layout of a kind has a fixed length for a given population and genotype, so a state of another job is refused
 //! before anything is read from it.
@@ -11,7 +11,7 @@ const MAGIC: &[u8; 7] = b"evgopt1";
 /// Magic, kind, then seed, generation, population and genotype length.
 const HEADER: usize = MAGIC.len() + 1 + 4 * 8;
 
-/// What a state belongs to; it fits only an optimiser with the same answers.
+/// Owner of a state: it fits only an optimiser with the same values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Owner {
     /// `b'p'` for swarms, `b'g'` for the genetic algorithm.

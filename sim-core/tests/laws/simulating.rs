@@ -330,7 +330,7 @@ fn jobs_that_can_not_simulate_are_refused_by_field() {
         (steps("steps = [1, 2]\nplaces = [[0, 0, 0, 0]]"), "simulate.places: 1 places for 2 steps"),
         (
             steps("steps = [1]\nplaces = [[16, 0, 0, 0]]"),
-            "simulate.places[0]: it lies off the map of environment \"near\"",
+            "simulate.places[0]: it lies outside the map of environment \"near\"",
         ),
         (steps("steps = [1]\nways = [\"continuous\"]"), "simulate.ways: a motion that is not several steps"),
         (steps("steps = [1, 2]\nways = []"), "simulate.ways: allowed are"),

@@ -1,4 +1,4 @@
-//! `evogait bench` as it is typed.
+//! Options of `evogait bench`.
 
 mod fleet;
 
@@ -19,33 +19,33 @@ pub struct Bench {
 
 #[derive(Debug, Subcommand)]
 pub enum BenchCommand {
-    /// Physics alone: simulated seconds a CPU second
+    /// Measure the speed of physics: simulated seconds per CPU second
     #[command(after_help = "\
 Examples:
   evogait bench rollout
   evogait bench rollout lizard --settings 30x8,60x16,60x16-multibody --gaits 50
   evogait bench rollout quadropod --settings 30x8,200x2-lockstep --gaits 128
-
-Random gaits from the settled start, on one thread. A setting is steps a second
-x substeps of a step, with -multibody for multibody joints, -lockstep for the
-lockstep engine. Settings take turns gait by gait (with a lockstep one: 64 gaits
-by 64, which it simulates at once), so that their ratio holds on a busy machine
-too. CPU seconds are those of the own thread. Intervals are 95 % bootstrap
-intervals over the gaits.")]
+Simulates random gaits from the settled start on one thread. A SETTING is
+written STEPSxSUBSTEPS: steps per simulated second, substeps per step. The
+ending -multibody selects multibody joints, -lockstep the lockstep engine. The
+settings take turns gait by gait (with a lockstep setting: in groups of 64
+gaits, which that engine simulates together), so their ratio is valid on a busy
+machine, too. CPU seconds are those of the measuring thread. Intervals are 95 %
+bootstrap intervals over the gaits.")]
     Rollout(BenchRollout),
 
-    /// Whole evaluations of a job, and what their time goes to
+    /// Measure evaluations of a job, and the shares of their time
     #[command(after_help = "\
 Example:
   evogait bench evaluate quadropod-empty --evaluations 20
-
-Candidates of the job's first generation, one after the other on one thread; on
-the lockstep engine as many at once as a slot of this machine gets of a generation.
-Shares are of CPU time: physics (the engine), target tables (oscillators),
-planning (nearest neighbours, obstacles, transitions), the rest (fitness).")]
+Evaluates candidates of the job's first generation, one after the other on one
+thread. On the lockstep engine as many candidates are evaluated together as one
+slot of this machine gets of a generation. Shares are shares of CPU time:
+physics (the engine), target tables (oscillators), planning (nearest neighbours,
+obstacles, transitions), and the rest (fitness).")]
     Evaluate(BenchEvaluate),
 
-    /// How near engine settings come to a converged reference, and at what speed
+    /// Measure error and speed of engine settings against a converged reference
     #[command(after_help = "\
 Examples:
   evogait bench fidelity quadropod --settings 30x8,60x16,240x4 --out bench/quadropod
@@ -54,129 +54,131 @@ Examples:
   evogait bench fidelity quadropod --settings 30x8,200x2-lockstep
   evogait bench fidelity lizard --environment stairs --settings 200x2-lockstep
   evogait bench fidelity quadropod --table scenarios/fidelity.toml
-
-The same gaits, from the same settled start, with every setting and with the
-reference. Errors are those of the pivot's pose after the gait; the rank
-correlation is Spearman's, of the distances travelled. Two lines more put them
-into perspective: the ceiling is the reference against itself with joint angles
-of the start off by a millionth rad; the halved steps are the reference against
-one with twice its substeps, and one with twice its steps. docs/performance.md
-says how to read them.
-
-Settings of both engines may be compared with a reference of either. --table
-measures settings of the lockstep engine against its converged reference (unless
-said otherwise its own, and those of a half, a quarter and an eighth of its step) and
-keeps them as rows of the table by which engine = \"auto\" chooses;
-tests/fidelity-table.sh does it for every robot that ships.
-
-Evolved gaits are those of a stored run's winner (--gaits), or evolved on the
-spot: genetic algorithms of 8 generations of 17 candidates of two gaits of 4 s,
-for coverage, as many as it takes (34 gaits each, some seconds), on the engine of
-the reference. With the defaults nearly all time goes to the reference: some
-minutes.
+Simulates the same gaits from the same settled start with every setting and with
+the reference. Errors are errors of the pivot's pose after the gait. The rank
+correlation is Spearman's, of the travelled distances. Two more lines give the
+scale of errors:
+  ceiling        the reference against itself, with the joint angles of the start
+                 changed by a millionth rad
+  halved steps   the reference against itself with twice its substeps, and with
+                 twice its steps
+docs/performance.md explains how to read them.
+Settings of both engines may be compared with a reference of either engine.
+--table measures settings of the lockstep engine against its converged reference
+(default: the default setting of the scale, and settings with a half, a quarter
+and an eighth of its step). It stores them as rows of the table by which engine
+= \"auto\" chooses an engine. tests/fidelity-table.sh does this for every robot
+that ships.
+Evolved gaits are the gaits of a stored run's winner (--gaits). Without --gaits
+they are evolved now on the engine of the reference, by genetic algorithms for
+coverage with 8 generations of 17 candidates of two gaits of 4 s. Each search
+gives 34 gaits and takes some seconds; there are as many searches as needed.
+With the defaults the reference takes nearly all the time: some minutes.
 
 Files in the output folder:
   fidelity.md, fidelity.json    the tables
   frontier.svg, frontier.png    speed against rank correlation and error")]
     Fidelity(BenchFidelity),
 
-    /// The planner alone, on known transitions
+    /// Measure the planner alone, on known transitions
     #[command(after_help = "\
 Example:
   evogait bench plan quadropod-empty --iterations 20000
-
-Of the job's first candidates the one whose gaits lead farthest is taken, all its
-transitions are simulated, and then trees are grown from them alone: each of
-twice the iterations of the one before.")]
+Takes that of the job's first candidates whose gaits lead farthest, and
+simulates all its transitions. Then it grows trees from these transitions alone.
+Each tree has twice the iterations of the previous one.")]
     Plan(BenchPlan),
 
-    /// Coordinator and workers: what dispatching an evaluation costs
+    /// Measure the cost of dispatching evaluations from a coordinator to workers
     #[command(after_help = "\
 Examples:
   evogait bench dispatch quadropod-quick
   evogait bench dispatch my-job.toml --slots 1,2,4,8 --evaluations 500
-
-Each line is a process of its own with a coordinator, a store on disk and one
-worker of so many slots, over a loopback connection. The job has one generation
-of --evaluations candidates, timed from the end of the job's preparation to the
-seal of the generation, so that slots wait for each other only once. `plain` is
-the job with reuse_tolerance = 0; `trivial` is a job of almost no work, which
-shows what dispatching alone costs. Memory is the process' peak resident set.")]
+Each line of the table is a process of its own with a coordinator, a store on
+disk and one worker with the given number of slots, over a loopback connection.
+The job has one generation of --evaluations candidates, so slots wait for each
+other only once. The time is measured from the end of the job's preparation to
+the seal of that generation. Loads:
+  job      the job as given
+  plain    the job with reuse_tolerance = 0
+  trivial  a job of almost no work, which shows the cost of dispatching alone
+Memory is the peak resident set of the process.")]
     Dispatch(BenchDispatch),
 
-    /// A coordinator and thousands of light workers: what it bears, and how busy it keeps them
+    /// Measure how many light workers a coordinator serves, and how busy it keeps them
     #[command(after_help = fleet::FLEET_HELP)]
     Fleet(BenchFleet),
 
-    /// What transition reuse changes: the same genomes with and without it
+    /// Measure the effect of transition reuse: score the same genomes with and without it
     #[command(after_help = "\
 Examples:
   evogait bench reuse --out bench/reuse
   evogait bench reuse my-job.toml --robot lizard --genomes 40 --gait-seconds 4
   evogait bench reuse --run runs/quadropod-empty-3f2a9c01d4e5 --environments empty
-
-Half of the genomes are a first generation's, half those of the last generations
-of a genetic algorithm run on the spot (or of the stored run). Each is scored
-without reuse (plain: every expanded node simulated), with the job's own reuse,
-with other tolerances and variants, on the same random streams; on other streams
-(--seeds), which shows what luck alone changes; and as the mean of several trees
-that share a table (--repeats). Intervals are 95 % bootstrap intervals over the
-genomes. The literal method simulates K x k rollouts whatever was expanded before.
+Half of the genomes are from the first generation. The other half are from the
+last generations of a genetic algorithm, which runs first, or of the stored run.
+Each genome is scored
+  - without reuse (plain): every expanded node is simulated
+  - with the job's own reuse, with other tolerances and with other numbers of
+    variants, on the same random streams
+  - on other random streams (--seeds), which shows the effect of chance alone
+  - as the mean of several trees that share a table (--repeats)
+Intervals are 95 % bootstrap intervals over the genomes. The literal method
+simulates K x k rollouts, also those of transitions that are already known.
 
 Files in the output folder:
   reuse.md, reuse.json          the tables; the JSON has every score
   scatter-ENVIRONMENT.svg, .png scores with reuse against plain ones")]
     Reuse(BenchReuse),
 
-    /// Do engine settings agree on what genomes are worth?
+    /// Compare the scores and the ranking of genomes between engine settings
     #[command(after_help = "\
 Examples:
   evogait bench fitness --out bench/fitness
   evogait bench fitness --settings 200x2-lockstep,30x8,60x16,240x8 --reference 480x8
   evogait bench fitness --runs runs/one,runs/two --genomes 0
-
-Genomes of all ages (first generation to last) of a genetic algorithm run on the
-spot on the job's own setting, or of stored runs. Each is scored with every
-setting as a job scores it, with the job's own reuse, but as the mean over --seeds
-trees, which grow towards the same random places with every setting. The ceiling
-is the reference against itself from starts whose joint angles are off by a
-millionth rad. Of stored runs (of one job, with any seeds) the published winner
-and the search's best are scored too: what is kept is the reference's score over
-that of the first setting.
+Takes genomes of all generations, from first to last, of stored runs or of a
+genetic algorithm that runs first on the job's own setting. Each genome is
+scored with every setting and with the job's own reuse, as in a job. The score
+is the mean over --seeds trees, which grow towards the same random places with
+every setting. The ceiling is the reference against itself from starts whose
+joint angles differ by a millionth rad. Stored runs must be of one job and may
+have any seeds. Of each stored run the published winner and the search's best
+are scored, too. \"Kept\" is the reference's score divided by that of the first
+setting.
 
 Files in the output folder:
   fitness.md, fitness.json      the tables; the JSON has every tree's score
   scatter.svg, scatter.png      scores against the reference's, a point a genome")]
     Fitness(BenchFitness),
 
-    /// Random robots, gaits and starts: does the engine report all that goes wrong?
+    /// Search for faults that an engine does not report, on random robots, gaits and starts
     #[command(after_help = "\
 Examples:
   evogait bench soundness
   evogait bench soundness --rollouts 1000000 --duration 1
   evogait bench soundness --setting 30x8 --rollouts 500
-
-Random trees of 4 to 16 CoSMO modules, thrown from up to 1 mu above the ground in
-any orientation, with random gaits. The engine reports rollouts that leave its
-bounds as unstable. An observer that sees only where the robot was looks for
-bounds left that were not reported: numbers, speed, depth in the ground, kinetic
-energy, and energy that no motor can have given. There should be none; if there
-are, the command fails.")]
+Simulates random trees of 4 to 16 CoSMO modules with random gaits. They are
+thrown in any orientation from up to 1 mu above the ground. The engine reports
+rollouts that leave its bounds as unstable. An observer that uses only the poses
+of the robot checks the same bounds: finite numbers, speed, depth in the ground,
+kinetic energy, and energy beyond what the motors can supply. The command fails
+if the observer finds a violation that the engine did not report.")]
     Soundness(BenchSoundness),
 }
 
-/// A robot on flat ground.
+/// Robot on flat ground.
 #[derive(Clone, Debug, Args)]
 pub struct Subject {
     /// Name of a robot that ships, or a robot file
     #[arg(value_name = "NAME|FILE", default_value = "quadropod")]
     pub robot: String,
 
-    /// Take it with the failed modules of this variant
+    /// Use the robot with the failed modules of this variant
     #[arg(long, value_name = "VARIANT")]
     pub variant: Option<String>,
 
-    /// How big it is, which decides gravity and motors
+    /// Size of the modules, which decides gravity and motors: paper for 1 m, real for 0.105 m
     #[arg(long, value_enum, default_value_t = RobotScale::Paper)]
     pub scale: RobotScale,
 }
@@ -186,15 +188,15 @@ pub struct BenchRollout {
     #[command(flatten)]
     pub subject: Subject,
 
-    /// Engine settings to time [default: that of the scale]
+    /// Engine settings to measure [default: the default setting of the scale]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
     pub settings: Vec<Setting>,
 
-    /// Random gaits
+    /// Number of random gaits
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = whole(1..=100_000))]
     pub gaits: u32,
 
-    /// How long each is applied, s
+    /// Duration of each gait, s
     #[arg(long, value_name = "S", default_value = "10", value_parser = duration)]
     pub duration: f64,
 
@@ -212,7 +214,7 @@ pub struct BenchEvaluate {
     #[command(flatten)]
     pub file: JobFile,
 
-    /// How many
+    /// Number of evaluations
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=1_000_000))]
     pub evaluations: u32,
 
@@ -226,32 +228,32 @@ pub struct BenchFidelity {
     #[command(flatten)]
     pub subject: Subject,
 
-    /// On the terrain of this environment (name or file), from its start
+    /// Environment (name or file) whose terrain and start are used instead of flat ground
     #[arg(long, value_name = "NAME")]
     pub environment: Option<String>,
 
-    /// Engine settings to compare [default: that of the scale, on the reference's engine]
+    /// Engine settings to compare [default: the default setting of the scale, on the reference's engine]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
     pub settings: Vec<Setting>,
 
-    /// The converged setting [default: 480x8 for the scale paper, 960x16 for real; where all settings are lockstep,
-    /// 1600x4-lockstep and 4800x4-lockstep]
+    /// Converged setting as the reference
+    /// [default: 480x8 for the scale paper, 960x16 for real; if all settings are lockstep, 1600x4-lockstep and 4800x4-lockstep]
     #[arg(long, value_name = "SETTING")]
     pub reference: Option<Setting>,
 
-    /// Random gaits
+    /// Number of random gaits
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole(0..=10_000))]
     pub random: u32,
 
-    /// Evolved gaits
+    /// Number of evolved gaits
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole(0..=10_000))]
     pub evolved: u32,
 
-    /// Take robot, physics, gait duration and evolved gaits from this run's folder
+    /// Take robot, physics, gait duration and evolved gaits from the folder of this run
     #[arg(long, value_name = "DIR", conflicts_with_all = ["robot", "variant", "scale", "duration", "environment"])]
     pub gaits: Option<PathBuf>,
 
-    /// How long each is applied, s
+    /// Duration of each gait, s
     #[arg(long, value_name = "S", default_value = "10", value_parser = duration)]
     pub duration: f64,
 
@@ -259,15 +261,15 @@ pub struct BenchFidelity {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed())]
     pub seed: u64,
 
-    /// Gaits at once; speeds are truest with 1
+    /// Number of gaits simulated at once; speeds are most accurate with 1
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1..=1024))]
     pub threads: u32,
 
-    /// Write tables and picture to this folder
+    /// Write the tables and the picture to this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Keep the settings of the lockstep engine as rows of this file
+    /// Store the settings of the lockstep engine as rows of this fidelity table
     #[arg(long, value_name = "FILE", conflicts_with_all = ["gaits", "environment"])]
     pub table: Option<PathBuf>,
 
@@ -285,7 +287,7 @@ pub struct BenchPlan {
     #[arg(long, value_name = "K", default_value_t = 12_800, value_parser = whole(100..=100_000))]
     pub iterations: u32,
 
-    /// Candidates to choose from
+    /// Number of candidates to choose from
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=10_000))]
     pub candidates: u32,
 
@@ -299,23 +301,23 @@ pub struct BenchDispatch {
     #[command(flatten)]
     pub file: JobFile,
 
-    /// Numbers of slots [default: 1, 2, 4, … up to the number of cores]
+    /// Numbers of slots to measure [default: 1, 2, 4, … up to the number of cores]
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = whole(1..=1024))]
     pub slots: Vec<u32>,
 
-    /// Evaluations of the job
+    /// Number of evaluations of the load job
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole(1..=10_000))]
     pub evaluations: u32,
 
-    /// Evaluations of the job with reuse_tolerance = 0, which take far longer; 0 leaves it out
+    /// Number of evaluations of the load plain, each of which takes far longer; 0 skips it
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(0..=10_000))]
     pub plain: u32,
 
-    /// Evaluations of almost no work; 0 leaves them out
+    /// Number of evaluations of the load trivial; 0 skips it
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = whole(0..=10_000))]
     pub trivial: u32,
 
-    /// Measure this one line, in this process
+    /// Measure this one line in this process
     #[arg(long, value_enum, hide = true)]
     pub line: Option<Load>,
 
@@ -326,19 +328,19 @@ pub struct BenchDispatch {
 
 #[derive(Debug, Args)]
 pub struct BenchReuse {
-    /// Job file, or the name of a job that ships: gaits, planner, fitness, physics
+    /// Job file, or the name of a job that ships: source of gaits, planner, fitness and physics
     #[arg(value_name = "JOB.toml", default_value = "quadropod-empty")]
     pub job: String,
 
-    /// Replace the job's seed, 0 to 2⁶³ − 1
+    /// Seed instead of the job's, 0 to 2⁶³ − 1
     #[arg(long, value_name = "S", value_parser = seed())]
     pub seed: Option<u64>,
 
-    /// Replace the job's robot: a name that ships, or a robot file
+    /// Robot instead of the job's: a name that ships, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: Option<String>,
 
-    /// Take job and genomes from this run's folder
+    /// Take job and genomes from the folder of this run
     #[arg(long, value_name = "DIR", conflicts_with_all = ["job", "seed", "robot", "generations"])]
     pub run: Option<PathBuf>,
 
@@ -346,15 +348,15 @@ pub struct BenchReuse {
     #[arg(long, value_name = "NAME|FILE,…", value_delimiter = ',', default_value = "empty,column")]
     pub environments: Vec<String>,
 
-    /// Genomes
+    /// Number of genomes
     #[arg(long, value_name = "G", default_value_t = 100, value_parser = whole(2..=10_000))]
     pub genomes: u32,
 
-    /// Generations of the evolution that half of them are from
+    /// Number of generations of the search that supplies half of the genomes
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = whole(2..=10_000))]
     pub generations: u32,
 
-    /// Tolerances to compare besides the job's
+    /// Reuse tolerances to compare with the job's, rad
     #[arg(long, value_name = "T,…", value_delimiter = ',', default_value = "0.02,0.05,0.1,0.2", value_parser = tolerance)]
     pub tolerances: Vec<f64>,
 
@@ -362,23 +364,23 @@ pub struct BenchReuse {
     #[arg(long, value_name = "V,…", value_delimiter = ',', default_value = "1,4", value_parser = whole(1..=MAX_VARIANTS))]
     pub variants: Vec<u32>,
 
-    /// Other draws of random streams, with the job's own reuse
+    /// Number of other draws of the random streams, with the job's own reuse
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = whole(0..=1000))]
     pub seeds: u32,
 
-    /// Numbers of trees an evaluation, which share a table
+    /// Numbers of trees per evaluation, which share a table
     #[arg(long, value_name = "R,…", value_delimiter = ',', default_value = "1,3,5", value_parser = whole(1..=MAX_REPEATS))]
     pub repeats: Vec<u32>,
 
-    /// Replace how long each gait is applied, s: plain evaluations take long
+    /// Duration of each gait instead of the job's, s; plain evaluations of long gaits take long
     #[arg(long, value_name = "S", value_parser = duration)]
     pub gait_seconds: Option<f64>,
 
-    /// Evaluations at once [default: number of cores]; the result does not depend on it
+    /// Number of evaluations at once [default: number of cores]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = whole(1..=1024))]
     pub threads: Option<u32>,
 
-    /// Write tables and pictures to this folder
+    /// Write the tables and pictures to this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
@@ -389,55 +391,55 @@ pub struct BenchReuse {
 
 #[derive(Debug, Args)]
 pub struct BenchFitness {
-    /// Job file, or the name of a job that ships: gaits, planner, fitness, physics
+    /// Job file, or the name of a job that ships: source of gaits, planner, fitness and physics
     #[arg(value_name = "JOB.toml", default_value = "quadropod-empty")]
     pub job: String,
 
-    /// Replace the job's seed, 0 to 2⁶³ − 1
+    /// Seed instead of the job's, 0 to 2⁶³ − 1
     #[arg(long, value_name = "S", value_parser = seed())]
     pub seed: Option<u64>,
 
-    /// Replace the job's robot: a name that ships, or a robot file
+    /// Robot instead of the job's: a name that ships, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: Option<String>,
 
-    /// Replace the job's environment: a name that ships, or a file
+    /// Environment instead of the job's: a name that ships, or a file
     #[arg(long, value_name = "NAME|FILE")]
     pub environment: Option<String>,
 
-    /// Replace how long each gait is applied, s
+    /// Duration of each gait instead of the job's, s
     #[arg(long, value_name = "S", value_parser = duration)]
     pub gait_seconds: Option<f64>,
 
-    /// Take job, genomes and winners from these runs' folders
+    /// Take job, genomes and winners from the folders of these runs
     #[arg(long, value_name = "DIR,…", value_delimiter = ',', conflicts_with_all = ["job", "seed", "robot", "gait_seconds", "generations"])]
     pub runs: Vec<PathBuf>,
 
-    /// Engine settings to compare [default: the job's own, rapier's of its scale, its finish's]
+    /// Engine settings to compare [default: the job's own, the default of rapier at its scale, that of its finish]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
     pub settings: Vec<Setting>,
 
-    /// The setting that they are compared with [default: 480x8 for the scale paper, 960x16 for real]
+    /// Setting to compare the others with [default: 480x8 for the scale paper, 960x16 for real]
     #[arg(long, value_name = "SETTING")]
     pub reference: Option<Setting>,
 
-    /// Genomes of all ages
+    /// Number of genomes, from all generations
     #[arg(long, value_name = "G", default_value_t = 100, value_parser = whole(0..=10_000))]
     pub genomes: u32,
 
-    /// Trees that each is scored on
+    /// Number of trees that each genome is scored on
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = whole(1..=1000))]
     pub seeds: u32,
 
-    /// Generations of the evolution that they are from
+    /// Number of generations of the search that supplies the genomes
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole(2..=10_000))]
     pub generations: u32,
 
-    /// Evaluations at once [default: number of cores]; only times depend on it
+    /// Number of evaluations at once [default: number of cores]; only times depend on it
     #[arg(long, value_name = "N", value_parser = whole(1..=1024))]
     pub threads: Option<u32>,
 
-    /// Write tables and picture to this folder
+    /// Write the tables and the picture to this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
@@ -448,19 +450,19 @@ pub struct BenchFitness {
 
 #[derive(Debug, Args)]
 pub struct BenchSoundness {
-    /// Engine setting
+    /// Engine setting to check
     #[arg(long, value_name = "SETTING", default_value = "200x2-lockstep")]
     pub setting: Setting,
 
-    /// How big the robots are, which decides gravity and motors
+    /// Size of the robots' modules, which decides gravity and motors: paper for 1 m, real for 0.105 m
     #[arg(long, value_enum, default_value_t = RobotScale::Paper)]
     pub scale: RobotScale,
 
-    /// Rollouts, 64 a robot
+    /// Number of rollouts; each robot gets 64
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = whole(1..=100_000_000))]
     pub rollouts: u32,
 
-    /// How long each is, s
+    /// Duration of each rollout, s
     #[arg(long, value_name = "S", default_value = "1", value_parser = duration)]
     pub duration: f64,
 
@@ -468,7 +470,7 @@ pub struct BenchSoundness {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed())]
     pub seed: u64,
 
-    /// Robots at once [default: number of cores]; the result does not depend on it
+    /// Number of robots simulated at once [default: number of cores]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = whole(1..=1024))]
     pub threads: Option<u32>,
 
@@ -477,14 +479,14 @@ pub struct BenchSoundness {
     pub json: bool,
 }
 
-/// What is dispatched.
+/// Load that a line of `evogait bench dispatch` measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Load {
-    /// The job as it is.
+    /// The job as given.
     Job,
-    /// The job with every expansion simulated.
+    /// The job without reuse: every expansion is simulated.
     Plain,
-    /// Almost no work.
+    /// A job of almost no work.
     Trivial,
 }

@@ -1,4 +1,4 @@
-//! Options of the commands that talk to a coordinator, or make the certificates for that.
+//! Options of the commands that connect to a coordinator, and of `evogait certs`.
 
 use super::JobFile;
 use super::number::whole;
@@ -7,30 +7,30 @@ use clap::{Args, Subcommand};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// What is shown to a coordinator, and whom it may be.
+/// Credentials for a coordinator, and the CA that its certificate must be signed by.
 #[derive(Clone, Debug, Args)]
 pub struct Shown {
-    /// Certificate of the CA that signed the coordinator's, PEM; for https:// [default: $EVOGAIT_CA]
+    /// CA certificate that the coordinator's certificate must be signed by, PEM; for https:// [default: $EVOGAIT_CA]
     #[arg(long, value_name = "FILE", display_order = 90)]
     pub ca: Option<PathBuf>,
 
-    /// Certificate to show to the coordinator, PEM [default: $EVOGAIT_CERT]
+    /// Certificate of this client, PEM [default: $EVOGAIT_CERT]
     #[arg(long, value_name = "FILE", display_order = 91)]
     pub cert: Option<PathBuf>,
 
-    /// Its private key, PEM [default: $EVOGAIT_KEY]
+    /// Private key of this client's certificate, PEM [default: $EVOGAIT_KEY]
     #[arg(long, value_name = "FILE", display_order = 92)]
     pub key: Option<PathBuf>,
 
-    /// File with the token to send [default: $EVOGAIT_TOKEN_FILE; else the token itself is $EVOGAIT_TOKEN]
+    /// File with the token to send [default: $EVOGAIT_TOKEN_FILE; else $EVOGAIT_TOKEN contains the token itself]
     #[arg(long, value_name = "FILE", display_order = 93)]
     pub token_file: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
 pub struct OnCoordinator {
-    /// Address of the coordinator; several that stand in for each other are separated by commas [default:
-    /// $EVOGAIT_COORDINATOR, else http://127.0.0.1:7077]
+    /// Address of the coordinator; addresses of standbys follow after commas
+    /// [default: $EVOGAIT_COORDINATOR, else http://127.0.0.1:7077]
     #[arg(long, value_name = "URL")]
     pub coordinator: Option<String>,
 
@@ -44,11 +44,11 @@ pub struct OnCoordinator {
 
 #[derive(Debug, Args)]
 pub struct Health {
-    /// Be content with one that answers, whether it serves or stands by
+    /// Accept a coordinator that stands by: exit code 0 if it answers
     #[arg(long)]
     pub alive: bool,
 
-    /// Ask a worker or a coordinator on this machine instead, at the address of its --metrics
+    /// Check a worker or a coordinator on this machine instead, at the address of its --metrics
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with_all = ["alive", "coordinator"],
         value_parser = telemetry::address)]
     pub process: Option<SocketAddr>,
@@ -59,7 +59,7 @@ pub struct Health {
 
 #[derive(Debug, Args)]
 pub struct OneJob {
-    /// The job's id, as `evogait submit` and `evogait list` print it
+    /// Id of the job, from `evogait submit` or `evogait list`
     pub id: String,
 
     #[command(flatten)]
@@ -75,7 +75,7 @@ pub struct Submit {
     #[arg(long, value_name = "P", value_parser = whole(1..=100))]
     pub priority: Option<u32>,
 
-    /// Start anew even if the coordinator knows this job, as after a cancel
+    /// Start the job again even if the coordinator already has it, for instance after a cancel
     #[arg(long)]
     pub again: bool,
 
@@ -83,7 +83,7 @@ pub struct Submit {
     pub on: OnCoordinator,
 }
 
-/// Where a job stands, as `--state` takes it.
+/// Values of `--state`.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 #[allow(missing_docs)]
 pub enum State {
@@ -98,11 +98,11 @@ pub enum State {
 
 #[derive(Debug, Args)]
 pub struct List {
-    /// Only jobs in this state; may be given several times
+    /// List only jobs in this state; may be given several times
     #[arg(long, value_name = "STATE")]
     pub state: Vec<State>,
 
-    /// At most so many [default: all]
+    /// Maximum number of jobs [default: all]
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub limit: Option<u32>,
 
@@ -122,11 +122,11 @@ pub struct Show {
 
 #[derive(Debug, Args)]
 pub struct Restart {
-    /// The first generation to be done again [default: where the job was tainted]
+    /// First generation to repeat [default: the generation where the job was tainted]
     #[arg(long, value_name = "G", value_parser = whole(0..=u32::MAX))]
     pub from_generation: Option<u32>,
 
-    /// Start anew even if the job was restarted from there before
+    /// Start another job even if this one was already restarted from there
     #[arg(long)]
     pub again: bool,
 
@@ -136,7 +136,7 @@ pub struct Restart {
 
 #[derive(Debug, Args)]
 pub struct Fetch {
-    /// The job's id, as `evogait submit` and `evogait list` print it
+    /// Id of the job, from `evogait submit` or `evogait list`
     pub id: String,
 
     /// Output folder [default: runs/NAME-DIGEST, with the first 12 digits of the job digest]
@@ -159,7 +159,8 @@ pub enum CertsAction {
     #[command(after_help = "\
 Example:
   evogait certs init certs --host node1.example --host 10.0.0.1
-Nothing that is there is replaced. Keys and tokens can be read by you alone.")]
+
+Existing files are never replaced. Only their owner can read keys and tokens.")]
     Init(CertsFolder),
     /// Replace the certificates by new ones of the same CA; CA and tokens stay
     #[command(after_help = "\
@@ -174,7 +175,7 @@ pub struct CertsFolder {
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
 
-    /// Name or IP address under which a coordinator is dialed, beside this machine's own; may be given several times
+    /// Host name or IP address of the coordinator, beside those of this machine; may be given several times
     #[arg(long = "host", value_name = "NAME|IP")]
     pub hosts: Vec<Host>,
 

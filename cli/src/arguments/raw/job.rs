@@ -1,4 +1,4 @@
-//! Options of the commands about a job, its result and what it is made of.
+//! Options of the commands that run jobs, read results, and show robots and scenarios.
 
 use super::number::{length, range, seed, whole};
 use super::{OnCoordinator, Shown};
@@ -9,11 +9,11 @@ use std::path::PathBuf;
 
 #[derive(Clone, Debug, Args)]
 pub struct JobFile {
-    /// Job file, or the name of a job that ships
+    /// Job file, or the name of a job that ships (see `evogait scenarios`)
     #[arg(value_name = "JOB.toml")]
     pub job: String,
 
-    /// Replace the job's seed, 0 to 2⁶³ − 1
+    /// Seed of all random numbers instead of the job's, 0 to 2⁶³ − 1
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seed())]
     pub seed: Option<u64>,
 }
@@ -27,18 +27,19 @@ pub struct Run {
     pub to: RunTo,
 }
 
-/// Where a job runs, and where its result goes.
+/// Place where a job runs, and output folder of its result.
 #[derive(Debug, Args)]
 pub struct RunTo {
     /// Output folder [default: runs/NAME-DIGEST, with the first 12 digits of the job digest]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Run on this machine, so many evaluations at once [default: number of cores]; the result does not depend on it
+    /// Run on this machine with N evaluations at once [default: number of cores]; the result does not depend on N
     #[arg(long, value_name = "N", conflicts_with = "coordinator", value_parser = whole(1..=1024))]
     pub workers: Option<u32>,
 
-    /// Run on this coordinator's workers instead of this machine [default: $EVOGAIT_COORDINATOR, else this machine]
+    /// Run on the workers of this coordinator instead of this machine
+    /// [default: $EVOGAIT_COORDINATOR, else this machine]
     #[arg(long, value_name = "URL")]
     pub coordinator: Option<String>,
 
@@ -52,35 +53,36 @@ pub struct RunTo {
 
 #[derive(Debug, Args)]
 pub struct Plan {
-    /// Output folder of a run, its result.json, or the id of a job on a coordinator that has evolved
+    /// Output folder of a run that evolved or planned, its result.json, or the id of such a job on a coordinator
     #[arg(value_name = "RUN")]
     pub run: String,
 
-    /// Plan in this environment: a file, or the name of one that ships [default: the run's own]
+    /// Environment to plan in: a file, or the name of one that ships [default: the run's own]
     #[arg(long, value_name = "NAME|FILE")]
     pub environment: Option<String>,
 
-    /// Trees, each with random numbers of its own [default: 20]
+    /// Number of trees, each with random numbers of its own [default: 20]
     #[arg(long, value_name = "N", value_parser = whole(1..=MAX_PLAN_SEEDS))]
     pub seeds: Option<u32>,
 
-    /// Most iterations of a tree, K_max [default: as in the run]
+    /// Maximum number of iterations of a tree, K_max [default: as in the run]
     #[arg(long, value_name = "K", value_parser = whole(1..=MAX_ITERATIONS))]
     pub iterations: Option<u32>,
 
-    /// flood-fill (Algorithm 1), original or nearest-valid [default: as in the run]
+    /// Planner: flood-fill (Algorithm 1), original or nearest-valid [default: as in the run]
     #[arg(long, value_name = "NAME")]
     pub algorithm: Option<String>,
 
-    /// Reuse transitions to within so many rad (mu for height); 0 simulates every expansion [default: as in the run]
+    /// Reuse a transition if the local states differ by at most this much, rad (mu for height); 0 simulates every
+    /// expansion [default: as in the run]
     #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
     pub reuse_tolerance: Option<f64>,
 
-    /// Grow trees to their last iteration, also when they have reached the goal
+    /// Grow trees to their last iteration even after they have reached the goal
     #[arg(long)]
     pub whole_trees: bool,
 
-    /// Seed that all random numbers follow from, 0 to 2⁶³ − 1 [default: the run's]
+    /// Seed of all random numbers, 0 to 2⁶³ − 1 [default: the run's]
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seed())]
     pub seed: Option<u64>,
 
@@ -94,67 +96,68 @@ pub struct Simulate {
     #[arg(value_name = "RUN", required_unless_present = "robot")]
     pub run: Option<String>,
 
-    /// Simulate this robot instead: a file, or the name of one that ships
+    /// Simulate this robot instead of a run's: a file, or the name of one that ships
     #[arg(long, value_name = "NAME|FILE", conflicts_with = "run")]
     pub robot: Option<String>,
 
     #[command(flatten)]
     pub what: SimulateWhat,
 
-    /// In this environment: a file, or the name of one that ships [default: the run's own, or "empty"]
+    /// Environment to simulate in: a file, or the name of one that ships [default: the run's own, or "empty"]
     #[arg(long, value_name = "NAME|FILE")]
     pub environment: Option<String>,
 
-    /// On the reference setting of the scale: rapier in finer steps [default: the run's physics]
+    /// Simulate on the reference setting of the scale: rapier with smaller steps [default: the run's physics]
     #[arg(long)]
     pub fine: bool,
 
-    /// Plan anew, on the run's physics, where the robot is too far from where the plan says; the motion is simulated on the
-    /// reference setting, from the end of one gait to the next
+    /// Plan again, on the run's physics, where the robot deviates too far from the plan. The motion is simulated on the
+    /// reference setting, gait by gait
     #[arg(long)]
     pub replan: bool,
 
-    /// Deviation from the plan that is allowed, mu [default: 1]
+    /// Allowed deviation from the plan, mu [default: 1]
     #[arg(long, value_name = "MU", requires = "replan", allow_negative_numbers = true)]
     pub deviation: Option<f64>,
 
-    /// How the steps of a plan follow each other [default: both ways]
+    /// Execution of a plan: each gait from rest, or without stops between gaits [default: both ways]
     #[arg(long, value_name = "WAY", conflicts_with = "replan")]
     pub way: Option<Way>,
 
-    /// Repeats, each with draws of its own [default: 50 if something varies]
+    /// Number of repeats, each with draws of its own [default: 50 if something varies]
     #[arg(long, value_name = "N", value_parser = whole(0..=MAX_SIMULATIONS))]
     pub repeats: Option<u32>,
 
-    /// Range of Coulomb friction, such as 0.6..1.0; so for the other ranges
+    /// Range of the Coulomb friction coefficient, such as 0.6..1.0; one number fixes the value. The same holds for all
+    /// ranges
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
     pub friction: Option<[f64; 2]>,
 
-    /// Range of a factor of the motors' greatest torque
+    /// Range of a factor on the motors' maximum torque
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
     pub motor_strength: Option<[f64; 2]>,
 
-    /// Range of what is added to the start's x, mu
+    /// Range of the offset of the start's x, mu
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
     pub x: Option<[f64; 2]>,
 
-    /// Range of what is added to the start's y, mu
+    /// Range of the offset of the start's y, mu
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
     pub y: Option<[f64; 2]>,
 
-    /// Range of what is added to the start's heading, rad
+    /// Range of the offset of the start's heading, rad
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = range)]
     pub yaw: Option<[f64; 2]>,
 
-    /// So many joints, drawn anew for each repeat, are locked
+    /// Number of locked joints; each repeat draws them anew
     #[arg(long, value_name = "N", value_parser = whole(0..=u32::MAX))]
     pub dead_joints: Option<u32>,
 
-    /// Standard deviation of noise on joint targets, rad
+    /// Standard deviation of noise on the joint targets, rad
     #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
     pub target_noise: Option<f64>,
 
-    /// Seed that all random numbers follow from, 0 to 2⁶³ − 1 [default: the run's, or 1]
+    /// Seed of all random numbers, 0 to 2⁶³ − 1 [default: the run's, or 1]
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seed())]
     pub seed: Option<u64>,
 
@@ -162,28 +165,29 @@ pub struct Simulate {
     pub to: RunTo,
 }
 
-/// The motion.
+/// Motion to simulate.
 #[derive(Debug, Args)]
 #[group(id = "motion", required = true, multiple = false)]
 pub struct SimulateWhat {
-    /// This gait of the run, counted from 1
+    /// Gait of the run, counted from 1
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub gait: Option<u32>,
 
-    /// The best plan of the run
+    /// Best plan of the run
     #[arg(long)]
     pub plan: bool,
 
-    /// Joint targets of this CSV file: a column "time" (s) and one a joint (rad), as trajectories/gait-1.csv of a run
+    /// CSV file with joint targets: a column "time" (s) and a column for each joint (rad), like trajectories/gait-1.csv
+    /// of a run
     #[arg(long, value_name = "FILE.csv")]
     pub targets: Option<PathBuf>,
 
-    /// Stand in the neutral pose for so many s
+    /// Stand in the neutral pose for this time, s
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub stand: Option<f64>,
 }
 
-/// A way, as `--way` takes it.
+/// Values of `--way`.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 #[allow(missing_docs)]
 pub enum Way {
@@ -206,23 +210,23 @@ pub struct Evaluate {
     #[arg(value_name = "JOB.toml|ID")]
     pub job: String,
 
-    /// The candidate's generation, which its random numbers depend on [default: 0]
+    /// Generation of the candidate, on which its random numbers depend [default: 0]
     #[arg(long, value_name = "G", value_parser = whole(0..=u32::MAX))]
     pub generation: Option<u32>,
 
-    /// Its index in the generation, likewise [default: 0]
+    /// Index of the candidate in its generation, on which its random numbers depend, too [default: 0]
     #[arg(long, value_name = "C", value_parser = whole(0..=u32::MAX))]
     pub candidate: Option<u32>,
 
-    /// Its parameters: numbers with commas between them
+    /// Parameters of the candidate: numbers with commas between them
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, conflicts_with = "genome_file")]
     pub genome: Option<String>,
 
-    /// Its parameters, in a file
+    /// File with the parameters of the candidate
     #[arg(long, value_name = "FILE")]
     pub genome_file: Option<PathBuf>,
 
-    /// Ask what is asked about the best candidates after the search, instead of scoring it
+    /// Examine the candidate as after the search, instead of scoring it as in the search
     #[arg(long, value_name = "QUESTION")]
     pub question: Option<Question>,
 
@@ -230,7 +234,7 @@ pub struct Evaluate {
     pub on: OnCoordinator,
 }
 
-/// A question about a candidate, as `--question` takes it.
+/// Values of `--question`.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 #[allow(missing_docs)]
 pub enum Question {
@@ -258,11 +262,11 @@ impl From<Question> for sim_core::procedure::evolve::finish::Question {
 #[derive(Debug, Args)]
 #[group(id = "what", required = true, multiple = false)]
 pub struct ReplayWhat {
-    /// This gait, counted from 1, from the settled start
+    /// Gait to simulate from the settled start, counted from 1
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX))]
     pub gait: Option<u32>,
 
-    /// The best path of the tree
+    /// Simulate the best path of the tree
     #[arg(long)]
     pub plan: bool,
 }
@@ -273,7 +277,7 @@ pub struct Compare {
     #[arg(value_name = "DIR", num_args = 2.., required = true)]
     pub folders: Vec<PathBuf>,
 
-    /// Draw the runs' curves to this file, .svg or .png
+    /// Draw the curves of the runs to this file, .svg or .png
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 
@@ -291,7 +295,7 @@ pub struct Replay {
     #[command(flatten)]
     pub what: ReplayWhat,
 
-    /// Write the samples as CSV to this file
+    /// Write the samples to this CSV file
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
@@ -302,7 +306,7 @@ pub struct Verify {
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
 
-    /// Recompute the whole report: archive, audits without reuse, fresh seeds, gaits, paths
+    /// Compute the whole report again: archive, audits without reuse, fresh seeds, gaits, paths
     #[arg(long)]
     pub full: bool,
 
@@ -316,7 +320,7 @@ pub struct Validate {
     #[command(flatten)]
     pub file: JobFile,
 
-    /// Skip the cost estimate, which takes the time of one evaluation
+    /// Skip the cost estimate, which times evaluations on this machine for some seconds
     #[arg(long)]
     pub no_estimate: bool,
 
@@ -331,24 +335,24 @@ pub struct Robot {
     #[arg(value_name = "NAME|FILE")]
     pub robot: String,
 
-    /// Show it with the failed modules of this variant
+    /// Show the robot with the failed modules of this variant
     #[arg(long, value_name = "VARIANT")]
     pub variant: Option<String>,
 
-    /// Length of 1 mu in the unit of the file, such as 0.065 for modules of 65 mm in a file in metres: all lengths are
-    /// divided by it
+    /// Length of 1 mu in the unit of the file, by which all lengths are divided; 0.065 for modules of 65 mm in a file
+    /// in metres
     #[arg(long, value_name = "LENGTH", value_parser = length)]
     pub unit: Option<f64>,
 
-    /// Draw it to this file, .svg or .png; or write it, .xml or .mjcf (MJCF), .urdf, .toml
+    /// Write the robot to this file: a picture (.svg, .png), MJCF (.xml, .mjcf), .urdf or .toml
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 
-    /// Write it in this format, to standard output without --out [default: as --out ends]
+    /// Export in this format, to standard output without --out [default: the ending of --out selects it]
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<RobotFormat>,
 
-    /// Gravity and motors of the export: modules of 1 m, or of 0.105 m [default: paper]
+    /// Gravity and motors of the export: paper for modules of 1 m, real for modules of 0.105 m [default: paper]
     #[arg(long, value_name = "SCALE")]
     pub scale: Option<RobotScale>,
 
@@ -357,7 +361,7 @@ pub struct Robot {
     pub json: bool,
 }
 
-/// A format of robots, as `--format` takes it.
+/// Values of `--format`.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 #[allow(missing_docs)]
 pub enum RobotFormat {
@@ -366,7 +370,7 @@ pub enum RobotFormat {
     Toml,
 }
 
-/// A scale, as `--scale` takes it.
+/// Values of `--scale`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 #[allow(missing_docs)]
 pub enum RobotScale {
@@ -395,9 +399,9 @@ pub struct Scenarios {
 
 #[derive(Debug, Subcommand)]
 pub enum ScenariosAction {
-    /// Print the TOML of one
+    /// Print the TOML file of a scenario
     Show {
-        /// Its name; `robots/NAME`, `environments/NAME` or `jobs/NAME` where a name alone is not clear
+        /// Name of the scenario; `robots/NAME`, `environments/NAME` or `jobs/NAME` if several have the same name
         name: String,
     },
 }

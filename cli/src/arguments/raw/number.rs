@@ -1,15 +1,15 @@
-//! Numbers as they are typed. Whatever is wrong with one, the error tells what is allowed.
+//! Parsers of numbers on the command line. Each error states the allowed values.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-/// A whole number in this range.
+/// Returns a parser of whole numbers in this range.
 pub fn whole(allowed: RangeInclusive<u32>) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync {
     among(allowed)
 }
 
-/// Seeds are those of jobs.
+/// Returns a parser of seeds in the range of a job's seed.
 pub fn seed() -> impl Fn(&str) -> Result<u64, String> + Clone + Send + Sync {
     among(0..=sim_core::base::limits::MAX_SEED)
 }
@@ -24,7 +24,7 @@ where
     }
 }
 
-/// How long a gait lasts, s.
+/// Parses the duration of a gait, s.
 pub fn duration(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "it is not a number of seconds".to_owned())?;
     let ticks = seconds / sim_core::physics::TICK;
@@ -37,7 +37,7 @@ pub fn duration(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A range of numbers, `0.6..1.0`, or a single one.
+/// Parses a range, such as `0.6..1.0`, or a single number.
 pub fn range(text: &str) -> Result<[f64; 2], String> {
     let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
     let (low, high) = text.split_once("..").unwrap_or((text, text));
@@ -48,13 +48,13 @@ pub fn range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// A length that another one is divided by.
+/// Parses a length that all lengths of a file are divided by.
 pub fn length(text: &str) -> Result<f64, String> {
     let length: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
     if (1e-6..=1e6).contains(&length) { Ok(length) } else { Err("allowed is 0.000001 to 1000000".to_owned()) }
 }
 
-/// As `planner.reuse_tolerance`.
+/// Parses a tolerance in the range of `planner.reuse_tolerance`, rad.
 pub fn tolerance(text: &str) -> Result<f64, String> {
     let tolerance: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
     if (0.0..=1.0).contains(&tolerance) { Ok(tolerance) } else { Err("allowed is 0 to 1 rad".to_owned()) }

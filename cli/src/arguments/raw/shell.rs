@@ -1,4 +1,4 @@
-//! Options of the commands for shells and their users: completions and man pages.
+//! Options of `evogait completions` and `evogait man`.
 
 use clap::Args;
 use clap_complete::Shell;
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// Options of `evogait completions`.
 #[derive(Debug, Args)]
 pub struct Completions {
-    /// The shell
+    /// Shell that the script is for
     pub shell: Shell,
 }
 

@@ -7,12 +7,12 @@ use crate::exchange::source::{children, exactly, foreign, keyword, quarter_turns
 use roxmltree::Node;
 use std::f64::consts::FRAC_PI_2;
 
-/// How far a range may miss a right angle, rad.
+/// Allowed deviation of a range from a right angle, rad.
 const NEAR: f64 = 1e-3;
 
 impl<'a> Reader<'a> {
-    /// Where there are motors, each hinge must have one, and its targets must reach from −90° to 90°. A hinge without
-    /// limits gets them from its servo.
+    /// Reads the actuators. If there are any, each hinge must have one, and its targets must reach from −90° to 90°. A
+    /// hinge without limits gets them from its servo.
     pub(super) fn actuators(&mut self, mujoco: Node<'a, 'a>) {
         let mut driven = Vec::new();
         let mut limited = Vec::new();

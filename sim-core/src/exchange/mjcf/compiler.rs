@@ -8,7 +8,7 @@ use roxmltree::Node;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Compiler {
     degrees: bool,
-    /// Whether a range alone makes a joint or an actuator limited.
+    /// True if a range alone makes a joint or an actuator limited.
     pub autolimits: bool,
     /// `Some(true)`: masses follow from geoms even where there is `<inertial>`; `Some(false)`: never.
     pub from_geoms: Option<bool>,

@@ -1,4 +1,4 @@
-//! What an attribute is where an element does not give it: `<default>` classes.
+//! Values of attributes that an element does not give: `<default>` classes.
 
 use crate::base::error::Invalid;
 use crate::exchange::source::{children, foreign, foreign_attribute, tag};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 /// The class that elements without one belong to.
 pub(super) const MAIN: &str = "main";
 
-/// Actuators share one set of defaults, whichever of these it is written as.
+/// Names of actuators; they share one set of defaults, under any of these names.
 const ACTUATORS: &[&str] = &["general", "motor", "position", "velocity", "intvelocity"];
 
 /// Classes by name: the class around each, and its elements.
@@ -22,7 +22,7 @@ impl<'a> Defaults<'a> {
         let name = match (default.attribute("class"), around) {
             (Some(name), Some(_)) => name,
             (None, Some(_)) => return Err(foreign(default, "it needs a class")),
-            // The outermost class is that of all elements, whatever it is called.
+            // The outermost class is that of all elements, under any name.
             (called, None) => {
                 if let Some(other) = called.filter(|name| *name != MAIN) {
                     self.0.insert(other, (Some(MAIN), Vec::new()));

@@ -14,13 +14,13 @@ const DENSITY: f64 = 1000.0;
 
 /// A geom that a robot here can have.
 pub(super) struct Geom {
-    /// Whether it touches others.
+    /// True if it collides.
     pub collides: bool,
     pub solid: Solid,
 }
 
 impl<'a> Reader<'a> {
-    /// Whether a geom touches others; those that touch only some are refused.
+    /// Returns true if a geom collides; geoms that collide only with some others are refused.
     pub(super) fn collides(&self, geom: Node<'a, 'a>, class: &'a str) -> Result<bool, Invalid> {
         let bits = |attribute| -> Result<f64, Invalid> {
             let text = self.defaults.get(geom, class, attribute)?.unwrap_or("1");
@@ -39,7 +39,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A geom of a body that lies at `at`; none where its shape is only to be seen.
+    /// A geom of a body at `at`; `None` for a geom that is only visual.
     pub(super) fn geom(
         &self,
         geom: Node<'a, 'a>,

@@ -8,7 +8,7 @@ use crate::exchange::tree::Frame;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
-/// The spellings of an orientation; an element's own wins over its class's, whichever either is.
+/// The spellings of an orientation. A spelling of an element replaces any spelling of its class.
 pub(super) const SPELLINGS: [&str; 5] = ["quat", "euler", "axisangle", "xyaxes", "zaxis"];
 
 /// Reads the frame of an element in the one around it. Only geoms have defaults.

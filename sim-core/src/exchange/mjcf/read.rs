@@ -99,7 +99,7 @@ impl<'a> Reader<'a> {
         (own, if frame.is_none() { at } else { frame.then(&at) })
     }
 
-    /// Whether an element holds nothing but planes and what is only to be seen.
+    /// Returns true if an element has only planes and visual geoms.
     fn only_planes(&self, body: Node<'a, 'a>, class: &'a str) -> bool {
         let class = self.defaults.class(body, "childclass", class).unwrap_or(class);
         children(body).all(|element| match tag(element) {
@@ -285,7 +285,7 @@ struct Content<'a> {
     inertials: Vec<(Node<'a, 'a>, Frame)>,
 }
 
-/// Whether an element holds an `<inertial>`, directly or in frames.
+/// Returns true if an element has an `<inertial>`, directly or in frames.
 fn has_inertial(around: Node) -> bool {
     children(around).any(|element| match tag(element) {
         "inertial" => true,
@@ -294,7 +294,7 @@ fn has_inertial(around: Node) -> bool {
     })
 }
 
-/// Whether a body has no joint, and nothing that it carries.
+/// Returns true if neither a body nor any body below it has a joint.
 fn stands_still(body: Node) -> bool {
     children(body).all(|element| match tag(element) {
         "joint" | "freejoint" => false,

@@ -72,7 +72,7 @@ fn order<'a>(
             faults.add(foreign(*link, format!("the name \"{}\" is used twice, first in line {line}", names[i])));
         }
     }
-    // The joints whose ends are both known: parent, child, joint.
+    // The joints with both ends found: parent, child, joint.
     let mut ends: Vec<(usize, usize, Node)> = Vec::new();
     for joint in joints {
         let end = |which: &str| {

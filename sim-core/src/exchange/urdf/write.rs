@@ -96,7 +96,7 @@ fn roll_pitch_yaw(rotation: Rotation) -> [f64; 3] {
     let flat = (r00 * r00 + r10 * r10).sqrt();
     let pitch = libm::atan2(-r20, flat);
     if flat < 1e-7 {
-        // Looking straight up or down, roll and yaw turn about the same axis: all of it is told as roll.
+        // At a pitch of ±90° roll and yaw turn about the same axis: all of the turn is written as roll.
         let (r01, r11) = (2.0 * (x * y - z * w), 1.0 - 2.0 * (x * x + z * z));
         return [libm::atan2(if pitch > 0.0 { r01 } else { -r01 }, r11), pitch, 0.0];
     }

@@ -18,7 +18,7 @@ impl Registered for Kind {
 /// Half of the sides of a cube, mu. Module length is 1 mu: two cubes of 0.48 mu on a grid of 0.5 mu, so that docked cubes
 /// leave a gap of 0.02 mu.
 const HALF: [f64; 3] = [0.24; 3];
-/// kg.
+/// Mass of a cube, kg.
 const CUBE_MASS: f64 = 0.5;
 const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -37,7 +37,7 @@ mod tests {
 
     /// A tree has one part more than hinges, and each hinge carries a part that no hinge before it reached.
     #[test]
-    fn hinges_of_every_kind_make_one_tree_of_its_parts() {
+    fn hinges_of_each_kind_form_one_tree() {
         for kind in Kind::registry().all() {
             let mut group: Vec<usize> = (0..kind.parts.len()).collect();
             for hinge in kind.hinges {

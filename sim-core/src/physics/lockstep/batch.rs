@@ -10,8 +10,8 @@ use crate::model::{State, Twist, Velocities};
 use crate::physics::{Bound, Course, Effort, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
 use fearless_simd::prelude::*;
 
-/// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes. `stop` is
-/// asked before every step: once it says so, there is no result.
+/// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes.
+/// `stop` is called before every step; once it returns true, there is no result.
 #[inline(always)]
 pub(super) fn run<S: Simd, G: Surface<S>>(
     simd: S,
@@ -46,7 +46,7 @@ struct Lane {
     boxes: Vec<(Vector, Vector)>,
     /// Velocities at the last sample of the trace.
     velocities: Velocities,
-    /// The first bound that it left, and the step at whose end it had.
+    /// The first bound that it exceeded, and the step at the end of which it did.
     broken: Option<(u32, Bound)>,
     /// Work of its motors until then; 0 if it left none.
     effort: Effort,

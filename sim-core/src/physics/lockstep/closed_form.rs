@@ -52,7 +52,7 @@ fn swing() -> Robot {
     Robot::compile(&toml::from_str::<RobotSpec>(&text).unwrap()).unwrap()
 }
 
-/// A robot in a world of its own, whatever the lanes are.
+/// A robot in a world of its own, for any kind of lanes.
 pub(super) trait World {
     fn step(&mut self);
     /// Sets the joint targets, rad.
@@ -175,7 +175,7 @@ fn lifted(robot: &Robot, height: f32) -> State {
 
 /// Small swings of a physical pendulum take 2π √(I / (m g d)) (1 + θ² / 16).
 #[test]
-fn an_unpowered_hinge_swings_with_the_period_of_a_pendulum() {
+fn unpowered_hinge_swings_with_pendulum_period() {
     let robot = swing();
     let physics = Physics { stiffness: 0.0, damping: 0.0, max_torque: 0.0, ..physics() };
     let model = Model::new(&robot, &physics);
@@ -202,7 +202,7 @@ fn an_unpowered_hinge_swings_with_the_period_of_a_pendulum() {
 
 /// Without load and far from its target, a motor turns its joint at torque / inertia.
 #[test]
-fn a_motor_at_its_limit_gives_its_torque_and_no_more() {
+fn motor_at_limit_gives_its_torque() {
     let robot = swing();
     let physics = Physics { gravity: 0.0, stiffness: 1e5, damping: 0.0, max_torque: 0.1, ..physics() };
     let model = Model::new(&robot, &physics);
@@ -216,7 +216,7 @@ fn a_motor_at_its_limit_gives_its_torque_and_no_more() {
 }
 
 #[test]
-fn a_joint_stops_at_its_limit_whichever_way_it_is_driven() {
+fn joint_stops_at_limit_in_both_directions() {
     let robot = swing();
     let physics = Physics { gravity: 0.0, ..physics() };
     let model = Model::new(&robot, &physics);
@@ -234,9 +234,9 @@ fn a_joint_stops_at_its_limit_whichever_way_it_is_driven() {
     }
 }
 
-/// Nothing from outside acts on a robot in free flight: momenta stay, and without motors so does the energy.
+/// No external force acts on a robot in free flight: momenta stay, and without motors so does the energy.
 #[test]
-fn in_free_flight_momenta_stay_and_without_motors_energy_too() {
+fn free_flight_keeps_momenta_and_energy() {
     for name in ["quadropod", "lizard"] {
         let robot = robot(name);
         let physics = Physics { gravity: 0.0, stiffness: 0.0, damping: 0.0, max_torque: 0.0, ..physics() };
@@ -262,7 +262,7 @@ fn in_free_flight_momenta_stay_and_without_motors_energy_too() {
 }
 
 #[test]
-fn a_sliding_robot_brakes_with_friction_times_gravity_in_every_direction() {
+fn sliding_robot_brakes_by_friction_in_every_direction() {
     let robot = robot("quadropod");
     let model = Model::new(&robot, &physics());
     for (x, y) in [(3.0, 0.0), (0.0, -3.0), (2.0, 2.0)] {
@@ -282,7 +282,7 @@ fn a_sliding_robot_brakes_with_friction_times_gravity_in_every_direction() {
 /// On a slope of less than the friction angle a robot stays, but for the creep of regularised friction: at the share s of
 /// the friction limit that is v_s · s / √(1 − s²).
 #[test]
-fn on_a_gentle_slope_a_robot_creeps_as_slowly_as_regularised_friction_says() {
+fn robot_creeps_on_gentle_slope_by_regularised_friction() {
     let robot = robot("quadropod");
     let mut model = Model::new(&robot, &physics());
     for share in [0.3_f32, 0.5, 0.8] {
@@ -300,7 +300,7 @@ fn on_a_gentle_slope_a_robot_creeps_as_slowly_as_regularised_friction_says() {
 
 /// On a steep one it slides with g (sin − μ cos).
 #[test]
-fn on_a_steep_slope_a_robot_slides_as_fast_as_friction_lets_it() {
+fn robot_slides_down_steep_slope_by_friction() {
     let robot = robot("quadropod");
     let mut model = Model::new(&robot, &physics());
     let angle = libm::atanf(1.3 * model.friction);
@@ -314,10 +314,11 @@ fn on_a_steep_slope_a_robot_slides_as_fast_as_friction_lets_it() {
     assert!((acceleration - expected).abs() < 0.05 * expected, "{acceleration} mu/s² against {expected} mu/s²");
 }
 
-/// What friction gives at a contact is at most μ times what the ground carries there. It is taken from the linearisation
-/// before, so some is left beyond: 8.7, 2.5 and 2.1 % of all that friction could give, with one, two and three of them.
+/// Friction at a contact is at most μ times the ground's normal force there. The normal force is taken from the
+/// linearisation before, so friction exceeds its cone a little: by 8.7, 2.5 and 2.1 % of the greatest friction, with
+/// one, two and three linearisations.
 #[test]
-fn friction_of_a_contact_stays_within_its_cone_but_for_a_few_percent() {
+fn contact_friction_stays_near_its_cone() {
     for (iterations, most) in [(1, 0.1), (2, 0.03), (3, 0.025)] {
         let beyond = at_level!(Level::new(), simd => beyond_the_cone(simd, iterations));
         assert!(beyond < most, "{iterations}: {beyond} of the limit is beyond it");

@@ -4,8 +4,8 @@
 //! below the ground, and with regularised Coulomb friction −μ f_n u_t / √(|u_t|² + v_s²). With f_n and the root taken from
 //! the last iterate both are linear in the new velocity: they become inertia of the corner's body.
 //!
-//! A spring whose force is that at the step's end brings a damper k·dt with it. r is what the damper should be in all, but
-//! never less than that: so the bounce hardly depends on the step, and the spring holds at any.
+//! A spring with the force of the step's end adds a damper k·dt. r is the total damper wanted, but never less than
+//! k·dt. So the bounce hardly depends on the step, and the spring is stable at any step.
 
 use super::inertia::{Composite, Inertia};
 use super::kinematics::{Frames, Spatial};
@@ -13,15 +13,15 @@ use super::lanes::{Lanes, Mask, V3, all, fma, fnma, three};
 use super::model::{Model, Part};
 use fearless_simd::prelude::*;
 
-/// Boxes whose lowest corner is higher than this in every lane are passed over, mu. A corner that comes down from higher
-/// within one step is caught by the next.
+/// Boxes with their lowest corner higher than this in every lane are skipped, mu. A corner that falls from higher
+/// within one step is handled in the next.
 const NEAR: f32 = 0.1;
 /// Farther from the ground than any corner that could touch it, mu.
 const FAR: f32 = 1e6;
 
-/// What robots stand on.
+/// The surface that robots stand on.
 pub(super) trait Surface<S: Simd> {
-    /// What bodies are while they touch it.
+    /// Inertia of bodies while they touch it.
     type Inertia: Composite<S>;
 
     /// Finds where it may be touched within a step; `position` is the base's origin.

@@ -1,4 +1,4 @@
-//! Where bodies are and how they move: forward kinematics in world axes about the base's origin.
+//! Forward kinematics: poses and velocities of bodies, in world axes about the base's origin.
 //!
 //! Featherstone, *Rigid Body Dynamics Algorithms* (2008), section 4.4. With all spatial quantities about one point they
 //! add without transforms: V_i = V_parent + S_i θ̇_i, S_i = (a_i, o_i × a_i).

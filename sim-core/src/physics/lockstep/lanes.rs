@@ -1,4 +1,4 @@
-//! Vectors and matrices whose every number is a register of lanes, one rollout a lane.
+//! Vectors and matrices of lanes: every number is a register with one rollout a lane.
 //!
 //! Only operations that IEEE 754 rounds correctly are used: sums, products, quotients, roots and fused multiply-adds.
 //! They have the same bits at every width and on every instruction set, and no lane sees another.

@@ -26,8 +26,8 @@ pub(super) struct Model {
     pub contact: Contact,
 }
 
-/// How contacts give way: a spring and a damper a corner. They follow from the robot's weight, so that robots of any mass
-/// under any gravity sink in alike.
+/// Compliance of contacts: a spring and a damper a corner. They follow from the robot's weight, so that robots of any
+/// mass under any gravity sink in equally.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contact {
     /// k, kg/s².
@@ -43,13 +43,13 @@ pub(super) struct Contact {
 }
 
 impl Contact {
-    /// How deep the whole weight presses a single corner, mu.
+    /// Depth to which the whole weight presses a single corner, mu.
     const SINK: f32 = 0.004;
     /// Damper of a corner, as a share of √(k m).
     const DAMPING: f32 = 0.5;
     /// v_s as a share of √(g · SINK), a speed of 0.2 mu/s under 9.81 mu/s².
     const SLIP: f32 = 0.01;
-    /// What bodies oppose to each other, as a share of what the ground does.
+    /// Spring and damper between bodies, as shares of those of the ground.
     const OWN: (f32, f32) = (0.2, 0.1);
     /// Weightless robots get the contacts of this gravity, mu/s².
     const LEAST_GRAVITY: f32 = 0.1;
@@ -73,7 +73,7 @@ pub(super) struct Link {
     pub center: Vector,
     /// About the centre of mass: xx, yy, zz, xy, xz, yz.
     pub inertia: [f32; 6],
-    /// Whether the last three are zero.
+    /// True if the last three are zero.
     pub diagonal: bool,
 }
 

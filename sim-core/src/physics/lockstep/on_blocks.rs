@@ -49,7 +49,7 @@ fn placed(robot: &Robot, at: Vector, yaw: f64) -> State {
 }
 
 #[test]
-fn robots_move_as_on_flat_ground_where_no_block_is_near() {
+fn distant_blocks_change_no_motion() {
     for name in ["quadropod", "lizard"] {
         let robot = robot(name);
         let (start, tables) = (robot.neutral(), gaits(&robot, 4, 2.0));
@@ -65,7 +65,7 @@ fn robots_move_as_on_flat_ground_where_no_block_is_near() {
 }
 
 #[test]
-fn a_pressed_point_is_the_same_inertia_in_both_forms() {
+fn pressed_point_has_equal_inertia_in_both_forms() {
     fn check<S: Simd>(simd: S) {
         let mut flat = Inertia::zero(simd);
         let r = V3::all(simd, Vector::new(0.3, -0.7, 0.2));
@@ -84,7 +84,7 @@ fn a_pressed_point_is_the_same_inertia_in_both_forms() {
 }
 
 #[test]
-fn a_brick_rests_on_a_tread_and_over_an_edge_without_sinking() {
+fn brick_rests_on_tread_and_edge() {
     let (robot, layers) = (brick(), layers(&stairs()));
     let model = Model::new(&robot, &physics());
     // On the first tread, straight and turned; over its front edge with its middle on the tread; turned there.
@@ -100,7 +100,7 @@ fn a_brick_rests_on_a_tread_and_over_an_edge_without_sinking() {
 }
 
 #[test]
-fn a_brick_with_its_middle_beyond_the_edge_tips_over_it() {
+fn brick_with_middle_beyond_edge_tips() {
     let (robot, layers) = (brick(), layers(&stairs()));
     let model = Model::new(&robot, &physics());
     let start = placed(&robot, Vector::new(-6.3, 0.0, 1.1), 0.0);
@@ -112,7 +112,7 @@ fn a_brick_with_its_middle_beyond_the_edge_tips_over_it() {
 }
 
 #[test]
-fn a_brick_slides_down_from_the_tread_and_comes_to_rest_below() {
+fn brick_slides_off_tread_and_rests_below() {
     let (robot, layers) = (brick(), layers(&stairs()));
     let model = Model::new(&robot, &physics());
     let mut world = world_on(&model, &layers, &placed(&robot, Vector::new(-5.0, 0.0, 1.1), 0.0));
@@ -147,7 +147,7 @@ fn a_wall_stops_a_sliding_brick_straight_and_turned() {
 }
 
 #[test]
-fn falling_bricks_come_to_rest_on_stairs_in_any_orientation() {
+fn falling_bricks_rest_on_stairs_in_any_orientation() {
     let (robot, blocks) = (brick(), stairs());
     let motion = Motion::standing(1, 6.0);
     let mut stream = crate::base::random::Stream::new(7, crate::base::random::Purpose::Sample, 0, 0, 0);
@@ -165,7 +165,7 @@ fn falling_bricks_come_to_rest_on_stairs_in_any_orientation() {
     }
 }
 
-/// How deep the robot is in a block or the ground.
+/// Returns the greatest depth of the robot in a block or the ground.
 fn deepest(robot: &Robot, state: &State, blocks: &[Block]) -> f32 {
     use rapier3d::parry::query::contact;
     use rapier3d::parry::shape::Cuboid;

@@ -36,13 +36,13 @@ pub(super) struct Stepper<'a, S: Simd, G: Surface<S>> {
     locks: Vec<Lanes<S>>,
     /// Some lane has a locked hinge.
     locked: bool,
-    /// What motors did in the last linearisation.
+    /// Drives of the motors in the last linearisation.
     motors: Vec<Drive<S>>,
     /// Kinetic energy at the step's start, kg·mu²/s².
     pub energy: Lanes<S>,
     /// Potential energy at the step's start, 0 with all centres of mass at height 0, kg·mu²/s².
     pub potential: Lanes<S>,
-    /// What the motors gave in the last step, kg·mu²/s².
+    /// Work of the motors in the last step, kg·mu²/s².
     pub work: Lanes<S>,
     /// The same without the signs of what each motor gave.
     pub turnover: Lanes<S>,
@@ -118,7 +118,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         motion.advance(simd, model.dt);
     }
 
-    /// Motions, inertias, bias, energy and extremes of a motion whose frames are in place.
+    /// Computes motions, inertias, bias, energy and extremes of a motion with its frames in place.
     #[inline(always)]
     pub fn measure(&mut self, motion: &Motion<S>) {
         self.frames.velocities(self.model, &motion.velocity, &mut self.motions);
@@ -288,7 +288,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
 
 #[cfg(test)]
 impl<S: Simd> Stepper<'_, S, super::contact::Corners<S>> {
-    /// What flat ground did to every corner of the first lane in the last step, which gave `velocity`; see
+    /// Returns the forces of flat ground on every corner of the first lane in the last step, which gave `velocity`; see
     /// [`super::contact::Corners::forces`].
     pub fn corner_forces(&self, velocity: &Velocity<S>) -> Vec<(f32, f32)> {
         let mut after = self.motions.clone();

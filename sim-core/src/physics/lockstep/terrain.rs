@@ -13,7 +13,7 @@ pub(super) struct Layer {
 }
 
 impl Layer {
-    /// Where the side is that one meets who moves along an axis, up (1) or down (−1).
+    /// Returns the coordinate of the side that a motion along an axis meets, up (1) or down (−1).
     #[inline(always)]
     pub fn side(&self, axis: usize, sign: f32) -> f32 {
         if sign > 0.0 { self.low[axis] } else { self.high[axis] }
@@ -23,8 +23,8 @@ impl Layer {
 /// Stairs are at least so wide, mu: no box of a robot is as long.
 const LEAST_WIDTH: f64 = 10.0;
 
-/// Whether blocks are of the kind that the engine knows: on the ground, with sides along x and y, all between the same two
-/// lines, which are far apart. So what robots meet of a block is faces and edges, no corner of its top.
+/// Returns true if the engine can simulate the blocks: on the ground, with sides along x and y, all between the same
+/// two lines, which are far apart. Robots then meet only faces and edges of a block, never a corner of its top.
 pub(super) fn known(terrain: &[Block]) -> bool {
     let straight = terrain.iter().all(|block| block.yaw == 0.0 && block.base == 0.0);
     let between_two_lines = |axis: usize| {
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_that_hides_a_part_of_a_side_only_changes_nothing() {
+    fn block_that_hides_part_of_side_changes_nothing() {
         let blocks = [block((0.0, 2.0), (0.0, 2.0), 1.0), block((2.0, 3.0), (0.0, 1.0), 2.0)];
         assert_eq!(layers(&blocks), blocks.each_ref().map(layer));
     }

@@ -38,7 +38,7 @@ fn run(robot: &Robot, physics: &Physics, start: &State, tables: &[Motion]) -> Ve
     run_at(Level::new(), robot, physics, &[], &requests)
 }
 
-/// Equal as numbers are, and as text, which tells zeros of different sign apart.
+/// Asserts equality as numbers, and as text, which distinguishes zeros of different sign.
 fn assert_same_bits(a: &[Rollout], b: &[Rollout], what: &str) {
     assert_eq!(format!("{a:?}"), format!("{b:?}"), "{what}");
 }
@@ -75,7 +75,7 @@ fn company_order_and_batch_size_change_no_bit() {
 }
 
 #[test]
-fn a_lane_that_breaks_is_told_and_harms_no_other() {
+fn unstable_lane_is_reported_and_changes_no_other() {
     let robot = robot("quadropod");
     let start = robot.neutral();
     let tables = gaits(&robot, 4, 1.0);
@@ -93,7 +93,7 @@ fn a_lane_that_breaks_is_told_and_harms_no_other() {
 }
 
 #[test]
-fn in_free_fall_the_centre_of_mass_falls_as_galilei_says_whatever_the_legs_do() {
+fn centre_of_mass_falls_freely_with_moving_legs() {
     let robot = robot("quadropod");
     let physics = physics();
     let mut start = robot.neutral();
@@ -130,7 +130,7 @@ fn a_robot_at_rest_stays_where_it_is() {
 }
 
 #[test]
-fn solving_for_the_velocity_that_carries_a_momentum_gives_the_velocity_back() {
+fn velocity_solved_from_momentum_is_the_original() {
     for name in ["quadropod", "lizard", "h-shape"] {
         at_level!(Level::new(), simd => momentum(simd, name));
     }

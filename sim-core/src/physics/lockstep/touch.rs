@@ -51,7 +51,8 @@ struct Solid<S: Simd> {
 }
 
 impl<S: Simd> Solid<S> {
-    /// The middle of what lies farthest along `n`: a corner, or the middle of an edge or a face that lies flat.
+    /// Returns the middle of the part that lies farthest along `n`: a corner, or the middle of an edge or a face that
+    /// lies flat.
     #[inline(always)]
     fn support(&self, simd: S, n: V3<S>) -> V3<S> {
         let mut at = self.center;
@@ -104,7 +105,7 @@ fn push<S: Simd>(
                 in_b[i] = b.axes[i].dot(apart);
             }
 
-            // The axis of greatest separation: its value, its direction, and on whose face it stands.
+            // The axis of greatest separation: its value, its direction, and the box of its face.
             let mut gap = all(simd, f32::MIN);
             let mut normal = V3::zero(simd);
             let mut face_of_a: Mask<S> = zero.simd_gt(zero);

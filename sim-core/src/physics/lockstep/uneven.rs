@@ -13,13 +13,13 @@ use super::terrain::Layer;
 use crate::base::math::Vector;
 use fearless_simd::prelude::*;
 
-/// What is farther apart than this is passed over, mu; as for flat ground.
+/// Pairs farther apart than this are skipped, mu; as for flat ground.
 const NEAR: f32 = 0.1;
 /// Farther apart than anything that could touch, mu.
 const FAR: f32 = 1e6;
 /// Deeper than this nothing has come through a face, mu: it came through another one.
 const DEEPEST: f32 = 0.2;
-/// How far the normal of an edge's contact may turn beyond those of the two faces that meet there, as a sine.
+/// Allowed turn of the normal of an edge's contact beyond the normals of the two faces at that edge, as a sine.
 const BEYOND: f32 = 0.2;
 /// Two edges of a box that press in directions of a greater cosine than this press together: they bound one face.
 const TOGETHER: f32 = 0.87;
@@ -62,7 +62,7 @@ struct Solid<S: Simd> {
 struct Ridge {
     /// Along x (0) or y (1).
     along: usize,
-    /// Where it is, its value along itself being the middle.
+    /// Its place; the coordinate along the edge is that of the middle.
     at: Vector,
     half: f32,
     /// Out of the side that ends there; the other face is the top.
@@ -254,7 +254,7 @@ impl<S: Simd> Solid<S> {
         Self { body: part.body, from_base, center, axes, half: three(simd, part.half), reach }
     }
 
-    /// Whether the box may touch a block's side, coming along an axis, up (1) or down (−1).
+    /// Returns true if the box may touch a block's side when it moves along an axis, up (1) or down (−1).
     #[inline(always)]
     fn meets(&self, simd: S, layer: &Layer, axis: usize, sign: f32) -> Mask<S> {
         let ((center, aside), (reach, reach_aside)) = (self.center.split(axis), self.reach.split(axis));

@@ -11,7 +11,7 @@ pub(crate) struct Course {
     pub steps: u32,
     /// Joints that fail, with the step before which each is locked; in the order of steps.
     pub failures: Vec<(u32, usize)>,
-    /// How the rollout ends if the simulation stays sound.
+    /// Outcome if the simulation stays sound.
     pub outcome: Outcome,
 }
 

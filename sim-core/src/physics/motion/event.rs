@@ -20,7 +20,7 @@ pub enum Change {
         /// The two faces.
         faces: [Face; 2],
     },
-    /// Two connected faces let go of each other.
+    /// Two connected faces disconnect.
     Disconnect {
         /// The two faces.
         faces: [Face; 2],
@@ -38,7 +38,7 @@ pub enum Change {
         /// The joint.
         joint: usize,
     },
-    /// A module gives way to a new one of its kind in the same place, whose joints work.
+    /// A new module of the same kind, with working joints, takes the place of a module.
     Replace {
         /// The module.
         module: usize,

@@ -88,7 +88,7 @@ impl Motion {
         &self.end_phase
     }
 
-    /// How long it lasts, s.
+    /// Returns the duration, s.
     pub fn duration(&self) -> f64 {
         self.targets.duration()
     }

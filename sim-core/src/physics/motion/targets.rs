@@ -118,7 +118,7 @@ impl Targets {
         self.joints
     }
 
-    /// How long the gait lasts, s.
+    /// Returns the duration of the gait, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
@@ -149,7 +149,7 @@ mod tests {
     use crate::model::QUARTER_TURNS;
 
     #[test]
-    fn targets_are_linear_between_ticks_and_held_at_the_end() {
+    fn targets_are_linear_between_ticks_then_held() {
         let ramp: Vec<f64> = (0..=4).map(|t| 0.1 * f64::from(t)).collect();
         let table = Targets::new(&[ramp], 4.0 * TICK);
         let at = |t: f64| {
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn targets_between_instants_are_linear_and_held_at_the_end() {
+    fn targets_are_linear_between_instants_then_held() {
         let instants = [(0.0, vec![0.0, 1.0]), (0.01, vec![0.2, 1.0]), (0.02, vec![0.2, 0.0])];
         let table = Targets::between(&instants, 0.03);
         let rows: Vec<&[f32]> = table.rows().collect();
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_as_drawn_at_its_knots_and_linear_between() {
+    fn noise_is_linear_between_drawn_knots() {
         let mut drawn = [0.1, -0.2, 0.3, 0.4, 0.0, 0.0].into_iter();
         let table = Targets::zero(2, 4.0 * TICK).with_noise(4, || drawn.next().unwrap());
         let rows: Vec<&[f32]> = table.rows().collect();

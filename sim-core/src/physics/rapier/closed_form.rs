@@ -116,7 +116,7 @@ fn a_sliding_robot_is_braked_by_friction() {
 
 /// Small swings of a physical pendulum take 2π √(I / (m g d)) (1 + θ² / 16).
 #[test]
-fn an_unpowered_hinge_swings_with_the_period_of_a_pendulum() {
+fn unpowered_hinge_swings_with_pendulum_period() {
     for joints in KINDS {
         // Turned so that the arm hangs straight down and its hinge is horizontal.
         let robot = swing("{ rotation = [0, 90, 0] }");
@@ -149,7 +149,7 @@ fn an_unpowered_hinge_swings_with_the_period_of_a_pendulum() {
 
 /// Without load and far from its target, a motor turns its joint at torque / inertia.
 #[test]
-fn a_motor_at_its_limit_gives_its_torque_and_no_more() {
+fn motor_at_limit_gives_its_torque() {
     for joints in KINDS {
         let robot = swing("{}");
         let physics = Physics { gravity: 0.0, stiffness: 1e5, damping: 0.0, max_torque: 0.1, ..physics(joints) };
@@ -206,8 +206,8 @@ fn a_robot_starts_in_the_configuration_it_is_given() {
     }
 }
 
-/// Nothing brakes a robot in the air: with its joints held it goes on turning. The damping that multibodies have by default
-/// would act on the free pivot too, and stop it.
+/// Nothing brakes a robot in the air: with its joints held it keeps turning. The default damping of multibodies would
+/// also act on the free pivot, and stop it.
 #[test]
 fn a_free_robot_goes_on_turning() {
     for joints in KINDS {

@@ -1,5 +1,5 @@
-//! The robot's joints in rapier's two ways: impulse joints, which pull two free bodies together, and multibody joints, in
-//! whose angles the robot itself moves. Motors, gains, limits and contacts are the same.
+//! The two kinds of joints in rapier: impulse joints, which pull two free bodies together, and multibody joints, with
+//! the joint angles as coordinates. Motors, gains, limits and contacts are the same.
 
 use super::{PhysicsWorld, RigidBodyHandle, Robot};
 use crate::base::math::{Vector, about};
@@ -47,7 +47,7 @@ impl Joints {
         }
     }
 
-    /// Tells the motors, rad.
+    /// Sets the motors' targets, rad.
     pub fn set_targets(&self, world: &mut PhysicsWorld, physics: &Physics, targets: &[f32]) {
         let (stiffness, damping) = (physics.stiffness, physics.damping);
         match self {

@@ -1,7 +1,8 @@
 //! Rollouts on rapier3d: the reference engine, for any terrain.
 //!
-//! Every rollout builds a fresh world, so none can leave traces in another. Joints with force-based motors (impulse or
-//! multibody joints, as the job says), Coulomb friction, warm-started joints, no sleeping. Contacts between bodies that share a joint are off, all others on.
+//! Every rollout builds a fresh world, so rollouts do not affect each other. Joints have force-based motors and are
+//! impulse or multibody joints, by the job's setting. Friction is Coulomb's; joints are warm-started; nothing sleeps.
+//! Contacts between bodies that share a joint are off, all others on.
 
 mod joints;
 

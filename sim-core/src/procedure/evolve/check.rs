@@ -1,4 +1,4 @@
-//! What a task's result must be before anything is stored of it.
+//! Requirements on a task's result before any of it is stored.
 
 use super::task::{Task, TaskResult};
 use crate::base::encoding::Unreadable;
@@ -15,9 +15,9 @@ pub enum Fault {
     /// That of an evaluation for an examination, or the other way round.
     #[error("it is {found}, not {wanted}")]
     Kind {
-        /// What it is.
+        /// Kind found.
         found: &'static str,
-        /// What it should be.
+        /// Kind needed.
         wanted: &'static str,
     },
     /// A genotype or descriptors that the search has no use for.
@@ -36,9 +36,9 @@ pub enum Fault {
     /// Another number of scores than trees.
     #[error("it has {found} scores; {wanted} are needed")]
     Scores {
-        /// How many there are.
+        /// Number found.
         found: usize,
-        /// How many there should be.
+        /// Number needed.
         wanted: usize,
     },
     /// Some of its trees failed and others not: they share a budget, so they fail together.
@@ -50,7 +50,7 @@ pub enum Fault {
     /// Traces where none are asked for, or none where they are.
     #[error("{}", if *.wanted { "its traces are missing" } else { "it has traces, which were not asked for" })]
     TracesPresence {
-        /// Whether they are asked for.
+        /// True if they are needed.
         wanted: bool,
     },
     /// Traces that do not belong to the job's robot and gaits.
@@ -58,7 +58,7 @@ pub enum Fault {
     Traces(String),
 }
 
-/// Whether a result can be that of a task.
+/// Refuses a result that can't be that of the task.
 pub(super) fn check(job: &Checked, task: &Task, result: &[u8]) -> Result<(), Fault> {
     match (task, TaskResult::decode(result)?) {
         (Task::Evaluate { .. }, TaskResult::Evaluated { genotype, score, descriptors, counts }) => {

@@ -62,7 +62,7 @@ pub struct Evolve {
     plan: Plan,
     optimiser: Box<dyn Search>,
     archive: Archive,
-    /// What all evaluations of the search took.
+    /// Effort of all evaluations of the search.
     counts: Counts,
     /// Evaluations of the search that failed.
     failed: u64,
@@ -105,7 +105,7 @@ impl Evolve {
         }
     }
 
-    /// How many generations are scored.
+    /// Returns the number of scored generations.
     fn generations(&self) -> u32 {
         self.job.optimiser_spec().generations()
     }
@@ -124,7 +124,7 @@ impl Evolve {
         self.archive.bests().last()
     }
 
-    /// What the search found, if any of its evaluations succeeded.
+    /// Returns the findings of the search, if any of its evaluations succeeded.
     fn found(&self) -> Option<Found> {
         Some(Found {
             first: self.archive.bests().first()?.clone(),
@@ -146,7 +146,7 @@ impl Evolve {
                 let genotype = batch.genotypes.get(index as usize)?.clone();
                 match batch.ask {
                     Ask::Set => Some(Task::Evaluate { generation: *generation, candidate: index, genotype }),
-                    // No checked job has a search that asks for it.
+                    // No checked job has a search that needs it.
                     Ask::Motion => None,
                 }
             }
@@ -239,7 +239,7 @@ impl Evolve {
     }
 }
 
-/// The end of a job whose results are not those of its tasks, although they were checked.
+/// Returns the end of a job with results that are not those of its tasks, although they were checked.
 fn unusable(reason: &str) -> Told {
     Told { row: None, step: Step::Failed(format!("a result is unusable: {reason}")) }
 }

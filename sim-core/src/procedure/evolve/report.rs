@@ -32,7 +32,7 @@ pub struct Report {
     pub tree: TreeRecord,
     /// The tree's best path, run three ways.
     pub paths: Vec<PathTrace>,
-    /// What the whole finish took.
+    /// Effort of the whole finish.
     pub counts: Counts,
 }
 
@@ -110,7 +110,7 @@ pub fn report(plan: &Plan, found: Found, winner: Scored, done: &[Done], traces: 
 }
 
 impl Report {
-    /// What the search found, as far as the report tells: enough to do all examinations again.
+    /// Returns the findings of the search, as far as the report has them: enough to repeat all examinations.
     pub fn found(&self, plan: &Plan) -> Found {
         let entries = self.archive.iter().map(|a| a.candidate.clone()).collect();
         // Back in the order of the search.

@@ -38,18 +38,18 @@ pub enum TaskResult {
         genotype: Option<Genotype>,
         /// The score; `None` where the evaluation failed.
         score: Option<f64>,
-        /// What the candidate does beside its score, for searches that ask for it.
+        /// Descriptors of the candidate's behaviour, for searches that use them.
         descriptors: Vec<f64>,
-        /// What it took.
+        /// Its effort.
         counts: Counts,
     },
     /// That of [`Task::Examine`].
     Examined {
         /// One a tree; `None` where the evaluation failed.
         scores: Vec<Option<f64>>,
-        /// What it took.
+        /// Its effort.
         counts: Counts,
-        /// For the question that asks for them.
+        /// Traces, for the question that needs them.
         traces: Option<Traces>,
     },
 }

@@ -1,11 +1,11 @@
-//! What a task's result must be before anything is stored of it.
+//! Requirements on a task's result before any of it is stored.
 
 use super::{Fault, Grown, Task, TaskResult, Tried};
 use crate::model::Place;
 use crate::problem::Checked;
 use crate::procedure::possible::{Most, counted, traces_of};
 
-/// Whether a result can be that of a task.
+/// Refuses a result that can't be that of the task.
 pub(super) fn check(job: &Checked, task: Task, result: &[u8]) -> Result<(), Fault> {
     match (task, TaskResult::decode(result)?) {
         (Task::Grow { .. }, TaskResult::Grown(one)) => tried(job, &one),
@@ -19,7 +19,7 @@ pub(super) fn check(job: &Checked, task: Task, result: &[u8]) -> Result<(), Faul
     }
 }
 
-/// Whether it can have come of a tree of the job.
+/// Refuses a tree that can't be one of the job.
 pub(super) fn tried(job: &Checked, Tried { grown, counts }: &Tried) -> Result<(), Fault> {
     counted(counts, &Most::of_trees(job, job, 1, true))?;
     grown.as_ref().map_or(Ok(()), |grown| in_short(job, grown).map_err(Fault::Impossible))

@@ -58,12 +58,12 @@ struct Planning {
     grown: Option<(Vec<Tried>, u32)>,
 }
 
-/// What came of a tree.
+/// Result of a tree.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tried {
     /// `None` where the evaluation failed.
     pub grown: Option<Grown>,
-    /// What it took.
+    /// Its effort.
     pub counts: Counts,
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// The report. Lengths in mu, angles in rad, times in s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlanReport {
-    /// What came of each tree, by seed; `null` where the evaluation failed.
+    /// Result of each tree, by seed; `null` for a failed evaluation.
     pub plans: Vec<Option<Grown>>,
     /// The seed of the tree with the best score, from 0.
     pub best: u32,
@@ -18,9 +18,9 @@ pub struct PlanReport {
     pub tree: TreeRecord,
     /// Its plan, run in three ways.
     pub paths: Vec<PathTrace>,
-    /// What all trees took.
+    /// Effort of all trees.
     pub counts: Counts,
-    /// What the traces took.
+    /// Effort of the traces.
     pub trace_counts: Counts,
 }
 

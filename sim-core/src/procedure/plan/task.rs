@@ -19,12 +19,12 @@ const RESULT: u8 = 0xC2;
 pub enum Task {
     /// A tree has to be grown.
     Grow {
-        /// Which of the job's trees, from 0.
+        /// Index of the tree, from 0.
         seed: u32,
     },
     /// A tree has to be grown again and written down.
     Trace {
-        /// Which one.
+        /// Index of the tree, from 0.
         seed: u32,
     },
 }
@@ -38,7 +38,7 @@ pub enum TaskResult {
     Traced {
         /// The gaits, the tree, and its plan run in three ways.
         traces: Traces,
-        /// What it took.
+        /// Its effort.
         counts: Counts,
     },
 }
@@ -48,7 +48,7 @@ pub enum TaskResult {
 pub struct Grown {
     /// Its score by the job's fitness.
     pub score: f64,
-    /// Whether a node is within the goal's radius; false without a goal.
+    /// True if a node is within the goal's radius; false without a goal.
     pub reached: bool,
     /// Least planar distance of a node to the goal; `None` without a goal.
     pub distance: Option<f64>,
@@ -64,9 +64,9 @@ pub struct Grown {
 pub struct Step {
     /// The gait, from 0.
     pub gait: u32,
-    /// Where the pivot arrives.
+    /// x of the pivot's arrival, mu.
     pub x: f64,
-    /// Where the pivot arrives.
+    /// y of the pivot's arrival, mu.
     pub y: f64,
     /// Height of the pivot.
     pub z: f64,

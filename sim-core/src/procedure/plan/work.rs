@@ -42,7 +42,7 @@ fn traced(job: &Job, gaits: &Genotype, seed: u32, stop: &dyn Fn() -> bool) -> Re
     Ok(TaskResult::Traced { traces, counts })
 }
 
-/// Coverage in cells as the job's fitness has them, or in those of a job that says nothing of them.
+/// Coverage in the cells of the job's fitness, or in default cells.
 fn coverage(job: &Job) -> Option<Box<dyn Objective>> {
     let fitness = job.fitness_spec();
     let defaults = Settings::defaults(Coverage.settings());

@@ -1,11 +1,11 @@
-//! What a task's result must be before anything is stored of it.
+//! Requirements on a task's result before any of it is stored.
 
 use super::{Drawn, Ended, Recorded, Run, Task, TaskResult};
 use crate::base::encoding::Unreadable;
 use crate::problem::{Checked, SimulateSpec, Way};
 use crate::procedure::possible::{Most, Uncountable, counted, samples_of};
 
-/// Longest text that says how a run ended, in bytes.
+/// Longest reason of a run's end, in bytes.
 const MAX_REASON: usize = 4096;
 /// Most points of a path, but for the ends of each step.
 const MAX_POINTS: usize = 256;
@@ -56,7 +56,7 @@ pub(super) fn check(job: &Checked, task: Task, result: &[u8]) -> Result<(), Faul
 
 fn one(job: &Checked, simulate: &SimulateSpec, run: &Run, drawn: &Drawn) -> Result<(), String> {
     if run.drawn != *drawn {
-        return Err("what it says was drawn is not what its random numbers draw".to_owned());
+        return Err("its drawn values are not those of its random numbers".to_owned());
     }
     let finite = run.end.iter().chain(run.path.iter().flatten()).all(|v| v.is_finite());
     let numbers = [run.seconds, run.travelled, run.turnover, run.touched.unwrap_or(0.0)];

@@ -22,9 +22,9 @@ pub(super) struct Replanning<'a> {
     spec: &'a ReplanSpec,
     repeat: Option<u32>,
     stop: &'a dyn Fn() -> bool,
-    /// Steps that are left, the next one last: the gait, and where it should lead if the plan says so.
+    /// Steps that are left, the next one last: the gait, and its end in the plan if there is one.
     left: Vec<(u32, Option<Place>)>,
-    /// Where the last step should have led.
+    /// End of the last step in the plan.
     expected: Option<Place>,
     made: u32,
 }

@@ -15,6 +15,6 @@ pub struct SimulationReport {
     pub unvaried: Vec<Recorded>,
     /// The repeats, each in all ways.
     pub repeats: Vec<Vec<Run>>,
-    /// What all of it took.
+    /// Effort of all runs.
     pub counts: Counts,
 }

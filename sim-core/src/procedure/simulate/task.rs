@@ -17,9 +17,9 @@ const RESULT: u8 = 0xC4;
 /// One piece of work.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Task {
-    /// The motion, in all ways that the job asks for.
+    /// The motion, in all ways of the job.
     Repeat {
-        /// Which repeat, from 0.
+        /// Index of the repeat, from 0.
         repeat: u32,
     },
     /// The same with nothing varied, written down.
@@ -38,11 +38,11 @@ pub enum TaskResult {
 /// A motion carried out once. Lengths in mu, angles in rad, times in s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// How its steps followed each other.
+    /// Way in which its steps followed each other.
     pub way: Way,
-    /// What held.
+    /// Values drawn for it.
     pub drawn: Drawn,
-    /// How it ended.
+    /// End of the run.
     pub ended: Ended,
     /// Simulated time until it ended.
     pub seconds: f64,
@@ -52,7 +52,7 @@ pub struct Run {
     pub travelled: f64,
     /// When it first touched an obstacle. Obstacles are not simulated: what comes later goes through it.
     pub touched: Option<f64>,
-    /// Whether the pivot left the map.
+    /// True if the pivot left the map.
     pub left_map: bool,
     /// Mechanical work of the motors, kg·mu²/s².
     pub work: f64,
@@ -68,7 +68,7 @@ pub struct Run {
     pub path: Vec<[f64; 2]>,
 }
 
-/// How a run ended.
+/// End of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ended {
@@ -92,19 +92,19 @@ pub struct Recorded {
 }
 
 impl Run {
-    /// Where the pivot started; its height is not told.
+    /// Returns the pivot's place at the start, without its height.
     pub fn start(&self) -> Place {
         let [x, y, yaw] = self.drawn.start;
         Place { x, y, z: 0.0, yaw }
     }
 
-    /// Where the pivot ended.
+    /// Returns the pivot's place at the end.
     pub fn end(&self) -> Place {
         let [x, y, z, yaw] = self.end;
         Place { x, y, z, yaw }
     }
 
-    /// How far it got in the frame of its start: x ahead, y to the left, yaw turned in (−π, π].
+    /// Returns the displacement in the frame of its start: x ahead, y to the left, yaw turned in (−π, π].
     pub fn displacement(&self) -> Place {
         self.start().seen(&self.end())
     }
@@ -114,14 +114,15 @@ impl Run {
         job.environment().goal.map(|goal| self.end().planar_distance(&Place { x: goal.x, y: goal.y, ..Place::ORIGIN }))
     }
 
-    /// Planar distance from the end to where the plan says that it ends; `None` where it says nothing, or may be made anew.
+    /// Returns the planar distance from its end to the end of the plan; `None` without places, or with replanning.
     pub fn deviation(&self, job: &Checked) -> Option<f64> {
         let simulate = job.spec().simulate.as_ref().filter(|simulate| simulate.replan.is_none())?;
         let &[x, y, ..] = simulate.places.as_ref()?.last()?;
         Some(self.end().planar_distance(&Place { x, y, ..Place::ORIGIN }))
     }
 
-    /// Whether it ended soundly, on the map, without touching an obstacle, and within the goal's radius if there is a goal.
+    /// Returns true if it ended soundly, on the map, without touching an obstacle, and within the goal's radius if
+    /// there is a goal.
     pub fn succeeded(&self, job: &Checked) -> bool {
         let there =
             job.environment().goal.zip(self.distance(job)).is_none_or(|(goal, distance)| distance <= goal.radius);

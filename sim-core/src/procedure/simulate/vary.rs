@@ -1,4 +1,5 @@
-//! What varies in a repeat: drawn by streams of its own, a quantity each, so that one more range changes no other draw.
+//! Draws of the values that vary in a repeat. Each quantity has a stream of its own, so that one more range changes no
+//! other draw.
 
 use crate::base::random::{Purpose, Stream};
 use crate::physics::{Change, Event, Motion};
@@ -21,14 +22,14 @@ enum Quantity {
     Noise = 7,
 }
 
-/// What holds in a run.
+/// Values that hold in a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drawn {
     /// Coulomb friction.
     pub friction: f64,
     /// Factor of every motor's greatest torque.
     pub motor_strength: f64,
-    /// Where the robot starts: x, y (mu) and heading (rad).
+    /// Start of the robot: x, y (mu) and heading (rad).
     pub start: [f64; 3],
     /// The joints that are locked, from 0, in their order.
     pub dead: Vec<u32>,

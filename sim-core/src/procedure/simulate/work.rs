@@ -116,7 +116,7 @@ impl Mover<'_> {
         Ok((run, done))
     }
 
-    /// What came of a run's motions, one after the other.
+    /// Adds up the outcomes of a run's motions.
     fn sum_up(&self, run: &mut Run, stage: &Stage<'_>, done: &[Done]) {
         let (mut effort, mut samples) = (Effort::default(), 0);
         let step = self.path_step(done);

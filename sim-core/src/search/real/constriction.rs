@@ -12,9 +12,9 @@ use crate::search::{GENERATIONS, Search, SearchKind};
 /// The swarm of [`super::Pso`] with v ← χ (v + φ₁ r₁ (…) + φ₂ r₂ (…)), χ = 2 / |2 − φ − √(φ² − 4φ)| and φ = φ₁ + φ₂ > 4.
 pub struct Constriction;
 
-/// φ₁.
+/// Weight of a particle's own best, φ₁.
 const COGNITIVE: Setting = Setting::real("cognitive", "", 2.05).within(0.0, 10.0);
-/// φ₂.
+/// Weight of the swarm's best, φ₂.
 const SOCIAL: Setting = Setting::real("social", "", 2.05).within(0.0, 10.0);
 
 impl Component for Constriction {
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn constriction_is_the_published_one() {
-        // Clerc and Kennedy, and all who use it since: φ = 4.1 gives χ ≈ 0.7298.
+        // Clerc and Kennedy: φ = 4.1 gives χ ≈ 0.7298.
         let c = coefficients(2.05, 2.05);
         assert!((c.constriction - 0.7298).abs() < 5e-5, "{}", c.constriction);
     }

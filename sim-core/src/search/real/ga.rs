@@ -1,9 +1,9 @@
 //! A genetic algorithm on real vectors: tournament selection, simulated binary crossover (K. Deb and R. B. Agrawal,
 //! *Simulated binary crossover for continuous search space*, Complex Systems 9, 1995), Gaussian mutation, elitism.
 //!
-//! A gene that would leave its bounds is reflected at them, so that bounds do not gather genes. Elites pass on unchanged
-//! and are scored again like everyone else: where scores have luck in them, an elite has to earn its place anew. A failed
-//! evaluation is never an elite, and wins a tournament against other failures only.
+//! A gene that would leave its bounds is reflected at them, so that genes do not gather at bounds. Elites are kept
+//! unchanged and are scored again like all others: where scores depend on luck, an elite must prove itself again. A
+//! failed evaluation is never an elite, and wins a tournament only against other failures.
 
 use crate::base::error::{Faults, Invalid, whole_in_range};
 use crate::base::limits::MAX_POPULATION;
@@ -19,7 +19,7 @@ use std::cmp::Ordering;
 /// The genetic algorithm.
 pub struct Ga;
 
-/// Individuals.
+/// Number of individuals.
 const POPULATION: Setting = Setting::whole("population", 20).within(2.0, MAX_POPULATION as f64);
 /// Individuals that compete for a parent's place: 1 to all.
 const TOURNAMENT: Setting = Setting::whole("tournament", 2);
@@ -74,7 +74,7 @@ impl SearchKind for Ga {
     }
 }
 
-/// How children are made, in the words of the settings.
+/// Rules for making children, named as the settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Breeding {
     pub tournament: u32,
@@ -198,7 +198,7 @@ impl Search for GeneticAlgorithm {
         Batch { ask: Ask::Set, genotypes: self.population.clone() }
     }
 
-    /// An individual whose genotype was evaluated in another form is a parent in that form.
+    /// Makes an individual that was evaluated with another genotype a parent with that genotype.
     fn tell(&mut self, evaluations: &[Evaluation]) {
         assert_eq!(evaluations.len(), self.population.len(), "one evaluation an individual");
         self.population = evaluations.iter().map(|evaluation| evaluation.genotype.clone()).collect();

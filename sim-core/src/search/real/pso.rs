@@ -1,10 +1,10 @@
 //! Particle swarm optimisation: Eq. 1 and Algorithm 2 of V. Vonásek and J. Faigl, *Evolution of multiple gaits for
 //! modular robots*, IEEE SSCI 2016.
 //!
-//! Where the paper is silent: the swarm is synchronous (everyone is scored before anyone moves); first velocities are
-//! uniform in ± half a parameter's range; a particle that would leave the bounds stops at them, with that component of
-//! its velocity set to 0; bests are replaced by strictly better ones only, ties go to the lowest index; a failed
-//! evaluation is never a best, and who has no best yet is not pulled to one.
+//! Where the paper is silent: the swarm is synchronous (all particles are scored before any moves); first velocities
+//! are uniform in ± half a parameter's range; a particle that would leave the bounds stops at them, with that component
+//! of its velocity set to 0; only strictly better values replace bests, ties go to the lowest index; a failed
+//! evaluation is never a best, and a particle without a best is not pulled to one.
 
 use crate::base::limits::MAX_POPULATION;
 use crate::base::random::{Purpose, Stream};
@@ -58,9 +58,9 @@ impl SearchKind for Pso {
 /// The coefficients of v ← χ (w v + φ₁ r₁ (x̄ − x) + φ₂ r₂ (x̂ − x)); Eq. 1 has χ = 1, the constricted form w = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Coefficients {
-    /// χ.
+    /// Constriction factor, χ.
     pub constriction: f64,
-    /// w.
+    /// Inertia weight, w.
     pub inertia_weight: f64,
     /// φ₁, the pull to the particle's own best.
     pub cognitive: f64,
@@ -79,7 +79,7 @@ struct Best {
 struct Particle {
     /// x, the candidate.
     position: Genotype,
-    /// v.
+    /// Velocity, v.
     velocity: Vec<f64>,
     /// x̄, the best of its own history.
     best: Option<Best>,
@@ -188,7 +188,7 @@ impl Search for Swarm {
         Batch { ask: Ask::Set, genotypes: self.particles.iter().map(|p| p.position.clone()).collect() }
     }
 
-    /// A particle whose genotype was evaluated elsewhere than at its position moves there.
+    /// Moves a particle that was evaluated elsewhere than at its position to that place.
     fn tell(&mut self, evaluations: &[Evaluation]) {
         assert_eq!(evaluations.len(), self.particles.len(), "one evaluation a particle");
         for (particle, evaluation) in self.particles.iter_mut().zip(evaluations) {
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn bests_need_strict_improvement_and_ties_go_to_the_lowest_index() {
+    fn bests_need_strict_improvement_with_ties_to_lowest_index() {
         let coefficients = Coefficients { constriction: 0.73, inertia_weight: 1.0, cognitive: 2.05, social: 2.05 };
         let mut swarm = Swarm::new(3, coefficients, Space::of_reals([(0.0, 1.0); 2]), Direction::Minimise, 3);
         let first = swarm.ask().genotypes;

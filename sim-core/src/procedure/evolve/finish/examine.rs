@@ -9,7 +9,7 @@ use crate::search::Scored;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What is asked about a candidate.
+/// A question about a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Question {
     /// Its scores on fresh RRT seeds, on the search's setting.
@@ -32,19 +32,19 @@ pub const FRICTION_STEP: f64 = 0.1;
 /// A question about a candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Examination {
-    /// What is asked.
+    /// The question.
     pub question: Question,
-    /// About whom.
+    /// The candidate.
     pub candidate: Scored,
 }
 
-/// What came of it.
+/// Outcome of an examination.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answer {
     /// One a tree; `None` where the evaluation failed: the trees together exceed the budget, there is no reference to
     /// answer on, or the robot does not come to rest with other friction.
     pub scores: Vec<Option<f64>>,
-    /// What it took.
+    /// Its effort.
     pub counts: Counts,
     /// For [`Question::Traces`].
     pub traces: Option<Traces>,
@@ -56,7 +56,7 @@ impl Examination {
         Self { question, candidate: candidate.clone() }
     }
 
-    /// Whether it is this question about this candidate.
+    /// Returns true if it is this question about this candidate.
     pub fn is(&self, question: Question, candidate: &Scored) -> bool {
         let place = |s: &Scored| (s.generation, s.candidate);
         self.question == question && place(&self.candidate) == place(candidate)

@@ -1,4 +1,4 @@
-//! What is done once the search is over: examinations of the best candidates, and the winner that follows from them.
+//! The work after a search: examinations of the best candidates, and the winner that follows from them.
 //!
 //! There are two rounds. *Finishing* scores the archive on the reference setting and audits the global bests without
 //! reuse; the published winner is the archive's best there. *Reporting* examines the winner and the first generation's
@@ -18,18 +18,18 @@ use crate::search::archive::Archive;
 /// The scores that answered an examination, one a tree; `None` where the evaluation failed.
 pub type Done = (Examination, Vec<Option<f64>>);
 
-/// What there is to do, without any knowledge of robots.
+/// The plan of the work, independent of robots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// Whether larger or smaller scores are better.
+    /// Direction: larger or smaller scores are better.
     pub direction: Direction,
     /// Genotypes to be scored on the reference setting; 0: the winner is the search's best.
     pub archive: u32,
-    /// Whether every global best is scored again without reuse.
+    /// True if every global best is scored again without reuse.
     pub audit: bool,
 }
 
-/// What the search found.
+/// The candidates that the search found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// The best of generation 0, or of the first generation with a success.
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_winner_is_the_best_on_the_reference_ties_to_the_search() {
+    fn winner_is_best_on_reference_with_ties_by_search() {
         let winner = |reference| PLAN.winner(&found(), &answered(reference)).candidate;
         assert_eq!(winner([Some(1.0), Some(2.0), Some(3.0), Some(2.5)]), 1);
         assert_eq!(winner([Some(2.0), Some(3.0), Some(3.0), Some(3.0)]), 0);
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_reference_the_searchs_best_wins_and_only_the_report_is_made() {
+    fn search_best_wins_without_reference() {
         let bare = Plan { archive: 0, audit: false, ..PLAN };
         let found = Found { archive: Vec::new(), ..found() };
         assert!(bare.finishing(&found).is_empty());
