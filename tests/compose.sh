@@ -28,7 +28,7 @@ port=$((20000 + RANDOM % 10000))
 export EVOGAIT_PUBLISH=127.0.0.1:$port EVOGAIT_PUBLISH_STANDBY=127.0.0.1:$((port + 1)) PROMETHEUS_PORT=$((port + 2))
 export EVOGAIT_IMAGE=evogait:test
 adapt() { sed "s/localhost:7077/localhost:$port/g"; }
-# The local images, as whoever reaches no registry sets them.
+# The local images, as set where no registry can be reached.
 set -a
 . deploy/images/local.env
 set +a
@@ -180,7 +180,7 @@ for c in "${worker[@]}"; do
 done
 compose up --detach --scale worker=3 > /dev/null 2>&1
 
-step "profile ha: the active coordinator dies"
+step "profile ha: the active coordinator is killed"
 follow ha
 all_well standby
 job=$(evogait submit "$work/job.toml" --seed 2)

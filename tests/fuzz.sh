@@ -4,9 +4,9 @@
 #   tests/fuzz.sh SECONDS [PARSER …]     each parser (or those named) for so many seconds, as many at once as there are cores
 #   tests/fuzz.sh --build                builds it only
 #
-# Needs the Rust toolchain and a C++ compiler (g++), which builds libFuzzer. The corpus grows in fuzz/target/corpus. Prints how
-# many inputs each parser took. On a panic, a hang (10 s) or more than 2 GiB it says where the input is and fails; copy the
-# input to fuzz/regressions/PARSER/, where `cargo test` runs it from then on.
+# Needs the Rust toolchain and a C++ compiler (g++), which builds libFuzzer. The corpus grows in fuzz/target/corpus.
+# Prints the number of inputs of each parser. On a panic, a hang (10 s) or more than 2 GiB it prints the path of the
+# input and fails; copy the input to fuzz/regressions/PARSER/, where `cargo test` runs it from then on.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

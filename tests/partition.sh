@@ -1,10 +1,9 @@
 #!/usr/bin/env bash
-# Coordinator and worker on two hosts (network namespaces, joined by a veth pair), with real packet loss between them: one way,
-# the other way, both, a link of 20 kB/s, and a coordinator whose host is gone without a word while another one begins at a second
-# address. After each the job must get on within 30 s, and in the end have the bits that it has on one machine; whoever watches it
-# from the other host sees its end. What the TCP proxy of the tests can't show: lost packets, half-open connections, the
-# kernel's timers.
-# Needs root, ip, nft and tc; nothing of it touches the machine's own network.
+# Coordinator and worker on two hosts (network namespaces, joined by a veth pair), with real packet loss between them:
+# one way, the other way, both, a link of 20 kB/s, and a coordinator with a host that vanishes while another one begins
+# at a second address. After each fault the job must progress within 30 s, and in the end have the bits that it has on
+# one machine; a watcher on the other host must see its end. The TCP proxy of the tests can't show this: lost packets,
+# half-open connections, the kernel's timers. Needs root, ip, nft and tc; nothing touches the machine's own network.
 #
 #   tests/partition.sh [SECONDS]      how long each partition lasts; 6 unless given (a lease lasts 2)
 set -euo pipefail
@@ -110,7 +109,7 @@ gets_on "the start"
 block "$other"; sleep "$seconds"; open "$other"
 gets_on "$seconds s in which the worker could not be heard"
 block "$one"; sleep "$seconds"
-# The client lives on the coordinator's host, so it still hears.
+# The client runs on the coordinator's host, so its packets still arrive.
 open "$one"
 gets_on "$seconds s in which the worker heard nothing"
 block "$one"; block "$other"; sleep "$seconds"; open "$one"; open "$other"
@@ -118,7 +117,7 @@ gets_on "$seconds s of silence"
 ip netns exec "$other" tc qdisc add dev evo-w root tbf rate 160kbit burst 4kb latency 200ms
 gets_on "the link became slow"
 ip netns exec "$other" tc qdisc del dev evo-w root
-# No packet of its last moments arrives, and nobody answers for its address: the connections are half-open.
+# None of its last packets arrives, and its address no longer answers: the connections are half-open.
 ip netns exec "$one" nft add rule ip evogait out ip saddr 10.77.0.1 drop
 kill -9 "$coordinator"
 wait "$coordinator" 2> /dev/null || true
@@ -134,6 +133,6 @@ while [ "$(state)" != succeeded ]; do
 done
 evogait fetch "$id" --out "$dir/fetched" --quiet > /dev/null
 [ "$(digest "$dir/fetched")" = "$expected" ] || fail "the result differs from the undisturbed one"
-wait "$watching" || fail "who watched from the other host did not see the end: $(cat "$dir/watch.log")"
+wait "$watching" || fail "the watcher on the other host did not see the end: $(cat "$dir/watch.log")"
 echo "partitions change no bit"
 rm -rf "$dir"

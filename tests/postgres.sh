@@ -13,7 +13,7 @@ if [ "${1:-}" != --on-server ]; then
 fi
 shift
 
-# A filter that matches nothing would pass: so it is told how many passed, and none is refused.
+# A filter that matches nothing would pass, so the number of passed tests is checked: 0 is a failure.
 run() {
     cargo test --locked --workspace "$@" -- --ignored --test-threads=2 2>&1 | tee -a "$log"
 }

@@ -50,7 +50,7 @@ until_is 'evogait_round_seconds_count' $((generations + 3))
 [ "$(ask 'evogait_worker_tasks_total > 0')" ] || fail "the worker counts nothing"
 # Every series that an alarm looks at is there.
 for name in $(grep -o 'evogait_[a-z_]*' deploy/prometheus/alerts.yml | sort -u); do
-    [ "$(ask "count($name)")" ] || fail "an alarm looks at $name, which nobody serves"
+    [ "$(ask "count($name)")" ] || fail "an alarm uses $name, and no program serves it"
 done
 [ -z "$(ask 'count(ALERTS)')" ] || fail "an alarm is on: $(ask 'ALERTS')"
 echo "Prometheus saw $generations generations of one job."

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Workers on a real Slurm (slurmctld, slurmd and munge from Debian's packages, on this machine), as docs/deploy.md tells it,
-# by a user who is not root: a job that takes longer than a worker's wall time, so that workers drain, queue again, and are
-# cancelled in the end; one is killed by Slurm, too. The result has the bits that `evogait run` gives, and no attempt was
+# Workers on a real Slurm (slurmctld, slurmd and munge from Debian's packages, on this machine), as in docs/deploy.md,
+# by a user without root. The job takes longer than a worker's wall time, so that workers drain, queue again, and are
+# cancelled in the end; Slurm also kills one. The result must have the bits of `evogait run`, and no attempt may be
 # charged.
 #
 #   tests/slurm.sh
 #
-# Needs root, and a development build (it is made), which has faults on demand: workers are told to be slow, so that the job
-# lasts without a core. Installs slurmctld, slurmd and munge if they are not there; starts them with files of its own and
-# stops them. Takes about 3 minutes, hardly more on a busy machine.
+# Needs root, and a development build (it is made) with faults on demand: slow workers make the job last without using a
+# core. Installs slurmctld, slurmd and munge if they are missing; starts them with files of its own and stops them.
+# Takes about 3 minutes, hardly more on a busy machine.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -58,7 +58,7 @@ clean_up() {
 trap clean_up EXIT
 trap 'exit 130' INT TERM
 
-# A user as everybody is: not root, with a home on a file system that all nodes see.
+# A user without root, with a home on a file system that all nodes share.
 user=games
 home=$work/shared
 mkdir -p "$home"/clone "$work"/munge "$work"/state "$work"/spool
@@ -70,7 +70,7 @@ chmod 400 "$work/munge/key"
 chown -R munge "$work/munge"
 setpriv --reuid munge --regid munge --clear-groups munged --key-file "$work/munge/key" --socket "$work/munge/socket" \
     --pid-file "$work/munge/pid" --log-file "$work/munge/log" --seed-file "$work/munge/seed"
-# Below the ports that systems give to whoever connects.
+# Below the range of ports for outgoing connections.
 port=$((10000 + RANDOM % 9000))
 cat > "$work/slurm.conf" <<CONF
 ClusterName=evogait

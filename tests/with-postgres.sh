@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs a command with a PostgreSQL server of its own, from Debian's packages: in a temporary folder, reachable through a socket
-# there and by TLS on loopback only, and ended when the command ends, with whose exit code this one ends.
+# Runs a command with a PostgreSQL server of its own, from Debian's packages: in a temporary folder, reachable through a
+# socket there and by TLS on loopback only. The server ends with the command, and the exit code is the command's.
 #
 #   tests/with-postgres.sh COMMAND [ARGUMENT…]      from the top of the tree; EVOGAIT_TEST_POSTGRES* say where the server is
 set -euo pipefail

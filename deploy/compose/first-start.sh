@@ -1,6 +1,6 @@
 #!/bin/sh
-# Makes what the parts of the compose cluster show to each other, at the first start: certificates, tokens, the database's
-# password. Everybody finds in a volume of his own what he needs and nothing else. Run again, it changes nothing.
+# Makes the credentials of the parts of the compose cluster, at the first start: certificates, tokens, the database's
+# password. Each part has a volume of its own with what it needs and nothing else. Run again, it changes nothing.
 #
 # HOSTS: names and addresses that clients may call the coordinator by, separated by spaces.
 set -eu
@@ -17,7 +17,7 @@ if [ ! -e authority/done ]; then
     : > authority/done
 fi
 
-# give TO FILE…: through a name nobody looks for, so that nobody finds half a file.
+# give TO FILE…: through a temporary name, so that no part reads half a file.
 give() {
     to=$1
     shift
@@ -30,7 +30,7 @@ give coordinator certs/ca.pem certs/coordinator.pem certs/coordinator.key certs/
 give worker certs/ca.pem certs/worker.token
 give client certs/ca.pem certs/client.token
 give postgres database-password
-# The database runs as another user; nobody else has its volume.
+# The database runs as another user; only its container has this volume.
 chmod 444 postgres/database-password
 chmod 755 postgres
 printf '*:*:*:evogait:%s\n' "$(cat authority/database-password)" > coordinator/pgpass

@@ -69,7 +69,7 @@ class Theirs:
         return Ends(np.array(pose), wall, gaits * self.facts["duration"])
 
     def let_go(self, lift, seconds, limp=False):
-        """Height of the pivot some time after it was let go above its start, joints held at 0, or limp but damped."""
+        """Height of the pivot some time after its release above its start, joints held at 0, or limp but damped."""
         self.set(("elliptic", 0.0005))
         gains = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
         if limp:
