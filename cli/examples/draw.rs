@@ -1,6 +1,6 @@
-//! Draws every picture from made-up data, for looking at: `cargo run -p cli --example draw -- FOLDER`.
+//! Draws the pictures from artificial data, for inspection by eye: `cargo run -p cli --example draw -- FOLDER`.
 
-// The command line uses more of the module than is drawn here.
+// This example uses only a part of the module.
 #[allow(dead_code, unused_imports)]
 #[path = "../src/draw/mod.rs"]
 mod draw;
@@ -12,7 +12,7 @@ use sim_core::report::{GaitTrace, NodeRecord, TraceSample, TreeRecord};
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = std::env::args().nth(1).ok_or("give a folder to draw into")?;
+    let folder = std::env::args().nth(1).ok_or("no folder given: run `draw FOLDER`")?;
     std::fs::create_dir_all(&folder)?;
     for (name, picture) in pictures() {
         save(Path::new(&folder), name, &picture)?;
@@ -53,7 +53,7 @@ fn pictures() -> Vec<(&'static str, Picture)> {
         ("gaits", draw::gait_traces(&three, "quadropod-empty: gaits")),
         ("gaits-many", draw::gait_traces(&many, "Fourteen gaits")),
         ("gaits-none", draw::gait_traces(&[], "No gaits")),
-        ("boxes", draw::gait_boxes(&tree, 4, "quadropod-column: what the gaits do")),
+        ("boxes", draw::gait_boxes(&tree, 4, "quadropod-column: distance and rotation of the gaits")),
         ("boxes-none", draw::gait_boxes(&TreeRecord::default(), 3, "No edges")),
         ("boxes-many", draw::gait_boxes(&self::tree(&column, &moves(&many), 40), 14, "Fourteen gaits")),
         ("robot", draw::robot(&quadropod(), "quadropod, E2: two failed modules", "10 modules")),
@@ -62,7 +62,7 @@ fn pictures() -> Vec<(&'static str, Picture)> {
     ]
 }
 
-/// Global bests whose scores fall by a twentieth without reuse.
+/// Returns audits of the global bests; their scores without reuse are 5 % lower.
 fn audits(history: &[HistoryRow]) -> Vec<[f64; 2]> {
     let rows = history.iter().filter_map(|r| Some((f64::from(r.generation), r.best_so_far?)));
     let mut best = f64::NEG_INFINITY;
@@ -175,7 +175,7 @@ fn gaits(count: usize) -> Vec<GaitTrace> {
         .collect()
 }
 
-/// Relative ways of the gaits, a point a second.
+/// Returns the relative paths of the gaits, with one point per second.
 fn moves(gaits: &[GaitTrace]) -> Vec<Vec<[f64; 3]>> {
     let relative = |s: &TraceSample| [s.position[0] + 12.0, s.position[1], s.yaw];
     gaits.iter().map(|g| g.samples.iter().step_by(10).map(relative).collect()).collect()

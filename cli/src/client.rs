@@ -49,7 +49,7 @@ impl fmt::Display for Url {
     }
 }
 
-/// A connection to a coordinator. Clones share it.
+/// Connection to a coordinator. Clones share it.
 #[derive(Clone)]
 pub struct Client {
     url: Url,
@@ -64,7 +64,8 @@ impl Client {
         Ok(Self { url: url.clone(), service })
     }
 
-    /// Makes a call. With several coordinators, it repeats the call until one of them serves. All calls are safe to repeat.
+    /// Makes a call. With several coordinators, it repeats the call until one of them serves. All calls are safe to
+    /// repeat.
     async fn call<M: Clone, T, F: Future<Output = Result<Response<T>, Status>>>(
         &self,
         id: Option<&str>,

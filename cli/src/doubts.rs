@@ -16,9 +16,7 @@ pub fn of(job: &Checked) -> Vec<String> {
 /// Returns the warning about a goal at which the settled robot can't stand.
 pub fn of_goal(job: &Job) -> Option<String> {
     let obstacle = job.blocked_goal()?;
-    Some(format!(
-        "the robot can't stand at the goal: it touches environment.obstacle[{obstacle}] at every heading"
-    ))
+    Some(format!("the robot can't stand at the goal: it touches environment.obstacle[{obstacle}] at every heading"))
 }
 
 /// Returns a warning if the robot's lengths may not be in mu, with the command that converts them.

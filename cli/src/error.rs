@@ -107,7 +107,10 @@ pub enum Error {
         digest: Digest,
     },
     /// Output folder with files that no run of the job wrote.
-    #[error("{folder} is not empty and holds no run of this job: choose another folder with --out", folder = .folder.display())]
+    #[error(
+        "{folder} is not empty and holds no run of this job: choose another folder with --out",
+        folder = .folder.display()
+    )]
     NotOurs {
         /// The output folder.
         folder: PathBuf,

@@ -14,7 +14,7 @@ use sim_core::problem::Checked;
 pub struct Scores {
     /// Number of candidates evaluated.
     pub candidates: u32,
-    /// Candidates whose evaluation failed.
+    /// Number of failed evaluations among them.
     pub failed: u32,
     /// Least score of the other candidates; NaN if there are none.
     pub min: f64,

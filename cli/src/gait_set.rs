@@ -37,15 +37,19 @@ pub fn read(path: &Path, gaits: &GaitsSpec, robot: &Robot) -> Result<GaitSet, Er
         file: file.display().to_string(),
         source: Invalid::Conflict { field: "gaits".into(), reason },
     };
-    let set: GaitFile = serde_json::from_str(&text)
-        .map_err(|e| refused(format!("this is not a {GAITS} of `evogait run`: {e}")))?;
+    let set: GaitFile =
+        serde_json::from_str(&text).map_err(|e| refused(format!("this is not a {GAITS} of `evogait run`: {e}")))?;
     of_file(set, gaits, robot).map_err(refused)
 }
 
 fn of_file(set: GaitFile, spec: &GaitsSpec, robot: &Robot) -> Result<GaitSet, String> {
     let controller = spec.controller.0;
     if set.controller != controller.name() {
-        return Err(format!("their controller is \"{}\", but the controller of the job is \"{}\"", set.controller, controller.name()));
+        return Err(format!(
+            "their controller is \"{}\", but the controller of the job is \"{}\"",
+            set.controller,
+            controller.name()
+        ));
     }
     let space = controller.space(robot);
     if space.length != Length::Fixed {
@@ -53,10 +57,9 @@ fn of_file(set: GaitFile, spec: &GaitsSpec, robot: &Robot) -> Result<GaitSet, St
     }
     let gait = |(i, gait): (usize, &Gait)| {
         let number = |name: &String| {
-            gait.parameters
-                .get(name)
-                .copied()
-                .ok_or_else(|| format!("gait {} has no parameter {name}: it is not a gait of robot \"{}\"", i + 1, robot.name))
+            gait.parameters.get(name).copied().ok_or_else(|| {
+                format!("gait {} has no parameter {name}: it is not a gait of robot \"{}\"", i + 1, robot.name)
+            })
         };
         let names = space.names();
         if let Some(other) = gait.parameters.keys().find(|name| !names.contains(name)) {

@@ -157,7 +157,10 @@ pub fn robot(name: &str, unit: Option<f64>) -> Result<RobotFile, Error> {
     let source = find("robot", name, catalogue::robots(), None)?;
     let Import { robot, notes } = parse(&source, |text| robot_spec(text, &source.label, unit.unwrap_or(1.0)))?;
     if unit.is_some() && robot.bodies.is_empty() {
-        let message = format!("--unit does not apply to {}: it is made of modules, and their kind defines their size", source.label);
+        let message = format!(
+            "--unit does not apply to {}: it is made of modules, and their kind defines their size",
+            source.label
+        );
         return Err(Error::Usage { message });
     }
     Ok(RobotFile { spec: robot, label: source.label, notes })
@@ -224,8 +227,8 @@ fn follow(what: &'static str, name: &str, shipped: &'static [Entry], job: &Sourc
     })
 }
 
-/// Finds a file or a catalogue entry. A name with a separator or a known ending is a path; a shipped name comes before a
-/// file of the same name.
+/// Finds a file or a catalogue entry. A name with a separator or a known ending is a path; a shipped name comes before
+/// a file of the same name.
 fn find(
     what: &'static str,
     name: &str,

@@ -240,8 +240,8 @@ impl Progress {
         self.display.show((self.done * STEPS as f64) as u64, text, last_line);
     }
 
-    /// Formats a line such as "gen 12/150  best 34.29 %  mean 12.13 %  41.3 eval/s  ETA 2 min 3 s". With the bar it fits
-    /// into 80 columns.
+    /// Formats a line such as "gen 12/150  best 34.29 %  mean 12.13 %  41.3 eval/s  ETA 2 min 3 s". With the bar it
+    /// fits into 80 columns.
     fn line(&self) -> String {
         let sealed = self.done as u32;
         let mean = Some(self.mean).filter(|m| m.is_finite());

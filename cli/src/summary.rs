@@ -53,8 +53,7 @@ fn simulated(result: &SimulationFile, folder: &Path) -> String {
         });
         lines.extend(of_way(unvaried, repeats.as_ref()));
     }
-    let planning =
-        result.planning.as_ref().map_or_else(String::new, |planning| format!("; new plans on {planning}"));
+    let planning = result.planning.as_ref().map_or_else(String::new, |planning| format!("; new plans on {planning}"));
     lines.push(format!("  engine             {}{planning}", result.engine));
     let counts = &result.counts;
     lines.push(format!(
@@ -81,7 +80,8 @@ fn simulated(result: &SimulationFile, folder: &Path) -> String {
 /// Limit below which numbers of a run are printed as 0.
 const STILL: f64 = 1e-6;
 
-/// Returns the lines for the runs of a way: the motion with nothing varied in the first column, the repeats in the second.
+/// Returns the lines for the runs of a way: the motion with nothing varied in the first column, the repeats in the
+/// second.
 fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
     let mut lines = Vec::new();
     if repeats.is_some() {
@@ -121,7 +121,7 @@ fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
     let failed = |count: u32, what: &str| (count > 0).then(|| format!("{count} {what}"));
     if let Some(of) = repeats {
         let faults = [
-            failed(of.broken, "broke off"),
+            failed(of.broken, "did not complete"),
             failed(of.without_start, "could not start"),
             failed(of.touched, "touched an obstacle"),
             failed(of.left_map, "left the map"),
@@ -244,7 +244,8 @@ fn evolved(result: &ResultFile, folder: &Path) -> String {
     lines.join("\n")
 }
 
-/// Returns the lines with the winner's scores beside those of the first generation's best, and the results of the finish.
+/// Returns the lines with the winner's scores beside those of the first generation's best, and the results of the
+/// finish.
 fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
     let unit = &result.score.unit;
     let with_unit = |value: Option<f64>| score_with(value, unit);

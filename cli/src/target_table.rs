@@ -55,7 +55,10 @@ fn parse(text: &str, robot: &Robot) -> Result<TargetTable, String> {
     };
     if let Some((_, other)) = head.iter().enumerate().skip(1).find(|(i, name)| !places.contains(i) && !known(name)) {
         let joints = joints.join(", ");
-        return Err(format!("line 1: column \"{other}\" belongs to no joint of robot \"{}\": its joints are {joints}", robot.name));
+        return Err(format!(
+            "line 1: column \"{other}\" belongs to no joint of robot \"{}\": its joints are {joints}",
+            robot.name
+        ));
     }
     let row = |(i, line): (usize, &str)| {
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
@@ -63,7 +66,8 @@ fn parse(text: &str, robot: &Robot) -> Result<TargetTable, String> {
             return Err(format!("line {}: it has {} cells, but the head has {}", i + 1, cells.len(), head.len()));
         }
         let number = |place: usize| {
-            let wrong = || format!("line {}: \"{}\" in column {} is not a finite number", i + 1, cells[place], head[place]);
+            let wrong =
+                || format!("line {}: \"{}\" in column {} is not a finite number", i + 1, cells[place], head[place]);
             cells[place].parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(wrong)
         };
         std::iter::once(0).chain(places.iter().copied()).map(number).collect::<Result<Vec<f64>, String>>()

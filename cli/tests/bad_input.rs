@@ -1,4 +1,4 @@
-//! What a user reads who gave something that can't be used. Nothing panics, nothing is left behind.
+//! Errors of commands for invalid input. No command panics, and none leaves files behind.
 
 mod common;
 
@@ -8,7 +8,7 @@ use std::net::TcpListener;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A folder with files in it.
+/// Creates a temporary folder with files.
 fn folder(files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     for (name, content) in files {
@@ -17,7 +17,7 @@ fn folder(files: &[(&str, &str)]) -> TempDir {
     folder
 }
 
-/// Runs a command that has to fail and leave the folder as it was; returns what the user reads.
+/// Runs a command that must fail and leave the folder unchanged; returns its error text.
 fn failure(folder: &Path, code: i32, arguments: &[&str]) -> String {
     let before = listing(folder);
     let seen = run(folder, arguments);
@@ -27,22 +27,24 @@ fn failure(folder: &Path, code: i32, arguments: &[&str]) -> String {
     seen.err
 }
 
-/// What `validate`, and `run` just so, say to the small job after some replacements.
+/// Returns the error of `validate` for the small job after replacements; `run` must give the same error.
 fn refused_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String {
     let (said, ran) = validated_and_run(files, replacements);
     assert_eq!(ran, said);
     said
 }
 
-/// The refusal of `validate` for the small job after replacements; a run fails with the same text once it prepares.
+/// Returns the error of `validate` for the small job after replacements. A run must fail with the same reason when it
+/// prepares the job.
 fn unprepared_with(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> String {
     let (said, ran) = validated_and_run(files, replacements);
-    let (_, reason) = said.strip_prefix("error: ").and_then(|text| text.split_once(": ")).expect("a file and a reason");
+    let (_, reason) =
+        said.strip_prefix("error: ").and_then(|text| text.split_once(": ")).expect("the error has a file and a reason");
     assert!(ran.contains("error: job \"small\" (j1-") && ran.ends_with(&format!(") failed: {reason}")), "{said}{ran}");
     said
 }
 
-/// The refusal of `validate` and `run` for the small job after some replacements.
+/// Returns the errors of `validate` and `run` for the small job after replacements.
 fn validated_and_run(files: &[(&str, &str)], replacements: &[(&str, &str)]) -> (String, String) {
     let mut job = SMALL_JOB.to_owned();
     for (from, to) in replacements {
@@ -73,7 +75,8 @@ kind = "cosmo"
 attach = { to = "a", port = "front" }
 "#;
 
-/// What is said to a robot file after replacements, as a job's robot and by `evogait robot`.
+/// Returns the error for a robot file after replacements. It must be the same for a job's robot and for `evogait
+/// robot`.
 fn robot_refused(replacements: &[(&str, &str)]) -> String {
     let mut robot = ROBOT.to_owned();
     for (from, to) in replacements {
@@ -102,7 +105,7 @@ fn environment_refused(replacements: &[(&str, &str)]) -> String {
     refused_with(&[("yard.toml", &environment(replacements))], &[("\"empty\"", "\"yard.toml\"")])
 }
 
-/// The same of what only the settled robot shows.
+/// Same as [`environment_refused`], for faults that only the settled robot shows.
 fn start_refused(replacements: &[(&str, &str)]) -> String {
     unprepared_with(&[("yard.toml", &environment(replacements))], &[("\"empty\"", "\"yard.toml\"")])
 }
@@ -117,7 +120,7 @@ fn environment(replacements: &[(&str, &str)]) -> String {
 }
 
 #[test]
-fn the_files_that_are_broken_below_are_fine_as_they_are() {
+fn unchanged_test_files_are_valid() {
     let folder = folder(&[("worm.toml", ROBOT), ("yard.toml", ENVIRONMENT)]);
     let job = SMALL_JOB.replace("\"quadropod\"", "\"worm.toml\"").replace("\"empty\"", "\"yard.toml\"");
     fs::create_dir(folder.path().join("jobs")).unwrap();
@@ -127,7 +130,7 @@ fn the_files_that_are_broken_below_are_fine_as_they_are() {
 }
 
 #[test]
-fn unknown_names() {
+fn unknown_names_are_refused() {
     let said = [
         refused(&[("\"quadropod\"", "\"quadroped\"")]),
         refused(&[("\"empty\"", "\"emty\"")]),
@@ -140,7 +143,7 @@ fn unknown_names() {
         failure(folder(&[]).path(), 1, &["robot", "quadropod", "--variant", "E9"]),
         failure(folder(&[]).path(), 1, &["scenarios", "show", "quadroped"]),
     ];
-    // Which jobs ship is not the point here.
+    // Shortens the lists of shipped jobs and scenarios, so that new ones do not change the snapshot.
     let jobs = ["jobs that ship are ", "scenarios that ship are "];
     let shortened = said.map(|text| match jobs.iter().find_map(|list| text.find(list).map(|at| at + list.len())) {
         Some(end) => format!("{}NAMES\n", &text[..end]),
@@ -150,7 +153,7 @@ fn unknown_names() {
 }
 
 #[test]
-fn unknown_and_missing_fields() {
+fn unknown_and_missing_fields_are_refused() {
     let said = [
         refused(&[("seed = 1", "seeds = 1")]),
         refused(&[("count = 2", "")]),
@@ -158,7 +161,7 @@ fn unknown_and_missing_fields() {
         refused(&[("count = 2", "count = \"two\"")]),
         robot_refused(&[("pivot = \"a\"", "pivott = \"a\"")]),
         environment_refused(&[("top = 1.0", "height = 1.0")]),
-        // Tables of several kinds tell the line, too, and what belongs to another kind.
+        // For tables with several kinds, the error also has the line, and the kind that a foreign field belongs to.
         refused(&[("particles = 3", "particles = -3")]),
         refused(&[("cell = 0.5", "cell = \"wide\"")]),
         refused(&[("particles = 3", "particles = 3\nelite = 1")]),
@@ -169,7 +172,7 @@ fn unknown_and_missing_fields() {
 }
 
 #[test]
-fn robots_that_can_not_be() {
+fn impossible_robots_are_refused() {
     let said = [
         robot_refused(&[("kind = \"cosmo\"\nattach", "kind = \"cosmos\"\nattach")]),
         robot_refused(&[("to = \"a\"", "to = \"c\"")]),
@@ -178,7 +181,7 @@ fn robots_that_can_not_be() {
         robot_refused(&[("name = \"b\"", "name = \"a\"")]),
         robot_refused(&[("attach = { to = \"a\", port = \"front\" }", "")]),
         robot_refused(&[("to = \"a\"", "to = \"b\"")]),
-        // A third module bent back into the first.
+        // A third module that overlaps the first.
         robot_refused(&[(
             "port = \"front\" }\n",
             "port = \"front\" }\n\n[[module]]\nname = \"c\"\nkind = \"cosmo\"\npose = { position = [0.3, 0.0, 0.0] }\n",
@@ -188,8 +191,8 @@ fn robots_that_can_not_be() {
 }
 
 #[test]
-fn modules_that_overlap() {
-    // Around a square to the left, the fifth block comes back to the first.
+fn overlapping_modules_are_refused() {
+    // Each block turns left, so the fifth block overlaps the first.
     let mut robot = "name = \"square\"\npivot = \"m0\"\n\n[[module]]\nname = \"m0\"\nkind = \"block\"\n".to_owned();
     for i in 1..=4 {
         let attach = format!("{{ to = \"m{}\", port = \"left\" }}", i - 1);
@@ -200,7 +203,7 @@ fn modules_that_overlap() {
 }
 
 #[test]
-fn numbers_out_of_range() {
+fn numbers_out_of_range_are_refused() {
     let said = [
         refused(&[("count = 2", "count = 0")]),
         refused(&[("count = 2", "count = -1")]),
@@ -220,7 +223,7 @@ fn numbers_out_of_range() {
 }
 
 #[test]
-fn faults_of_several_tables_and_files_are_listed_together() {
+fn faults_of_several_files_are_listed_together() {
     let bad_robot = ROBOT.replace("port = \"front\"", "port = \"bow\"");
     let said = [
         refused(&[
@@ -243,7 +246,7 @@ fn faults_of_several_tables_and_files_are_listed_together() {
 }
 
 #[test]
-fn places_that_are_not_free() {
+fn invalid_start_or_goal_is_refused() {
     let said = [
         environment_refused(&[("start = { x = -5.0", "start = { x = 0.5")]),
         start_refused(&[("start = { x = -5.0", "start = { x = -1.5")]),
@@ -256,7 +259,7 @@ fn places_that_are_not_free() {
 }
 
 #[test]
-fn files_that_can_not_be_read() {
+fn unreadable_files_are_refused() {
     let folder = folder(&[("job.toml", SMALL_JOB), ("empty.toml", ""), ("broken.toml", "name = \n")]);
     let path = folder.path();
     fs::create_dir(path.join("folder.toml")).unwrap();
@@ -275,7 +278,7 @@ fn files_that_can_not_be_read() {
 }
 
 #[test]
-fn wrong_usage() {
+fn wrong_usage_exits_with_code_2() {
     let path = folder(&[("job.toml", SMALL_JOB)]);
     let path = path.path();
     let said = [
@@ -296,8 +299,8 @@ fn wrong_usage() {
 }
 
 #[test]
-fn a_coordinator_that_is_not_there() {
-    // A port that was free a moment ago.
+fn unreachable_coordinator_is_reported() {
+    // A free port: its listener is closed at once.
     let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let url = format!("http://127.0.0.1:{port}");
     let folder = folder(&[("job.toml", SMALL_JOB)]);
@@ -318,7 +321,7 @@ fn a_coordinator_that_is_not_there() {
 }
 
 #[test]
-fn places_that_can_not_be_written() {
+fn unwritable_output_is_refused() {
     let folder = folder(&[("job.toml", SMALL_JOB), ("file", "")]);
     let path = folder.path();
     fs::create_dir(path.join("full")).unwrap();
@@ -335,10 +338,10 @@ fn places_that_can_not_be_written() {
     insta::assert_snapshot!(said.join("\n"));
 }
 
-/// A full disk, as a limit on the size of files: writing beyond it fails just so.
+/// A limit on the size of files simulates a full disk: writing beyond the limit fails in the same way.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_disk_that_is_full() {
+fn full_disk_fails_without_partial_files() {
     use common::Seen;
     use std::process::{Command, Stdio};
 
@@ -364,10 +367,10 @@ fn a_disk_that_is_full() {
     insta::assert_snapshot!([drawn.err, listed.err].join("\n"));
 }
 
-/// The disk fills up at different moments of a run: the run fails in a sentence, and goes on once there is room.
+/// The disk becomes full at different times of a run: the run fails with an error, and resumes when there is room.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_disk_that_fills_up_during_a_run() {
+fn run_on_full_disk_fails_and_can_resume() {
     use common::Seen;
     use std::process::{Command, Stdio};
 
@@ -387,7 +390,7 @@ fn a_disk_that_fills_up_during_a_run() {
     }
 }
 
-/// The small job's genome with a number replaced.
+/// Returns a genome of the small job with one number replaced.
 fn genome_with(i: usize, number: &str) -> String {
     let folder = folder(&[("job.toml", SMALL_JOB)]);
     let length =
@@ -398,7 +401,7 @@ fn genome_with(i: usize, number: &str) -> String {
 }
 
 #[test]
-fn genomes_that_no_search_asks_about() {
+fn genomes_out_of_range_are_refused() {
     let mut said = Vec::new();
     for (i, number) in [(0, "NaN"), (1, "inf"), (7, "-infinity"), (2, "1e999"), (3, "-1000.5"), (4, "5e10")] {
         let genome = genome_with(i, number);
@@ -412,7 +415,7 @@ fn genomes_that_no_search_asks_about() {
 }
 
 #[test]
-fn whole_numbers_beyond_their_limits_keep_their_digits() {
+fn integers_out_of_range_are_reported_with_all_digits() {
     let seed = |seed: &str| refused(&[("seed = 1", &format!("seed = {seed}"))]);
     let said = [
         seed("9223372036854775808"),

@@ -1,4 +1,4 @@
-//! Measurements: what is measured is what was asked for. How fast this machine is proves nothing here.
+//! Measurements of `evogait bench`: contents and consistency of the results, independent of this machine's speed.
 
 mod common;
 
@@ -23,14 +23,14 @@ fn bench(folder: &Path, arguments: &str) -> Value {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 fn list(value: &Value) -> &[Value] {
-    value.as_array().unwrap_or_else(|| panic!("{value} is no list"))
+    value.as_array().unwrap_or_else(|| panic!("{value} is not a list"))
 }
 
-/// What does not depend on the clock.
+/// Removes the fields that depend on the clock or on the number of threads.
 fn without_speed(mut value: Value) -> Value {
     fn strip(value: &mut Value) {
         match value {
@@ -57,7 +57,7 @@ fn every_setting_is_timed_on_every_gait() {
     for setting in settings {
         let speed = &setting["simulated_per_cpu"];
         assert!(0.0 < number(&speed["low"]) && number(&speed["low"]) <= number(&speed["high"]), "{setting}");
-        // µs a step, steps a second and simulated s a CPU s are one number told in two ways.
+        // Time per step (µs) × steps per simulated second × simulated s per CPU s is 1e6.
         let rate = if setting["setting"] == "60x2" { 60.0 } else { 30.0 };
         let product = number(&setting["step_us"]) * rate * number(&speed["value"]);
         assert!((product - 1e6).abs() < 1.0, "{product}");
@@ -65,7 +65,7 @@ fn every_setting_is_timed_on_every_gait() {
 }
 
 #[test]
-fn a_setting_that_is_the_reference_agrees_with_it_exactly() {
+fn reference_setting_agrees_with_itself_exactly() {
     let folder = folder();
     let found = bench(
         folder.path(),
@@ -84,13 +84,13 @@ fn a_setting_that_is_the_reference_agrees_with_it_exactly() {
     assert_eq!(same["fidelity"]["gaits"], 6);
     let halved: Vec<_> = list(&set["halved"]).iter().map(|h| h["setting"].as_str().unwrap()).collect();
     assert_eq!(halved, ["60x8", "120x4"]);
-    // A start that is off by a millionth changes something, and far less than other steps do.
+    // A start disturbed by 1e-6 has an effect, but a far smaller one than other step sizes.
     let median = |at: &Value| number(&at["fidelity"]["position"]["median"]["value"]);
     assert!(0.0 < median(&set["ceiling"]) && median(&set["ceiling"]) < 0.2 * median(coarse), "{set}");
 }
 
 #[test]
-fn fidelity_depends_on_no_thread_and_is_written_as_it_is_printed() {
+fn fidelity_ignores_threads_and_is_stored_as_printed() {
     let folder = folder();
     let arguments =
         "fidelity l-shape --settings 30x2,60x2-multibody --reference 60x4 --random 4 --evolved 0 --duration 0.5";
@@ -109,7 +109,7 @@ fn fidelity_depends_on_no_thread_and_is_written_as_it_is_printed() {
 }
 
 #[test]
-fn settings_of_both_engines_are_compared_with_a_reference_of_either() {
+fn settings_of_both_engines_compare_with_either_reference() {
     let folder = folder();
     let arguments = "fidelity --settings 200x2-lockstep,30x8 --random 4 --evolved 0 --duration 1";
     for (reference, halved) in [("60x4", ["60x8", "120x4"]), ("200x2-lockstep", ["200x4-lockstep", "400x2-lockstep"])] {
@@ -126,7 +126,7 @@ fn settings_of_both_engines_are_compared_with_a_reference_of_either() {
 }
 
 #[test]
-fn a_row_of_the_table_is_kept_and_replaced() {
+fn table_rows_are_replaced_per_robot_variant() {
     let folder = folder();
     let table = folder.path().join("table.toml");
     let measure = |more: &str| {
@@ -139,14 +139,14 @@ fn a_row_of_the_table_is_kept_and_replaced() {
     assert_eq!(settings, [(200, 2), (400, 2), (800, 2), (1600, 2)]);
     assert_eq!((first[0].robot.as_str(), first[0].variant.as_str()), ("l-shape", "none"));
     assert_eq!((first[0].random.gaits, first[0].reference.as_str()), (6, "400x2"));
-    assert_eq!(measure(" --settings 200x2-lockstep").len(), 1, "the same robot again");
+    assert_eq!(measure(" --settings 200x2-lockstep").len(), 1, "the row of the same robot must be replaced");
     let both = measure(" --settings 200x2-lockstep --variant E1");
     assert_eq!(both.len(), 2);
     assert_ne!(both[0].mechanics, both[1].mechanics);
 }
 
 #[test]
-fn lanes_are_told_of_an_engine_that_has_some() {
+fn useful_lanes_are_reported_for_lockstep() {
     let folder = folder();
     fs::write(folder.path().join("fast.toml"), format!("{SMALL_JOB}\n[physics]\nengine = \"lockstep\"\n")).unwrap();
     let found = bench(folder.path(), "evaluate fast.toml --evaluations 3");
@@ -155,7 +155,7 @@ fn lanes_are_told_of_an_engine_that_has_some() {
 }
 
 #[test]
-fn gaits_of_a_stored_run_are_measured() {
+fn gaits_of_stored_run_are_measured() {
     let folder = folder();
     run(folder.path(), &["run", "job.toml", "--out", "run", "--quiet"]).success();
     let found = bench(folder.path(), "fidelity --gaits run --settings 30x4 --reference 60x4 --random 2");
@@ -166,10 +166,10 @@ fn gaits_of_a_stored_run_are_measured() {
 }
 
 #[test]
-fn an_evaluation_s_time_is_shared_out_in_full() {
+fn time_shares_of_evaluation_sum_to_one() {
     let folder = folder();
     let found = bench(folder.path(), "evaluate job.toml --evaluations 4");
-    assert_eq!(found["evaluations"], 4, "more than a generation has");
+    assert_eq!(found["evaluations"], 4, "more evaluations than one generation has");
     let shares: Vec<f64> = found["shares"].as_object().unwrap().values().map(number).collect();
     assert_eq!(shares.len(), 4);
     assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9 && shares.iter().all(|s| *s >= 0.0), "{shares:?}");
@@ -177,7 +177,7 @@ fn an_evaluation_s_time_is_shared_out_in_full() {
 }
 
 #[test]
-fn planners_grow_with_their_iterations() {
+fn trees_grow_with_iterations() {
     let folder = folder();
     let found = bench(folder.path(), "plan job.toml --iterations 300 --candidates 2");
     let trees = list(&found["trees"]);
@@ -187,7 +187,7 @@ fn planners_grow_with_their_iterations() {
 }
 
 #[test]
-fn every_line_of_dispatch_is_a_process_that_did_its_work() {
+fn dispatch_measures_every_load_and_slot_count() {
     let folder = folder();
     let found = bench(folder.path(), "dispatch job.toml --seed 5 --slots 1,2 --evaluations 4 --plain 1 --trivial 20");
     let lines: Vec<_> = list(&found["lines"])
@@ -204,11 +204,11 @@ fn every_line_of_dispatch_is_a_process_that_did_its_work() {
         }
     }
     assert!(number(&found["direct_us"]) > 0.0);
-    assert_eq!(listing(folder.path()), ["job.toml"], "nothing is left behind");
+    assert_eq!(listing(folder.path()), ["job.toml"], "no other file must remain");
 }
 
 #[test]
-fn a_fleet_works_for_every_number_of_jobs_and_leaves_nothing_behind() {
+fn fleet_measures_every_job_count_without_leftovers() {
     let folder = folder();
     let found = bench(
         folder.path(),
@@ -228,7 +228,7 @@ fn a_fleet_works_for_every_number_of_jobs_and_leaves_nothing_behind() {
 }
 
 #[test]
-fn what_can_not_be_measured_is_said() {
+fn invalid_measurements_are_refused() {
     let folder = folder();
     let said = [
         "rollout --settings 30y8",

@@ -1,4 +1,4 @@
-//! `evogait bench fitness` as a user sees it, on a job small enough for a test.
+//! `evogait bench fitness` on a small job.
 
 mod common;
 
@@ -24,7 +24,7 @@ fn bench(folder: &Path, more: &str) -> common::Seen {
     run(folder, &all)
 }
 
-/// What does not depend on the clock.
+/// Removes the fields that depend on the clock.
 fn without_times(mut found: Value) -> Value {
     let rows = found["settings"].as_array().unwrap().len();
     for i in 0..rows {
@@ -35,7 +35,7 @@ fn without_times(mut found: Value) -> Value {
 }
 
 #[test]
-fn settings_are_compared_on_genomes_of_all_ages_whatever_the_number_of_threads() {
+fn fitness_of_settings_is_independent_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("small.toml"), JOB).unwrap();
     let study = |more: &str| bench(folder.path(), &format!("small.toml --genomes 5 --generations 3 {LITTLE} {more}"));
@@ -48,7 +48,7 @@ fn settings_are_compared_on_genomes_of_all_ages_whatever_the_number_of_threads()
     assert_eq!(ages, [0, 0, 1, 1, 2]);
     let names: Vec<_> = one["settings"].as_array().unwrap().iter().map(|s| s["setting"].as_str().unwrap()).collect();
     assert_eq!(names, ["200x2-lockstep", "30x4", "60x8"]);
-    // A score is the mean over the trees, a setting's mean that over the genomes; a setting agrees with itself.
+    // A score is the mean over the trees. The mean of a setting is over the genomes. A setting agrees with itself.
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     for (i, setting) in one["settings"].as_array().unwrap().iter().enumerate() {
         let scores = genomes.iter().map(|g| {
@@ -68,7 +68,7 @@ fn settings_are_compared_on_genomes_of_all_ages_whatever_the_number_of_threads()
     for part in
         ["## 5 genomes of all ages against 60x8", "| 60x8 (disturbed: the ceiling) |", "## Spearman of every pair"]
     {
-        assert!(page.contains(part), "{part} is not in\n{page}");
+        assert!(page.contains(part), "missing {part:?} in\n{page}");
     }
     for file in ["fitness.json", "scatter.svg", "scatter.png"] {
         assert!(folder.path().join("study").join(file).is_file(), "{file}");
@@ -76,7 +76,7 @@ fn settings_are_compared_on_genomes_of_all_ages_whatever_the_number_of_threads()
 }
 
 #[test]
-fn what_stored_runs_found_is_scored_with_every_setting() {
+fn genomes_of_stored_runs_are_scored_with_every_setting() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("small.toml"), JOB).unwrap();
     for (seed, out) in [("1", "one"), ("2", "two")] {
@@ -93,7 +93,7 @@ fn what_stored_runs_found_is_scored_with_every_setting() {
         assert!((f["kept"].as_f64().unwrap() - means[2] / means[0]).abs() < 1e-12, "{f}");
     }
 
-    // Winners alone: nothing to rank, but no mistake either.
+    // Winners alone are allowed, although there is nothing to rank.
     let told = bench(folder.path(), &format!("--runs one,two --genomes 0 {LITTLE}")).success();
     assert!(told.contains("mean of winners") && !told.contains("Spearman of every pair"), "{told}");
 

@@ -1,4 +1,4 @@
-//! `evogait bench reuse` as a user sees it, on a job small enough for a test.
+//! `evogait bench reuse` on a small job.
 
 mod common;
 
@@ -31,7 +31,7 @@ const LITTLE: [&str; 12] = [
 ];
 
 #[test]
-fn a_reuse_study_is_the_same_with_any_number_of_threads_and_leaves_tables_and_pictures() {
+fn reuse_study_ignores_threads_and_writes_its_files() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("small.toml"), JOB).unwrap();
     let study = |more: &[&str]| {
@@ -61,7 +61,7 @@ fn a_reuse_study_is_the_same_with_any_number_of_threads_and_leaves_tables_and_pi
         ", 3 variants",
         ", 2 trees",
     ] {
-        assert!(page.contains(part), "{part} is not in\n{page}");
+        assert!(page.contains(part), "missing {part:?} in\n{page}");
     }
     for file in ["reuse.json", "scatter-empty.svg", "scatter-empty.png", "scatter-column.svg"] {
         assert!(folder.path().join("study").join(file).is_file(), "{file}");
@@ -69,7 +69,7 @@ fn a_reuse_study_is_the_same_with_any_number_of_threads_and_leaves_tables_and_pi
 }
 
 #[test]
-fn a_stored_runs_genomes_are_found_again_from_its_scores() {
+fn genomes_of_stored_run_are_recovered() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("small.toml"), JOB).unwrap();
     run(folder.path(), &["run", "small.toml", "--out", "kept", "--quiet"]).success();
@@ -78,14 +78,14 @@ fn a_stored_runs_genomes_are_found_again_from_its_scores() {
     let found = run(folder.path(), &study).json();
     let genomes = found["environments"][0]["genomes"].as_array().unwrap().clone();
     let from = |generation: u32| genomes.iter().filter(|g| g["generation"] == generation).count();
-    // An elite passes on unchanged, and is no second genome.
+    // An unchanged elite in a later generation does not count as a second genome.
     assert_eq!((from(0), from(1) + from(2)), (3, 3));
     assert!(from(2) >= 2);
 
     fs::remove_file(folder.path().join("kept/store.sqlite")).unwrap();
     let refused = run(folder.path(), &study);
     assert_eq!(refused.code, 2);
-    assert!(refused.err.contains("it has no store.sqlite"), "{}", refused.err);
+    assert!(refused.err.contains("has no store.sqlite"), "{}", refused.err);
     let wrong = run(folder.path(), &["bench", "reuse", "--tolerances", "0.05,2"]);
     assert!(wrong.err.contains("allowed is 0 to 1 rad"), "{}", wrong.err);
 }

@@ -1,7 +1,7 @@
-//! Golden jobs: small jobs whose scores and winners were recorded, and the digests of all jobs that ship.
+//! Golden jobs: small jobs with recorded scores and winners; and the recorded digests of all shipped jobs.
 //!
-//! The files are in `tests/golden`: a resolved job `NAME.toml`, and `NAME.json` with what came of it. A change that
-//! alters one of these numbers alters the results of every user: say which and why in the commit, then record anew with
+//! The files are in `tests/golden`: a resolved job `NAME.toml`, and its recorded result `NAME.json`. A change of one of
+//! these numbers changes the results of every user. Explain it in the commit, then record the new numbers with
 //! `EVOGAIT_RECORD=1 cargo test -p cli --test golden`.
 
 mod common;
@@ -16,7 +16,7 @@ fn golden() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden")
 }
 
-/// Compares with the recorded value, or records it.
+/// Compares a value with the recorded one; with EVOGAIT_RECORD set, records it first.
 fn compare(file: &str, found: &Value) {
     let path = golden().join(file);
     if std::env::var_os("EVOGAIT_RECORD").is_some() {
@@ -26,7 +26,7 @@ fn compare(file: &str, found: &Value) {
     assert_eq!(*found, recorded, "{file}");
 }
 
-/// Runs a golden job. The result digest covers the bits of every score of search and finish.
+/// Runs a golden job and compares its result. The result digest covers the bits of every score of search and finish.
 fn check(name: &str) {
     let folder = tempfile::tempdir().unwrap();
     let job = golden().join(format!("{name}.toml"));

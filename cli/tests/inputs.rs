@@ -1,4 +1,4 @@
-//! Output never replaces a file that the user gave to read, by whatever name it is reached.
+//! Output never replaces an input file, under any of its names.
 
 mod common;
 
@@ -7,18 +7,18 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-/// A job that takes moments: gaits of a second.
+/// Returns a faster variant of the small job: gaits of 1 s, and no finish.
 fn tiny_job() -> String {
     SMALL_JOB.replace("duration = 3.0", "duration = 1.0").replace("[finish]\narchive = 3", "[finish]\nkind = \"none\"")
 }
 
-/// Every file below a folder with its content, sorted.
+/// Returns every file below a folder with its content, sorted.
 fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let paths = common::listing(folder).into_iter().map(|name| folder.join(name)).filter(|path| path.is_file());
     paths.map(|path| (path.clone(), fs::read(&path).unwrap())).collect()
 }
 
-/// Runs a command that has to fail and to leave every byte as it was; returns its message.
+/// Runs a command that must fail and leave every file unchanged; returns its error text.
 fn refused(folder: &Path, arguments: &[&str]) -> String {
     let before = contents(folder);
     let seen = run(folder, arguments);
@@ -34,7 +34,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// The resolved job, as evogait writes it.
+/// Returns the resolved job, as evogait writes it.
 fn resolved(folder: &Path) -> String {
     let seen = run(folder, &["validate", "job.toml", "--no-estimate", "--json"]);
     seen.json()["job_toml"].as_str().unwrap().to_owned()
@@ -63,7 +63,7 @@ fn run_into_folder_with_linked_job_is_refused() {
     for out in ["hard", "soft"] {
         assert!(refused(folder.path(), &["run", "job.toml", "--out", out]).contains("would replace it"));
     }
-    // A name that ships in a job with a path of its own: it can't be read as a resolved job.
+    // A job with a relative path to its robot: it can't be read as a resolved job.
     fs::write(folder.path().join("other/worm.toml"), run(folder.path(), &["scenarios", "show", "lizard"]).out).unwrap();
     let job = tiny_job().replace("\"quadropod\"", "\"worm.toml\"");
     fs::write(folder.path().join("other/job.toml"), job).unwrap();
@@ -86,14 +86,14 @@ fn robot_linked_into_own_folder_is_refused() {
 }
 
 #[test]
-fn foreign_job_file_is_never_a_run_s_folder() {
+fn folder_with_foreign_job_file_is_refused() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
     fs::create_dir(at("mine")).unwrap();
     fs::write(at("mine/job.toml"), format!("# my notes\n{}", tiny_job())).unwrap();
     let said = refused(folder.path(), &["run", "job.toml", "--out", "mine"]);
     assert!(said.contains("mine/job.toml is not a job file that evogait wrote"), "{said}");
-    // A resolved job with a comment, and one among files of the user.
+    // A resolved job with a comment, then a resolved job beside files of the user.
     let resolved = resolved(folder.path());
     fs::write(at("mine/job.toml"), format!("{resolved}# seen\n")).unwrap();
     assert!(refused(folder.path(), &["run", "job.toml", "--out", "mine"]).contains("is not a job file"));
@@ -107,7 +107,7 @@ fn foreign_job_file_is_never_a_run_s_folder() {
 }
 
 #[test]
-fn run_of_own_resolved_job_in_its_folder_keeps_it() {
+fn run_in_own_folder_keeps_its_files() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
     let resolved = resolved(folder.path());
@@ -118,17 +118,17 @@ fn run_of_own_resolved_job_in_its_folder_keeps_it() {
     assert_eq!(fs::read(at("out/job.toml")).unwrap(), before);
     let again = run(folder.path(), &["run", "out/job.toml", "--out", "out"]);
     assert!(again.err.contains("already done"), "{}", again.err);
-    // Without its result it is computed again.
+    // Without its result, the job is computed again.
     fs::remove_file(at("out/result.json")).unwrap();
     run(folder.path(), &["run", "out/job.toml", "--out", "out", "--quiet"]).success();
     assert_eq!(fs::read(at("out/job.toml")).unwrap(), before);
-    // A copy without hidden files is still the run's.
+    // A copy without hidden files is still recognised as a folder of the run.
     fs::create_dir(at("copy")).unwrap();
     for name in ["job.toml", "result.json", "report.json"] {
         fs::copy(at("out").join(name), at("copy").join(name)).unwrap();
     }
     assert!(run(folder.path(), &["run", "job.toml", "--out", "copy"]).err.contains("already done"));
-    // Files of the run that a replay reads are kept as well.
+    // Files that a replay reads are not replaced either.
     for name in ["job.toml", "result.json", "report.json"] {
         let path = format!("out/{name}");
         assert!(refused(folder.path(), &["replay", "out", "--gait", "1", "--out", &path]).contains("would replace it"));

@@ -1,4 +1,4 @@
-//! Commands that need no coordinator: what ships, robots, validation.
+//! Commands that need no coordinator: shipped scenarios, robots, validation.
 
 mod common;
 
@@ -8,7 +8,7 @@ use std::io::Read as _;
 use std::process::Stdio;
 
 #[test]
-fn everything_that_ships_is_valid() {
+fn shipped_scenarios_are_valid() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let listed = run(path, &["scenarios", "--json"]).json();
@@ -35,7 +35,7 @@ fn everything_that_ships_is_valid() {
 }
 
 #[test]
-fn a_scenario_that_is_printed_is_the_same_job() {
+fn printed_scenario_has_same_job_digest() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let text = run(path, &["scenarios", "show", "quadropod-empty"]).success();
@@ -45,7 +45,7 @@ fn a_scenario_that_is_printed_is_the_same_job() {
 }
 
 #[test]
-fn a_resolved_job_is_the_same_job_and_a_seed_makes_another() {
+fn resolved_job_keeps_digest_and_seed_changes_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     fs::write(path.join("job.toml"), SMALL_JOB).unwrap();
@@ -60,7 +60,7 @@ fn a_resolved_job_is_the_same_job_and_a_seed_makes_another() {
 }
 
 #[test]
-fn an_estimate_is_measured() {
+fn cost_estimate_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("job.toml"), SMALL_JOB).unwrap();
     let facts = run(folder.path(), &["validate", "job.toml", "--json"]).json();
@@ -93,11 +93,11 @@ fn robots_are_exported() {
     assert_eq!(fs::read_to_string(path.join("lizard.xml")).unwrap(), printed);
     run(path, &["robot", "lizard", "--variant", "E1", "--out", "lizard.urdf", "--quiet"]).success();
     let urdf = fs::read_to_string(path.join("lizard.urdf")).unwrap();
-    assert_eq!(urdf.matches("<joint ").count(), 7, "a stuck joint is none");
+    assert_eq!(urdf.matches("<joint ").count(), 7, "a stuck joint must not be exported as a joint");
 }
 
 #[test]
-fn exported_robots_are_robots_again() {
+fn exported_robots_can_be_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let shipped = run(path, &["robot", "quadropod", "--json"]).json();
@@ -114,12 +114,12 @@ fn exported_robots_are_robots_again() {
         fs::write(path.join("resolved.toml"), valid["job_toml"].as_str().unwrap()).unwrap();
         fs::remove_file(path.join(file)).unwrap();
         let again = run(path, &["validate", "resolved.toml", "--no-estimate", "--json"]).json();
-        assert_eq!(again["job_digest"], valid["job_digest"], "a resolved job needs no other file");
+        assert_eq!(again["job_digest"], valid["job_digest"], "a resolved job must not need its robot file");
     }
 }
 
 #[test]
-fn a_reader_who_leaves_early_is_no_error() {
+fn closed_output_pipe_is_not_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = evogait(folder.path(), &["scenarios", "show", "quadropod-empty"]);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

@@ -1,4 +1,4 @@
-//! Planning with the gaits of a run, through the command: in other environments, with mistakes, verified.
+//! `evogait plan` with the gaits of a run: other environments, invalid options, verification; and `evogait compare`.
 
 mod common;
 
@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A folder with a finished run in `out`.
+/// Creates a folder with a finished run in `out`.
 fn evolved() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("job.toml"), SMALL_JOB).unwrap();
@@ -23,7 +23,7 @@ fn json(path: &Path) -> serde_json::Value {
 }
 
 #[test]
-fn plan_writes_its_files_with_same_bits_on_any_workers() {
+fn plan_has_same_bits_on_any_worker_count() {
     let folder = evolved();
     let path = folder.path();
     let planned = run(path, &["plan", "out", "--environment", "reuse-2", "--seeds", "5", "--out", "plans", "--json"]);
@@ -58,26 +58,26 @@ fn plan_writes_its_files_with_same_bits_on_any_workers() {
     let plan = fs::read_to_string(path.join("plans/plan.csv")).unwrap();
     assert_eq!(plan.lines().count(), 1 + printed["best"]["gaits"].as_array().unwrap().len());
 
-    // The job file that it wrote gives the same bits, on one worker as on three.
+    // The written job file gives the same bits, on one worker and on three.
     let again = run(path, &["run", "plans/job.toml", "--out", "again", "--workers", "3", "--json"]).json();
     let alone = run(path, &["run", "plans/job.toml", "--out", "alone", "--workers", "1", "--json"]).json();
     for field in ["job_digest", "result_digest", "best", "distance", "coverage"] {
         assert_eq!((&again[field], &alone[field]), (&printed[field], &printed[field]), "{field}");
     }
     let summary = run(path, &["plan", "out", "--environment", "reuse-2", "--seeds", "5", "--out", "plans"]);
-    assert!(summary.err.contains("already done, in plans"), "{}", summary.err);
+    assert!(summary.err.contains("already done: its result is in plans"), "{}", summary.err);
     for told in ["0 of 5 trees reached the goal", "distance to goal", "coverage", "best plan", "evogait verify plans"] {
         assert!(summary.out.contains(told), "{told}:\n{}", summary.out);
     }
 }
 
 #[test]
-fn plans_are_verified_until_they_are_touched() {
+fn changed_plan_fails_verification() {
     let folder = evolved();
     let path = folder.path();
     fs::write(path.join("near.toml"), NEAR).unwrap();
     let made = run(path, &["plan", "out", "--environment", "near.toml", "--seeds", "3", "--out", "p", "--json"]).json();
-    assert_eq!(made["reached"], 3, "the start is within the goal's radius");
+    assert_eq!(made["reached"], 3, "every tree must reach the goal: the start is within its radius");
     for full in [&["verify", "p", "--json"][..], &["verify", "p", "--json", "--full"][..]] {
         let verified = run(path, full).json();
         assert_eq!(verified["verified"], true, "{verified}");
@@ -90,7 +90,7 @@ fn plans_are_verified_until_they_are_touched() {
 }
 
 #[test]
-fn a_job_file_names_a_run_and_another_robot_is_refused() {
+fn plan_job_reads_run_and_refuses_other_robot() {
     let folder = evolved();
     let path = folder.path();
     let job = |robot: &str, gaits: &str| {

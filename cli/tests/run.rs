@@ -1,4 +1,4 @@
-//! Whole jobs through the command: evolved, resumed, verified, replayed; and on a coordinator of its own.
+//! Whole jobs with `evogait run`: results, resuming, verification, replay; and jobs on a separate coordinator.
 
 mod common;
 
@@ -46,7 +46,7 @@ fn assert_complete(folder: &Path) {
 }
 
 #[test]
-fn a_run_leaves_its_files_and_a_second_one_says_that_it_is_done() {
+fn run_writes_its_files_and_is_not_repeated() {
     let folder = folder(SMALL_JOB);
     let path = folder.path();
     let first = run(path, &["run", "job.toml", "--out", "out", "--json"]);
@@ -61,7 +61,7 @@ fn a_run_leaves_its_files_and_a_second_one_says_that_it_is_done() {
     let best: f64 = history.lines().last().unwrap().split(',').nth(7).unwrap().parse().unwrap();
     assert_eq!(Some(best), printed["best_fitness"].as_f64());
 
-    // The published winner is the best of the archive on the reference setting; every new best was audited.
+    // The published winner is the best of the archive on the reference setting. Every new best was audited.
     let archive = fs::read_to_string(out.join("archive.csv")).unwrap();
     let rows: Vec<Vec<&str>> = archive.lines().skip(1).map(|line| line.split(',').collect()).collect();
     let of = |what: &str| printed["winner"][what].to_string();
@@ -85,16 +85,16 @@ fn a_run_leaves_its_files_and_a_second_one_says_that_it_is_done() {
     }
 
     let second = run(path, &["run", "job.toml", "--out", "out", "--json"]);
-    assert!(second.err.contains("already done, in out"), "{}", second.err);
+    assert!(second.err.contains("already done: its result is in out"), "{}", second.err);
     assert_eq!(second.json(), printed);
 
-    // The number of workers changes no bit, nor does the resolved job in place of the original.
+    // Neither the number of workers nor the use of the resolved job changes a bit.
     let alone = run(path, &["run", "out/job.toml", "--out", "alone", "--workers", "1", "--json"]).json();
     for field in ["job_digest", "result_digest", "winner", "first"] {
         assert_eq!(alone[field], printed[field], "{field}");
     }
 
-    // Another job does not get the folder.
+    // The folder is refused to another job.
     let other = run(path, &["run", "job.toml", "--seed", "2", "--out", "out"]);
     let digest = &printed["job_digest"].as_str().unwrap()[..12];
     let said = format!("error: out holds another job, \"small\" ({digest}): choose another folder with --out\n");
@@ -103,7 +103,7 @@ fn a_run_leaves_its_files_and_a_second_one_says_that_it_is_done() {
 }
 
 #[test]
-fn a_result_verifies_until_it_is_touched() {
+fn changed_result_fails_verification() {
     let folder = folder(SMALL_JOB);
     let path = folder.path();
     run(path, &["run", "job.toml", "--out", "out", "--quiet"]).success();
@@ -121,7 +121,7 @@ fn a_result_verifies_until_it_is_touched() {
     assert_eq!(beyond.err, "error: --gait 3 is out of range: out has gaits 1 to 2\n");
     assert_eq!(beyond.code, 2);
 
-    // A score that nobody computed, one bit beside the right one.
+    // A wrong score, one bit above the computed one.
     let mut touched = result(&path.join("out"));
     let fitness = touched["winner"]["fitness"].as_f64().unwrap();
     touched["winner"]["fitness"] = fitness.next_up().into();
@@ -138,7 +138,7 @@ fn a_result_verifies_until_it_is_touched() {
 }
 
 #[test]
-fn the_papers_bare_procedure_publishes_the_searchs_best() {
+fn search_without_finish_publishes_its_best() {
     let folder = folder(&SMALL_JOB.replace("archive = 3", "kind = \"none\""));
     let path = folder.path();
     let result = run(path, &["run", "job.toml", "--out", "out", "--json"]).json();
@@ -152,7 +152,7 @@ fn the_papers_bare_procedure_publishes_the_searchs_best() {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_run_goes_on_with_the_same_command() {
+fn interrupted_run_resumes_with_same_command() {
     use std::io::{BufRead as _, BufReader};
 
     let long = SMALL_JOB.replace("generations = 2", "generations = 12");
@@ -166,8 +166,12 @@ fn an_interrupted_run_goes_on_with_the_same_command() {
         .spawn()
         .unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    // Until the first generation is sealed.
-    lines.by_ref().map(Result::unwrap).find(|line| line.starts_with("gen 1/12")).expect("a line of progress");
+    // Waits until the first generation is sealed.
+    lines
+        .by_ref()
+        .map(Result::unwrap)
+        .find(|line| line.starts_with("gen 1/12"))
+        .expect("no line of progress for generation 1");
     let busy = run(path, &["run", "job.toml", "--out", "out"]);
     assert_eq!(busy.err, "error: another evogait process uses out: wait until it ends, or stop it\n");
     let id = child.id().to_string();
@@ -176,13 +180,13 @@ fn an_interrupted_run_goes_on_with_the_same_command() {
     let said = rest.join("\n");
     assert_eq!(child.wait().unwrap().code(), Some(130), "{said}");
     assert!(said.contains("error: interrupted after "), "{said}");
-    assert!(said.contains("the same command goes on from there"), "{said}");
+    assert!(said.contains("the same command continues from there"), "{said}");
     assert!(!path.join("out/result.json").exists());
     let unfinished = run(path, &["verify", "out"]);
     assert_eq!((unfinished.code, unfinished.err.contains("has no result yet")), (1, true), "{}", unfinished.err);
 
     let resumed = run(path, &["run", "job.toml", "--out", "out", "--json"]);
-    assert!(resumed.err.contains("going on with \"small\""), "{}", resumed.err);
+    assert!(resumed.err.contains("continuing \"small\""), "{}", resumed.err);
     let resumed = resumed.json();
     for field in ["job_digest", "result_digest", "winner", "first"] {
         assert_eq!(resumed[field], whole[field], "{field}");
@@ -190,7 +194,7 @@ fn an_interrupted_run_goes_on_with_the_same_command() {
     assert_complete(&path.join("out"));
 }
 
-/// A coordinator with a worker, in this process.
+/// Coordinator with a worker, in this process.
 struct Cluster {
     url: String,
     runtime: tokio::runtime::Runtime,
@@ -226,7 +230,7 @@ impl Drop for Cluster {
 }
 
 #[test]
-fn a_job_on_a_coordinator_ends_as_it_does_here() {
+fn coordinator_and_local_run_give_same_bits() {
     let folder = folder(SMALL_JOB);
     let path = folder.path();
     let cluster = Cluster::start(2);
@@ -235,7 +239,7 @@ fn a_job_on_a_coordinator_ends_as_it_does_here() {
     assert_eq!(
         cluster.run(path, &["submit", "job.toml", "--priority", "20"]).success().trim(),
         id,
-        "same job, same id"
+        "the same job must keep its id"
     );
 
     let watched = cluster.run(path, &["watch", id, "--json"]).success();
@@ -262,12 +266,12 @@ fn a_job_on_a_coordinator_ends_as_it_does_here() {
     for field in ["job_digest", "result_digest", "winner", "first"] {
         assert_eq!(fetched[field], here[field], "{field}");
     }
-    // The coordinator knows the job, submitted with another priority: that is the same job.
+    // The coordinator already has the job with another priority, which does not make it another job.
     assert_eq!(remote.json()["result_digest"], here["result_digest"]);
 }
 
 #[test]
-fn the_health_of_a_coordinator_is_an_exit_code() {
+fn coordinator_health_is_reported_by_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(0);
     let process = cluster.coordinator.as_ref().unwrap().metrics_addr().unwrap().to_string();
@@ -286,12 +290,12 @@ fn the_health_of_a_coordinator_is_an_exit_code() {
 }
 
 #[test]
-fn a_job_that_is_cancelled_can_be_started_anew() {
+fn cancelled_job_can_be_submitted_again() {
     let folder = folder(SMALL_JOB);
     let path = folder.path();
     let cluster = Cluster::start(0);
     assert!(cluster.run(path, &["workers"]).success().contains("no workers"));
-    assert_eq!(cluster.run(path, &["demand"]).success(), "0 slots wanted, 0 there, 0 busy\n");
+    assert_eq!(cluster.run(path, &["demand"]).success(), "0 slots wanted, 0 connected, 0 busy\n");
     let id = cluster.run(path, &["submit", "job.toml"]).success().trim().to_owned();
     assert_ne!(cluster.run(path, &["demand", "--json"]).json()["wanted"], 0);
     let early = cluster.run(path, &["fetch", &id, "--out", "out"]);
@@ -316,7 +320,7 @@ fn a_job_that_is_cancelled_can_be_started_anew() {
     assert_eq!((unknown.code, unknown.err), (1, said));
 }
 
-/// A robot of the small job's kind on cells that it never leaves: every candidate scores 0.
+/// Returns a job with cells so large that the robot never leaves its first one: every candidate scores 0.
 fn useless_job() -> String {
     let environment = "[environment]\nname = \"wide\"\nsize = [40.0, 40.0]\nstart = { x = 0.5, y = 0.5 }\n";
     let job = SMALL_JOB.replace("environment = \"empty\"\n", "").replace("cell = 0.5", "cell = 20.0");
@@ -324,23 +328,23 @@ fn useless_job() -> String {
 }
 
 #[test]
-fn run_whose_candidates_score_the_same_warns_once() {
+fn run_with_equal_scores_warns_once() {
     let folder = folder(&useless_job());
     let warned = |seen: &common::Seen| seen.err.matches("warning: all 3 candidates").count();
     let cold = run(folder.path(), &["run", "job.toml", "--out", "out"]);
     assert_eq!((cold.code, warned(&cold)), (0, 1), "{}", cold.err);
     assert!(cold.err.contains("score the same, 0 %") && cold.err.contains("a cell 20.00 mu wide"), "{}", cold.err);
-    // Resumed after the first generation, with its result still to be fetched from the store.
+    // A resumed run warns, too: its search has ended, and the result is in the store.
     fs::remove_file(folder.path().join("out/result.json")).unwrap();
     let resumed = run(folder.path(), &["run", "job.toml", "--out", "out"]);
-    assert!(resumed.err.contains("going on with"), "{}", resumed.err);
+    assert!(resumed.err.contains("continuing"), "{}", resumed.err);
     assert_eq!((resumed.code, warned(&resumed)), (0, 1), "{}", resumed.err);
     let quiet = run(folder.path(), &["run", "job.toml", "--out", "quiet", "--quiet"]);
     assert_eq!((quiet.code, quiet.err.as_str()), (0, ""));
 }
 
 #[test]
-fn validate_warns_of_candidates_that_score_the_same() {
+fn validate_warns_about_equal_scores() {
     let folder = folder(&useless_job());
     let warnings = |arguments: &[&str]| run(folder.path(), arguments).json()["warnings"].as_array().unwrap().clone();
     let found = warnings(&["validate", "job.toml", "--json"]);
@@ -352,22 +356,18 @@ fn validate_warns_of_candidates_that_score_the_same() {
 }
 
 #[test]
-fn run_uses_the_coordinator_that_the_environment_names() {
+fn run_uses_coordinator_of_environment_variable() {
     let folder = folder(SMALL_JOB);
     let path = folder.path();
     let cluster = Cluster::start(2);
     let there = cluster.run(path, &["run", "job.toml", "--out", "there"]);
-    assert!(
-        there.err.contains("which EVOGAIT_COORDINATOR names: to run on this machine add --workers N"),
-        "{}",
-        there.err
-    );
+    assert!(there.err.contains("from EVOGAIT_COORDINATOR; to run on this machine add --workers N"), "{}", there.err);
     assert!(!path.join("there/store.sqlite").exists());
     assert_eq!(cluster.run(path, &["list", "--json"]).json().as_array().unwrap().len(), 1);
     there.success();
     let here = cluster.run(path, &["run", "job.toml", "--out", "here", "--workers", "1"]);
     assert!(!here.err.contains("EVOGAIT_COORDINATOR") && path.join("here/store.sqlite").exists(), "{}", here.err);
-    // An empty variable names none; an empty option is a mistake.
+    // An empty variable counts as unset. An empty option is an error.
     let unset =
         evogait(path, &["run", "job.toml", "--out", "unset", "-q"]).env("EVOGAIT_COORDINATOR", "").output().unwrap();
     assert!(unset.status.success() && path.join("unset/store.sqlite").exists());
@@ -377,7 +377,7 @@ fn run_uses_the_coordinator_that_the_environment_names() {
     }
 }
 
-/// Starts a run that takes a while and waits for its first generation.
+/// Starts a run through a command (such as `nohup`) and waits for its first generation.
 fn started(path: &Path, through: &[&str]) -> std::process::Child {
     use std::io::{BufRead as _, BufReader};
     let run = [env!("CARGO_BIN_EXE_evogait"), "run", "job.toml", "--out", "out"];
@@ -387,12 +387,12 @@ fn started(path: &Path, through: &[&str]) -> std::process::Child {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let stderr = child.stderr.as_mut().unwrap();
     let mut lines = BufReader::with_capacity(1, stderr).lines().map(Result::unwrap);
-    lines.find(|line| line.starts_with("gen 1/")).expect("a line of progress");
+    lines.find(|line| line.starts_with("gen 1/")).expect("no line of progress for generation 1");
     child
 }
 
 #[test]
-fn hangup_interrupts_a_run_unless_it_is_ignored() {
+fn hangup_interrupts_run_unless_ignored() {
     let folder = folder(&SMALL_JOB.replace("generations = 2", "generations = 12"));
     let path = folder.path();
     let hang_up = |child: &std::process::Child| {
@@ -405,7 +405,7 @@ fn hangup_interrupts_a_run_unless_it_is_ignored() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{said}");
     assert!(
-        said.contains("error: interrupted after ") && said.contains("the same command goes on from there"),
+        said.contains("error: interrupted after ") && said.contains("the same command continues from there"),
         "{said}"
     );
 
@@ -416,15 +416,20 @@ fn hangup_interrupts_a_run_unless_it_is_ignored() {
 }
 
 #[test]
-fn printed_commands_of_a_run_are_quoted() {
+fn printed_commands_are_quoted_for_the_shell() {
     let folder = folder(SMALL_JOB);
     let out = "my runs/it's";
     let said = run(folder.path(), &["run", "job.toml", "--out", out]).success();
-    let printed = said.lines().find_map(|line| line.trim().strip_prefix("evogait verify ")).expect("the next command");
+    let printed = said
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("evogait verify "))
+        .expect("no next command in the summary");
     let command = format!("{} verify {printed}", env!("CARGO_BIN_EXE_evogait"));
     let shell = std::process::Command::new("sh").args(["-c", &command]).current_dir(folder.path()).output().unwrap();
     let verified = Seen::of(shell).success();
-    let full =
-        verified.lines().find_map(|line| line.trim().strip_prefix("next: evogait verify ")).expect("a next command");
+    let full = verified
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("next: evogait verify "))
+        .expect("no next command in the output of verify");
     assert!(full.starts_with(r"'my runs/it'\''s' --full"), "{full}");
 }

@@ -10,7 +10,7 @@ fn completions_of_each_shell_name_the_commands() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let script = run(folder.path(), &["completions", shell]).success();
         for word in ["simulate", "--friction", "scenarios"] {
-            assert!(script.contains(word.trim_start_matches('-')), "{shell} completes {word}");
+            assert!(script.contains(word.trim_start_matches('-')), "the completions of {shell} must have {word}");
         }
     }
 }
@@ -35,7 +35,7 @@ fn man_pages_of_all_commands_are_written() {
 }
 
 #[test]
-fn man_pages_do_not_replace_a_file_with_a_folder() {
+fn man_output_does_not_replace_a_file() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("man1"), "mine").unwrap();
     let seen = run(folder.path(), &["man", "--out", "man1"]);

@@ -1,4 +1,4 @@
-//! Simulating motions of a run and of robots, through the command: files, repeats, mistakes, verification.
+//! `evogait simulate` for motions of a run and of robots: files, repeats, invalid options, verification.
 
 mod common;
 
@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A folder with a finished run in `out` and one that planned in `p`, the start within the goal's radius plus a step.
+/// Creates a folder with a finished run in `out`, and with plans of its gaits in `p`.
 fn planned() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
@@ -27,7 +27,7 @@ fn rows(path: &Path) -> Vec<Vec<String>> {
 }
 
 #[test]
-fn plan_is_simulated_with_its_files_and_same_bits_on_any_workers() {
+fn simulation_has_same_bits_on_any_worker_count() {
     let folder = planned();
     let path = folder.path();
     let command =
@@ -52,7 +52,7 @@ fn plan_is_simulated_with_its_files_and_same_bits_on_any_workers() {
     ] {
         assert!(found.iter().any(|f| f == name), "{name} is missing in {found:?}");
     }
-    // The table has what the result sums up.
+    // The statistics of the result match the rows of the table.
     let table = rows(&path.join("s/runs.csv"));
     assert_eq!(table.len(), 1 + 2 + 12);
     let column = |name: &str| table[0].iter().position(|head| head == name).unwrap();
@@ -65,7 +65,7 @@ fn plan_is_simulated_with_its_files_and_same_bits_on_any_workers() {
     assert_eq!(told["mean"].as_f64(), Some(ahead.iter().sum::<f64>() / 6.0));
     assert_eq!(told["greatest"].as_f64(), ahead.iter().copied().reduce(f64::max));
     assert!(of_repeats("friction").iter().all(|friction| (0.6..1.0).contains(friction)));
-    // The run with nothing varied ends where the plan does, and its samples are those of its motion.
+    // The run with nothing varied ends at the end of the plan. Its motion table has a row per sample.
     let last_step = rows(&path.join("p/plan.csv")).pop().unwrap();
     let unvaried = &table[1];
     for (name, planned) in [("end_x", &last_step[4]), ("end_y", &last_step[5])] {
@@ -78,7 +78,7 @@ fn plan_is_simulated_with_its_files_and_same_bits_on_any_workers() {
         head[0] == "time" && head.contains(&"touch_pivot".to_owned()) && motion.iter().all(|r| r.len() == head.len())
     );
     let times: Vec<f64> = motion[1..].iter().map(|row| row[0].parse().unwrap()).collect();
-    assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "time goes on from step to step");
+    assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "the times of the samples must increase");
 
     let alone = run(path, &["run", "s/job.toml", "--out", "again", "--workers", "1", "--json"]).json();
     for field in ["job_digest", "result_digest", "ways"] {
@@ -93,7 +93,7 @@ fn plan_is_simulated_with_its_files_and_same_bits_on_any_workers() {
     assert!(touched.code == 1 && touched.err.contains("the motion with nothing varied differs"), "{}", touched.err);
 
     let summary = run(path, &command);
-    assert!(summary.err.contains("already done, in s"), "{}", summary.err);
+    assert!(summary.err.contains("already done: its result is in s"), "{}", summary.err);
     for told in ["of 6 repeats succeed", "95 % interval", "work of motors", "absolute work", "evogait verify s"] {
         assert!(summary.out.contains(told), "{told}:\n{}", summary.out);
     }
@@ -107,13 +107,13 @@ fn gaits_tables_and_robots_are_simulated() {
     let path = folder.path();
     let gait = run(path, &["simulate", "out", "--gait", "2", "--out", "g", "--json"]).json();
     let gaits = json(&path.join("out/gaits.json"));
-    // Where a gait leads is known of the run that evolved it.
+    // The displacement matches that of the run that evolved the gait.
     for (name, told) in [("x", "ahead"), ("y", "left"), ("yaw", "turned")] {
         let (a, b) = (&gaits["gaits"][1]["displacement"][name], &gait["ways"][0]["unvaried"][told]);
         let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
         assert!((a - b).abs() < 1e-5, "{name}: {a} and {b}");
     }
-    // The run's own table of that gait's targets leads nearly there: its samples are 0.05 s apart.
+    // The run's table of the gait's targets gives nearly the same displacement: its samples are 0.05 s apart.
     let table = ["simulate", "out", "--targets", "out/trajectories/gait-2.csv", "--out", "t", "--json"];
     let of_table = run(path, &table).json();
     let ahead = |result: &serde_json::Value| result["ways"][0]["unvaried"]["ahead"].as_f64().unwrap();
@@ -124,14 +124,14 @@ fn gaits_tables_and_robots_are_simulated() {
     for told in ["motion         standing, 1.00 s", "runs           1, seed 1", "a run (mean of 1 timed here)"] {
         assert!(checked.contains(told), "{told}:\n{checked}");
     }
-    // From a robot that fits: the targets of another one are refused by column.
+    // A table of targets for another robot is refused because of a missing column.
     let other = run(path, &["simulate", "--robot", "lizard", "--targets", "out/trajectories/gait-1.csv"]);
     assert_eq!(other.code, 1);
     assert!(other.err.contains("gait-1.csv: targets: line 1: there is no column for joint "), "{}", other.err);
 }
 
 #[test]
-fn mistakes_are_told_before_anything_is_simulated() {
+fn invalid_options_are_refused_before_simulation() {
     let folder = planned();
     let path = folder.path();
     fs::write(path.join("missing.csv"), "time,hip-front\n0,0\n1,0\n").unwrap();
@@ -169,15 +169,15 @@ fn mistakes_are_told_before_anything_is_simulated() {
         assert_ne!(refused.code, 0, "{arguments:?}: {}", refused.out);
         assert!(refused.err.contains(said), "{arguments:?}: {}", refused.err);
     }
-    assert!(!path.join("runs").exists(), "nothing was begun");
-    // A run that simulated has no gaits to plan with.
+    assert!(!path.join("runs").exists(), "no run must have started");
+    // A simulated run has no gaits for planning.
     run(path, &["simulate", "out", "--gait", "1", "--out", "g", "--quiet"]).success();
     let refused = run(path, &["plan", "g"]);
     assert!(refused.code == 2 && refused.err.contains("simulates a motion that is given"), "{}", refused.err);
 }
 
 #[test]
-fn plans_are_made_anew_by_command() {
+fn replan_option_replans_after_deviation() {
     let folder = planned();
     let path = folder.path();
     let near = "name = \"near\"\nsize = [20.0, 20.0]\nstart = { x = 0.0, y = 0.0 }\n\
@@ -190,7 +190,7 @@ fn plans_are_made_anew_by_command() {
     assert_eq!(
         (&unvaried["success"], &unvaried["replans"]),
         (&true.into(), &0.into()),
-        "the start is within the radius"
+        "no replanning: the start is within the radius of the goal"
     );
     assert!(result["planning"].is_string() && result["engine"].as_str().unwrap().contains("60x16"), "{result}");
     let astray =

@@ -213,7 +213,7 @@ impl Actor {
             self.flush(replies).await?;
         }
         for (_, outbox) in self.sessions.values() {
-            let drain = v1::Drain { reason: "the coordinator stops".to_owned(), finishing: Vec::new() };
+            let drain = v1::Drain { reason: "the coordinator is stopping".to_owned(), finishing: Vec::new() };
             let _ = outbox.send(message(coordinator_message::Message::Drain(drain)));
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! Domain types to wire types, and back where clients send them: the one place of the coordinator where both meet.
+//! Conversion between domain types and wire types. No other module of the coordinator uses both.
 
 use crate::permit::Issued;
 use crate::record::{Claim, Dispute, Event, JobEvent, JobId, JobRecord, JobState, MAX_TOLD_DISPUTES, Poisoned, Ruling};
@@ -11,7 +11,7 @@ use proto::v1::{self, complete_request, complete_response, coordinator_message, 
 use sim_core::base::digest::Digest;
 use std::time::Duration;
 
-/// A job as clients get it. How far its round is only the scheduler knows.
+/// Converts a job for clients. The progress of its round is added later, from the scheduler.
 pub(crate) fn job(record: &JobRecord) -> v1::Job {
     let told = &record.disputes[record.disputes.len().saturating_sub(MAX_TOLD_DISPUTES)..];
     v1::Job {
@@ -41,7 +41,7 @@ pub(crate) fn job(record: &JobRecord) -> v1::Job {
     }
 }
 
-/// A state as clients get it.
+/// Converts a job state for clients.
 pub(crate) fn state(state: JobState) -> v1::JobState {
     match state {
         JobState::Queued => v1::JobState::Queued,
@@ -54,7 +54,7 @@ pub(crate) fn state(state: JobState) -> v1::JobState {
     }
 }
 
-/// A state that a client asks for; `None` for one that there is not.
+/// Converts a job state from a client's request; `None` for an unknown one.
 pub(crate) fn asked_state(wire: v1::JobState) -> Option<JobState> {
     JobState::ALL.into_iter().find(|known| state(*known) == wire)
 }
@@ -87,7 +87,7 @@ fn dispute(dispute: &Dispute) -> v1::Dispute {
     }
 }
 
-/// An event as clients get it, with the job as it stands after it.
+/// Converts an event for clients, with the job as it was after the event.
 pub(crate) fn event(record: &JobRecord, event: &JobEvent) -> v1::JobEvent {
     let what = match &event.event {
         Event::State(new) => job_event::Event::StateChanged(state(*new).into()),
@@ -107,19 +107,19 @@ pub(crate) fn event(record: &JobRecord, event: &JobEvent) -> v1::JobEvent {
     v1::JobEvent { sequence: event.sequence, at_ms: event.at_ms, event: Some(what), job: Some(job) }
 }
 
-/// Whether an event is stored: those about tasks of the round at hand are not.
+/// Returns true if events of this kind are stored. Progress events of the current round are not.
 pub(crate) fn is_stored(event: &v1::JobEvent) -> bool {
     !matches!(event.event, Some(job_event::Event::TasksDone(_)))
 }
 
-/// Whether an event is its job's last one: the change to a state that ends it. The seal of its last round comes before that,
-/// with the job as it stands after both.
+/// Returns true if an event is the last one of its job: the change to a final state. The seal of the last round comes
+/// before it and has the same job record.
 pub(crate) fn is_last(event: &v1::JobEvent) -> bool {
     let Some(job_event::Event::StateChanged(new)) = event.event else { return false };
     v1::JobState::try_from(new).ok().and_then(asked_state).is_some_and(JobState::is_end)
 }
 
-/// A message for a worker.
+/// Converts a message for a worker.
 pub(crate) fn message(content: Message) -> v1::CoordinatorMessage {
     let content = match content {
         Message::Drain(reason) => coordinator_message::Message::Drain(v1::Drain { reason, finishing: Vec::new() }),
@@ -139,7 +139,7 @@ pub(crate) fn message(content: Message) -> v1::CoordinatorMessage {
     v1::CoordinatorMessage { message: Some(content) }
 }
 
-/// The answer to a worker's Hello.
+/// Converts the reply to a worker's Hello.
 pub(crate) fn welcome(welcome: &Welcome, epoch: u64, lease: Duration, heartbeat: Duration) -> v1::CoordinatorMessage {
     let welcome = v1::Welcome {
         epoch,
@@ -155,7 +155,7 @@ fn numbers(ids: &[AssignmentId]) -> Vec<u64> {
     ids.iter().map(|id| id.0).collect()
 }
 
-/// A worker's result. Its texts are checked elsewhere.
+/// Converts a worker's result. Its texts are checked by the API.
 pub(crate) fn completed(request: v1::CompleteRequest, caller: Caller) -> Result<Completed, ConvertError> {
     let delivery = match request.outcome {
         None => return Err(ConvertError::Missing { field: "outcome" }),
@@ -178,7 +178,7 @@ pub(crate) fn completed(request: v1::CompleteRequest, caller: Caller) -> Result<
     })
 }
 
-/// The answer to a worker's result.
+/// Converts the verdict on a worker's result.
 pub(crate) fn verdict(verdict: Verdict) -> complete_response::Verdict {
     match verdict {
         Verdict::Accepted => complete_response::Verdict::Accepted,
@@ -191,7 +191,7 @@ pub(crate) fn verdict(verdict: Verdict) -> complete_response::Verdict {
     }
 }
 
-/// A worker as clients get it.
+/// Converts a worker for clients.
 pub(crate) fn worker(view: WorkerView) -> v1::WorkerInfo {
     v1::WorkerInfo {
         id: view.id.to_string(),
@@ -207,7 +207,7 @@ pub(crate) fn worker(view: WorkerView) -> v1::WorkerInfo {
     }
 }
 
-/// Where a job stands at this moment, as clients get it. Its pace only the store knows.
+/// Converts the current progress of a job for clients. Its time per round is added later, from the store.
 pub(crate) fn standing(detail: Detail) -> v1::Standing {
     let held = |held: Held| v1::Held {
         worker_id: held.worker.to_string(),
@@ -229,7 +229,7 @@ pub(crate) fn standing(detail: Detail) -> v1::Standing {
     }
 }
 
-/// An assignment that a worker still works on, as its Hello tells it.
+/// Converts an assignment that a worker reports as running in its Hello.
 pub(crate) fn running(wire: v1::RunningAssignment) -> Running {
     Running {
         assignment: AssignmentId(wire.assignment_id),
@@ -240,7 +240,7 @@ pub(crate) fn running(wire: v1::RunningAssignment) -> Running {
 }
 
 impl Completed {
-    /// The assignment that it claims to be of.
+    /// Returns the assignment that this result claims to belong to.
     pub(crate) fn issued(&self) -> Issued<'_> {
         Issued { assignment: self.assignment, worker: &self.worker, job: &self.job, range: self.range }
     }

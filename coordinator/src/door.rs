@@ -1,7 +1,7 @@
-//! The listening socket: how many connections there may be, and how long one may stay that nobody vouches for.
+//! Listening socket with limits on connections and on the time that a connection may stay unauthenticated.
 //!
-//! A connection is a stranger's until a call on it was admitted. It covers the TLS handshake, too: whoever says nothing
-//! is gone after [`STRANGER_WITHIN`], whichever part is missing.
+//! A connection is unauthenticated until a call on it is permitted. The time limit covers the TLS handshake, too: an
+//! idle connection is closed after [`STRANGER_WITHIN`], in any phase.
 
 use crate::limits::{
     MAX_CONNECTIONS, MAX_CONNECTIONS_OF_ADDRESS, MAX_SCALER_CONNECTIONS, MAX_STRANGERS, MAX_STRANGERS_OF_ADDRESS,
@@ -23,7 +23,7 @@ use tokio::time::Sleep;
 use tokio_stream::Stream;
 use tonic::transport::server::{Connected, TcpConnectInfo, TlsConnectInfo};
 
-/// After a failed accept, such as for want of file descriptors, wait this long.
+/// Pause after a failed accept, such as one for lack of file descriptors.
 const REST: Duration = Duration::from_millis(100);
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,26 +36,26 @@ struct Count {
 struct Counts {
     total: Count,
     by_address: HashMap<IpAddr, Count>,
-    /// The total, for whoever watches.
+    /// Total, as a metric.
     told: Gauge,
 }
 
-/// A limit and its name.
+/// Limit with its name.
 type Limit = (usize, &'static str);
 
-/// Who may come in.
+/// Limits on connections to one listener.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Admission {
     all: Limit,
     of_address: Limit,
-    /// Of those on which no call was admitted, in all and from one address; `None` where whoever calls is welcome.
+    /// Limits on unauthenticated connections, in total and per address; `None` if calls need no token.
     strangers: Option<(Limit, Limit)>,
-    /// How long a stranger may stay.
+    /// Time that a connection may stay unauthenticated.
     patience: Duration,
 }
 
 impl Admission {
-    /// To the services of clients and workers. `tokens`: whether calls need them.
+    /// Limits for the services of clients and workers. `tokens` is true if calls require tokens.
     pub fn of_service(tokens: bool) -> Self {
         let strangers = ((MAX_STRANGERS, "MAX_STRANGERS"), (MAX_STRANGERS_OF_ADDRESS, "MAX_STRANGERS_OF_ADDRESS"));
         Self {
@@ -66,14 +66,15 @@ impl Admission {
         }
     }
 
-    /// To where KEDA is answered.
+    /// Limits for the external scaler for KEDA.
     pub fn of_scaler() -> Self {
         let most = (MAX_SCALER_CONNECTIONS, "MAX_SCALER_CONNECTIONS");
         Self { all: most, of_address: most, strangers: None, patience: STRANGER_WITHIN }
     }
 }
 
-/// What counts as one address: of IPv6 a network of 64 bits, since that is what one machine is given.
+/// Returns the network that counts as one address: for IPv6 the /64 prefix, since one machine usually has a whole /64
+/// network.
 fn network(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() >> 64 << 64)),
@@ -82,8 +83,8 @@ fn network(address: IpAddr) -> IpAddr {
 }
 
 impl Counts {
-    /// Counts a stranger in, or says which limit is reached. The machine itself always finds a place among the strangers: it
-    /// asks how the coordinator is.
+    /// Counts a new connection, or returns the name of the limit that is reached. The total limit on unauthenticated
+    /// connections does not apply to loopback: local health checks must get through.
     fn enter(&mut self, address: IpAddr, admission: &Admission) -> Result<(), &'static str> {
         let of_address = self.by_address.get(&address).copied().unwrap_or_default();
         let below = |count: usize, (most, name): Limit| if count < most { Ok(()) } else { Err(name) };
@@ -125,7 +126,7 @@ impl Counts {
     }
 }
 
-/// The stream of connections that are let in.
+/// Stream of accepted connections.
 pub(crate) struct Door {
     listener: TcpListener,
     counts: Arc<Mutex<Counts>>,
@@ -135,7 +136,7 @@ pub(crate) struct Door {
 }
 
 impl Door {
-    /// `connections` counts who is in.
+    /// Creates the stream. `connections` is the gauge of open connections.
     pub fn new(listener: TcpListener, admission: Admission, connections: Gauge) -> Self {
         let counts = Arc::new(Mutex::new(Counts { told: connections, ..Counts::default() }));
         let told = Seldom::default();
@@ -146,11 +147,11 @@ impl Door {
         let entered = lock(&self.counts).enter(network(peer.ip()), &self.admission);
         if let Err(limit) = entered {
             if let Some(others) = self.told.now() {
-                tracing::warn!(%peer, limit, others, "a connection was refused: there are too many");
+                tracing::warn!(%peer, limit, others, "connection refused: a limit is reached");
             }
             return None;
         }
-        // Without it calls are slower, that is all.
+        // Without this option calls are slower, but they work.
         let _ = io.set_nodelay(true);
         let visit = Arc::new(VisitState { peer, counts: self.counts.clone(), known: AtomicBool::new(false) });
         Some(Guest { io, visit: Visit(visit), patience: Some(Box::pin(tokio::time::sleep(self.admission.patience))) })
@@ -158,7 +159,7 @@ impl Door {
 }
 
 impl Stream for Door {
-    /// Never an error: a listener that can't accept right now is asked again later.
+    /// Never an error: a failed accept is repeated after a pause.
     type Item = Result<Guest, io::Error>;
 
     fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
@@ -175,7 +176,7 @@ impl Stream for Door {
                 }
                 Err(error) => {
                     if let Some(others) = self.told.now() {
-                        tracing::error!(%error, others, "can't accept connections: is the limit of open files too low?");
+                        tracing::error!(%error, others, "can't accept connections: check the limit on open files");
                     }
                     self.rest = Some(Box::pin(tokio::time::sleep(REST)));
                 }
@@ -191,22 +192,22 @@ struct VisitState {
     known: AtomicBool,
 }
 
-/// A connection as the calls on it see it.
+/// Connection, as seen by the calls on it.
 #[derive(Clone, Debug)]
 pub(crate) struct Visit(Arc<VisitState>);
 
 impl Visit {
-    /// That of a request.
+    /// Returns the connection of a request.
     pub fn of(extensions: &http::Extensions) -> Option<&Self> {
         extensions.get::<Self>().or_else(|| extensions.get::<TlsConnectInfo<Self>>().map(TlsConnectInfo::get_ref))
     }
 
-    /// The other side's address.
+    /// Address of the peer.
     pub fn peer(&self) -> SocketAddr {
         self.0.peer
     }
 
-    /// A call was admitted: the connection may stay.
+    /// Marks the connection as authenticated: a call on it was permitted.
     pub fn is_known(&self) {
         if !self.0.known.load(Ordering::Relaxed) {
             let mut counts = lock(&self.0.counts);
@@ -217,14 +218,14 @@ impl Visit {
     }
 }
 
-/// Tells whoever asks tonic for the other side's address.
+/// Adds the peer's address to a request, for tonic's `remote_addr`.
 pub(crate) fn introduce<B>(mut request: http::Request<B>) -> http::Request<B> {
     let peer = Visit::of(request.extensions()).map(Visit::peer);
     request.extensions_mut().insert(TcpConnectInfo { local_addr: None, remote_addr: peer });
     request
 }
 
-/// Whoever calls is known: for services without tokens.
+/// Marks the connection of each request as authenticated, for services without tokens.
 pub(crate) fn know<B>(request: http::Request<B>) -> http::Request<B> {
     if let Some(visit) = Visit::of(request.extensions()) {
         visit.is_known();
@@ -232,11 +233,11 @@ pub(crate) fn know<B>(request: http::Request<B>) -> http::Request<B> {
     request
 }
 
-/// A connection that was let in.
+/// Accepted connection.
 pub(crate) struct Guest {
     io: TcpStream,
     visit: Visit,
-    /// Until when a stranger may stay.
+    /// Timer for an unauthenticated connection.
     patience: Option<Pin<Box<Sleep>>>,
 }
 
@@ -244,7 +245,7 @@ impl Drop for Guest {
     fn drop(&mut self) {
         let state = &self.visit.0;
         let mut counts = lock(&state.counts);
-        // From now on nothing more is counted for it, though calls on it may still be ending.
+        // From here on the connection is not counted again, though calls on it may still be ending.
         let known = state.known.swap(true, Ordering::Relaxed);
         counts.leave(network(state.peer.ip()), known);
     }
@@ -317,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn one_address_can_not_take_all_connections_nor_strangers_the_places_of_the_known() {
+    fn connection_limits_hold_per_address_and_in_total() {
         let mut counts = Counts::default();
         let guarded = Admission::of_service(true);
         for _ in 0..MAX_STRANGERS_OF_ADDRESS {
@@ -325,14 +326,14 @@ mod tests {
         }
         assert_eq!(counts.enter(A, &guarded), Err("MAX_STRANGERS_OF_ADDRESS"));
         counts.known(A);
-        assert_eq!(counts.enter(A, &guarded), Ok(()), "the known leave their place to the next");
+        assert_eq!(counts.enter(A, &guarded), Ok(()), "an authenticated connection frees a place");
         for n in 0.. {
             if let Err(limit) = counts.enter(other(n), &guarded) {
                 assert_eq!((limit, counts.total.strangers), ("MAX_STRANGERS", MAX_STRANGERS));
                 break;
             }
         }
-        assert_eq!(counts.enter(LOCAL, &guarded), Ok(()), "the machine itself can still ask how it is");
+        assert_eq!(counts.enter(LOCAL, &guarded), Ok(()), "a local health check is still admitted");
         let (mut open, admission) = (Counts::default(), Admission::of_service(false));
         while open.enter(A, &admission).is_ok() {}
         assert_eq!(open.total.all, MAX_CONNECTIONS_OF_ADDRESS);
@@ -345,14 +346,14 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_with_many_addresses_counts_as_one() {
+    fn ipv6_network_counts_as_one_address() {
         let same = |a: &str, b: &str| network(a.parse().unwrap()) == network(b.parse().unwrap());
         assert!(same("2001:db8::1", "2001:db8::ffff:0:0:1") && !same("2001:db8::1", "2001:db8:0:1::1"));
         assert!(same("::ffff:10.0.0.1", "10.0.0.1") && !same("10.0.0.1", "10.0.0.2"));
     }
 
     #[test]
-    fn who_leaves_is_counted_no_more() {
+    fn closed_connection_is_not_counted() {
         let mut counts = Counts::default();
         for _ in 0..3 {
             counts.enter(A, &Admission::of_service(true)).unwrap();
@@ -363,10 +364,10 @@ mod tests {
         counts.leave(A, false);
         counts.leave(A, false);
         assert_eq!((counts.total, counts.told.get()), (Count::default(), 0));
-        assert!(counts.by_address.is_empty(), "addresses that went take no memory");
+        assert!(counts.by_address.is_empty(), "addresses without connections are removed");
     }
 
-    /// A connection and the guest it became.
+    /// Opens a connection. Returns the listener, the client's end and the accepted connection.
     async fn visit(patience: Duration) -> (Door, TcpStream, Guest) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
@@ -378,7 +379,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_stranger_that_says_nothing_is_gone_in_time_and_the_known_stay() {
+    async fn idle_connection_is_closed_unless_authenticated() {
         let patience = Duration::from_millis(50);
         let (door, _client, mut guest) = visit(patience).await;
         let start = Instant::now();
@@ -391,7 +392,7 @@ mod tests {
         guest.visit.is_known();
         guest.visit.is_known();
         assert_eq!(lock(&door.counts).total, Count { all: 1, strangers: 0 });
-        assert!(tokio::time::timeout(4 * patience, guest.read_u8()).await.is_err(), "it waits on");
+        assert!(tokio::time::timeout(4 * patience, guest.read_u8()).await.is_err(), "it stays open");
         let visit = guest.visit.clone();
         drop(guest);
         visit.is_known();

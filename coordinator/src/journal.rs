@@ -1,5 +1,5 @@
-//! Writes scheduler events to the log and the metrics: the same words for the same thing (job, worker, assignment, round,
-//! epoch), so that a log can be searched by any of them. Never a token, never a task.
+//! Writes scheduler events to the log and the metrics. The log fields job, worker, assignment, round and epoch have the
+//! same names everywhere, so that a log can be searched by them. Tokens and tasks are never logged.
 
 use crate::metrics::Metrics;
 use crate::record::{Claim, Dispute, Event, JobId, JobRecord, Ruling};
@@ -13,7 +13,7 @@ use tokio::time::Instant;
 pub(crate) struct Journal {
     epoch: u64,
     metrics: Arc<Metrics>,
-    /// When the rounds at hand began.
+    /// Start times of the current rounds.
     begun: HashMap<JobId, Instant>,
 }
 
@@ -22,7 +22,7 @@ impl Journal {
         Self { epoch, metrics, begun: HashMap::new() }
     }
 
-    /// Something happened inside the scheduler. Told when it is noticed, which may be before it is committed.
+    /// Records an event inside the scheduler, when it is noticed. It may not be committed yet.
     pub fn note(&self, note: &Note) {
         let (epoch, metrics) = (self.epoch, &self.metrics);
         match note {
@@ -34,7 +34,7 @@ impl Journal {
                 metrics.lease_ended(*why);
                 let (assignment, round, why_word) = (assignment.0, range.round, why.word());
                 let (first, count) = (range.first, range.count);
-                // What is as it should be is no news.
+                // Expected endings are logged at debug level.
                 if matches!(why, LeaseEnd::Needless | LeaseEnd::Drained) {
                     tracing::debug!(
                         %job, %worker, assignment, round, first, count, epoch, why = why_word, "lease ended"
@@ -51,7 +51,7 @@ impl Journal {
             }
             Note::Marked { worker, marks, why } => {
                 metrics.marks.inc();
-                tracing::warn!(%worker, marks, why, epoch, "a result is refused: the worker is marked");
+                tracing::warn!(%worker, marks, why, epoch, "result refused: the worker is marked");
             }
             Note::Attempt { job, range, attempts, why } => {
                 metrics.attempts.inc();
@@ -59,15 +59,15 @@ impl Journal {
                 tracing::warn!(%job, round, index, attempts, why, epoch, "task charged with an attempt");
             }
             Note::ChargesWithdrawn { worker, job, charges } => {
-                tracing::info!(%job, %worker, charges, epoch, "worker was only cut off: its charges are withdrawn");
+                tracing::info!(%job, %worker, charges, epoch, "worker had lost its connection, not crashed: its charges are withdrawn");
             }
             Note::Doubted { worker, job, tasks } => {
-                tracing::warn!(%job, %worker, tasks, epoch, "what a quarantined worker found is asked again");
+                tracing::warn!(%job, %worker, tasks, epoch, "results of a quarantined worker are arbitrated");
             }
         }
     }
 
-    /// A change was committed.
+    /// Records a committed change.
     pub fn written(&mut self, write: &Write) {
         match write {
             Write::Submit { record, .. } => {
@@ -93,7 +93,7 @@ impl Journal {
                     tracing::info!(job = %record.id, round = record.rounds_sealed, epoch = self.epoch, "{what}");
                 }
                 Event::Waits(reason) => {
-                    tracing::warn!(job = %record.id, reason, epoch = self.epoch, "job of another build");
+                    tracing::warn!(job = %record.id, reason, epoch = self.epoch, "job waits for workers of another build");
                 }
                 Event::Dispute(dispute) => self.disputed(&record.id, dispute),
                 _ => self.stands(record),
@@ -105,13 +105,13 @@ impl Journal {
                 tracing::error!(worker, name, host, credential, reason, epoch = self.epoch, "worker quarantined");
             }
             Write::Carry { from, to: job, rounds } => {
-                tracing::info!(%job, %from, rounds, epoch = self.epoch, "job does another one again");
+                tracing::info!(%job, %from, rounds, epoch = self.epoch, "job restarts another job");
             }
             Write::Results { .. } | Write::Note { .. } => {}
         }
     }
 
-    /// Workers disagree about a result, or the dispute was decided or confirmed.
+    /// Records a new, decided or confirmed dispute.
     fn disputed(&self, job: &JobId, dispute: &Dispute) {
         self.metrics.dispute(dispute.ruling);
         let claim = |c: &Claim| format!("{} {} {}", c.source.finder.worker, c.digest.short(), c.what);
@@ -121,11 +121,11 @@ impl Journal {
         if dispute.is_contradicted() {
             tracing::error!(%job, round, index, what, verdict, claims, epoch, "results differ");
         } else {
-            tracing::info!(%job, round, index, what, verdict, claims, epoch, "a result in doubt");
+            tracing::info!(%job, round, index, what, verdict, claims, epoch, "result disputed");
         }
     }
 
-    /// A job changed its state.
+    /// Records a change of a job's state.
     fn stands(&mut self, record: &JobRecord) {
         let JobRecord { id: job, rounds_sealed: round, state, reason, .. } = record;
         tracing::info!(%job, state = state.word(), round, reason, epoch = self.epoch, "job changed its state");

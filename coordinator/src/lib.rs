@@ -1,7 +1,8 @@
-//! The coordinator: takes jobs in, runs their population loops, hands evaluations to workers, keeps everything.
+//! Coordinator: accepts jobs, runs their procedures round by round, leases tasks to workers and stores all results.
 //!
-//! `scheduler` decides and knows neither network nor clock; `store` keeps; `api` talks; `actor` holds them together; `door` and
-//! `access` say who may come in and who may call what; `journal` and `metrics` tell whoever runs it.
+//! `scheduler` makes the decisions and uses neither network nor clock; `store` persists; `api` serves calls; `actor`
+//! connects them. `door` limits connections and `access` authorises calls; `journal` and `metrics` report to the
+//! operator.
 
 mod access;
 mod actor;

@@ -1,79 +1,78 @@
-//! Limits of a coordinator, beside those of the protocol (`proto::limits`).
+//! Limits of a coordinator, in addition to those of the protocol (`proto::limits`).
 
 use std::time::Duration;
 
-/// Most jobs that have not ended.
+/// Limit on active jobs: jobs that have not ended.
 pub const MAX_ACTIVE_JOBS: usize = 1000;
-/// Shortest lease that can be asked for.
+/// Shortest allowed lease.
 pub const MIN_LEASE: Duration = Duration::from_millis(100);
-/// Longest lease that can be asked for.
+/// Longest allowed lease.
 pub const MAX_LEASE: Duration = Duration::from_secs(3600);
-/// Lease unless another is asked for.
+/// Default lease.
 pub const DEFAULT_LEASE: Duration = Duration::from_secs(15);
-/// A coordinator out of touch with a store that several can reach is taken for dead after this long, unless another time is
-/// asked for.
+/// Default takeover time: another coordinator may take over from one that has not reached a shared store for this long.
 pub const DEFAULT_TAKEOVER: Duration = Duration::from_secs(5);
-/// Shortest time to a takeover that can be asked for.
+/// Shortest allowed takeover time.
 pub const MIN_TAKEOVER: Duration = Duration::from_millis(500);
-/// Longest time to a takeover that can be asked for.
+/// Longest allowed takeover time.
 pub const MAX_TAKEOVER: Duration = Duration::from_secs(600);
-/// A connection has this long to say Hello.
+/// Limit on the time between the start of a session and its Hello.
 pub const HELLO_WITHIN: Duration = Duration::from_secs(10);
-/// Commands handled in one go, and so results committed together.
+/// Limit on commands handled together, and so on results committed together.
 pub const GROUP: usize = 256;
-/// Events read from the store at once.
+/// Limit on events read from the store in one query.
 pub const EVENTS_AT_ONCE: u32 = 256;
-/// Events of its job a watcher may lag behind before it has to read them from the store.
+/// Limit on events that a watcher may lag behind; beyond it, the watcher reads from the store.
 pub const LIVE_EVENTS: usize = 128;
-/// Open calls have this long to end when the coordinator stops.
+/// Limit on the time that open calls have to end when the coordinator stops.
 pub const STOP_WITHIN: Duration = Duration::from_secs(3);
-/// KEDA is told of a change in demand within this time.
+/// Limit on the time between a change of the demand and the message to KEDA.
 pub const DEMAND_EVERY: Duration = Duration::from_secs(2);
-/// Streams and calls of KEDA at once.
+/// Limit on concurrent streams and calls of KEDA.
 pub const MAX_SCALERS: usize = 16;
-/// Most connections at once to where KEDA is answered.
+/// Limit on concurrent connections to the server for KEDA.
 pub const MAX_SCALER_CONNECTIONS: usize = 64;
-/// How often an idle connection is checked, and how long the other side has to answer: one whose other end is gone without a
-/// word is closed within twice this.
+/// Interval of keep-alive checks on idle connections, and limit on the time for an answer. A connection with a lost
+/// peer is closed within twice this time.
 pub const KEEPALIVE: Duration = Duration::from_secs(10);
-/// The actor has this long to answer whoever looks at the metrics; beyond it the coordinator is not well.
+/// Limit on the actor's response time for metrics and health; beyond it the coordinator is unhealthy.
 pub const CENSUS_WITHIN: Duration = Duration::from_secs(3);
-/// Assignments that are told one by one of a job.
+/// Limit on leased ranges in a job's details.
 pub const MAX_HELD_TOLD: usize = 100;
-/// Rounds from which a job's pace is taken.
+/// Number of rounds from which a job's median time per round is computed.
 pub const PACE_OVER: u32 = 20;
-/// Most connections at once: a worker has two, and clients have some.
+/// Limit on concurrent connections: two per worker, and some for clients.
 pub const MAX_CONNECTIONS: usize = 2 * MAX_SESSIONS + 12_768;
-/// Most connections from one address (of IPv6 from one network of 64 bits, which a single machine may have to itself): a
-/// cluster behind NAT has one.
+/// Limit on connections from one address (for IPv6, from one /64 network, which a single machine may own). A cluster
+/// behind NAT has one address.
 pub const MAX_CONNECTIONS_OF_ADDRESS: usize = 2 * MAX_SESSIONS + 4576;
-/// Most connections on which no call was admitted yet, where calls need tokens.
+/// Limit on unauthenticated connections if calls require tokens: connections without a permitted call.
 pub const MAX_STRANGERS: usize = 1024;
-/// Most of these from one address.
+/// Limit on unauthenticated connections from one address.
 pub const MAX_STRANGERS_OF_ADDRESS: usize = 256;
-/// A connection on which no call is admitted for this long is closed.
+/// Limit on the time that a connection may stay unauthenticated.
 pub const STRANGER_WITHIN: Duration = Duration::from_secs(30);
-/// A TLS handshake takes at most this long.
+/// Limit on the time of a TLS handshake.
 pub const HANDSHAKE_WITHIN: Duration = Duration::from_secs(10);
-/// Most calls at once on one connection; more wait.
+/// Limit on concurrent calls on one connection; more calls wait.
 pub const MAX_CALLS_OF_CONNECTION: u32 = 256;
-/// Largest headers of a request, in bytes.
+/// Limit on the headers of a request, bytes.
 pub const MAX_HEADERS: u32 = 16 * 1024;
-/// Largest request of a client, in bytes: a job and what is around it.
+/// Limit on a client's request, bytes: a job and its envelope.
 pub const MAX_CLIENT_REQUEST: usize = proto::limits::MAX_JOB_TOML + 64 * 1024;
-/// Most streams of events at once.
+/// Limit on concurrent event streams.
 pub const MAX_WATCHERS: usize = 4096;
-/// Most sessions at once that have not said Hello.
+/// Limit on concurrent worker sessions before Hello.
 pub const MAX_HELLOS: usize = 1024;
-/// Most sessions of workers at once.
+/// Limit on concurrent worker sessions.
 pub const MAX_SESSIONS: usize = 10_000;
-/// Most jobs that are being read at once; more wait.
+/// Limit on jobs that are parsed and validated concurrently; more jobs wait.
 pub const MAX_READINGS: usize = 4;
-/// Most workers in quarantine that are remembered; beyond it the oldest entry goes.
+/// Limit on stored quarantined workers; beyond it the oldest entry is removed.
 pub const MAX_QUARANTINED: usize = 10_000;
-/// Sealed rounds that are read from the store at once.
+/// Limit on sealed rounds read from the store in one query.
 pub const ROUNDS_AT_ONCE: u32 = 64;
-/// Most states that a list is asked for.
+/// Limit on states in the filter of a job list.
 pub const MAX_STATES: usize = 64;
-/// Most assignments that a worker may say it works on. It has at most two a slot.
+/// Limit on running assignments that a worker may report. A worker has at most two per slot.
 pub const MAX_RUNNING: usize = 4 * proto::limits::MAX_SLOTS as usize;

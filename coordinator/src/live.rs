@@ -1,5 +1,5 @@
-//! What happens to jobs, for those who watch: each job has a channel of its own, so that an event costs as much as there are
-//! watchers of its job, and not of any.
+//! Live events for watchers. Each job has its own channel, so the cost of an event depends only on the number of
+//! watchers of its job.
 
 use crate::limits::LIVE_EVENTS;
 use crate::record::JobId;
@@ -10,25 +10,25 @@ use tokio::sync::broadcast::{Receiver, Sender, channel};
 
 type Channels = HashMap<JobId, Sender<Arc<JobEvent>>>;
 
-/// The channels of the jobs that are watched.
+/// Channels of the watched jobs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Live(Arc<Mutex<Channels>>);
 
 impl Live {
-    /// What happens to a job from now on. Once it is watched no more, [`Live::forget`] it.
+    /// Subscribes to the events of a job from now on. Call [`Live::forget`] after dropping the receiver.
     pub fn subscribe(&self, id: &JobId) -> Receiver<Arc<JobEvent>> {
         self.lock().entry(id.clone()).or_insert_with(|| channel(LIVE_EVENTS).0).subscribe()
     }
 
-    /// Sends an event to those who watch the job; it is made only if there are any.
+    /// Sends an event to the watchers of a job. The event is built only if there are any.
     pub fn publish(&self, id: &JobId, event: impl FnOnce() -> JobEvent) {
         if let Some(channel) = self.lock().get(id) {
-            // The last watcher may have gone this moment.
+            // The last watcher may have disconnected in this moment.
             let _ = channel.send(Arc::new(event()));
         }
     }
 
-    /// Somebody does not watch it any more.
+    /// Removes the channel of a job if it has no receivers left.
     pub fn forget(&self, id: &JobId) {
         let mut channels = self.lock();
         if channels.get(id).is_some_and(|channel| channel.receiver_count() == 0) {
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_watches_a_job_wakes_for_it_alone_and_nothing_is_kept_of_what_nobody_watches() {
+    fn watcher_receives_events_of_its_job_only() {
         let (live, a, b) = (Live::default(), JobId::from("a"), JobId::from("b"));
         let (mut first, mut second) = (live.subscribe(&a), live.subscribe(&a));
         let mut other = live.subscribe(&b);
@@ -55,11 +55,11 @@ mod tests {
         live.publish(&JobId::from("c"), || event.clone());
         assert_eq!(first.try_recv().unwrap().sequence, 7);
         assert_eq!(second.try_recv().unwrap().sequence, 7);
-        assert!(other.try_recv().is_err(), "that was about another job");
+        assert!(other.try_recv().is_err(), "the event belongs to another job");
         drop((first, other));
         live.forget(&a);
         live.forget(&b);
-        assert_eq!(live.lock().keys().collect::<Vec<_>>(), [&a], "one still watches it");
+        assert_eq!(live.lock().keys().collect::<Vec<_>>(), [&a], "it still has a watcher");
         drop(second);
         live.forget(&a);
         assert!(live.lock().is_empty());

@@ -1,4 +1,4 @@
-//! The coordinator's binary.
+//! Binary of the coordinator.
 
 use clap::Parser;
 use coordinator::{Access, BadStoreUrl, Config, Error, StoreError, StoreUrl, Tls};
@@ -12,76 +12,79 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Takes jobs in and hands their evaluations to workers.
+/// Runs jobs: leases their tasks to workers and stores all results
 ///
-/// Everything is kept in the store: a coordinator that is stopped or dies goes on where it was when it is started again
-/// on the same store. Workers wait for it meanwhile, and lose nothing.
+/// All state is in the store. A coordinator that stops or crashes continues where it was after a restart on the same
+/// store. Workers wait for it meanwhile and lose no work.
 #[derive(Parser)]
 #[command(
     name = "coordinator",
     version,
-    after_help = "Example, on one machine:
+    after_help = "Example on one machine:
   coordinator --store sqlite:evogait.db
   worker --coordinator http://127.0.0.1:7077
   evogait submit JOB.toml --coordinator http://127.0.0.1:7077
 
-For other machines, with what `evogait certs init certs --host HOST` makes:
+For several machines, with the files of `evogait certs init certs --host HOST`:
   coordinator --listen 0.0.0.0:7077 --store sqlite:evogait.db --tls-cert certs/coordinator.pem \\
     --tls-key certs/coordinator.key --client-ca certs/ca.pem --tokens certs/tokens
 
-The first line on standard output says where it listens, a second one where metrics are served; messages go to standard error (RUST_LOG=debug for more).
-SIGINT and SIGTERM stop it cleanly; SIGHUP makes it read its tokens again. Exit codes: 0 stopped, 1 failed, 3 another
-coordinator has taken over."
+The first line on standard output is the address for clients and workers, the second the address of the metrics. Messages go to standard error (RUST_LOG=debug for more).
+SIGINT and SIGTERM stop the coordinator cleanly; SIGHUP reloads its tokens. Exit codes: 0 stopped, 1 failed,
+2 wrong usage, 3 another coordinator has taken over."
 )]
 struct Arguments {
-    /// Where to listen: an address or a host name, such as localhost:7077. Port 0 takes any free port
+    /// Address to listen on: an IP address or a host name, such as localhost:7077. Port 0 selects a free port
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7077", value_parser = telemetry::address)]
     listen: SocketAddr,
 
-    /// Where jobs are kept: sqlite:PATH, a file that is made if it is not there, or postgres://USER@HOST:PORT/DATABASE, with
-    /// the password in PGPASSWORD or ~/.pgpass. For tests, memory: keeps jobs until the coordinator ends
-    // Parsed later: a refusal here would repeat the whole text, and with it a password.
+    /// Store of the jobs: sqlite:PATH, a file that is created if it does not exist, or
+    /// postgres://USER@HOST:PORT/DATABASE with the password in PGPASSWORD or ~/.pgpass. For tests, memory: keeps jobs
+    /// until the coordinator exits
+    // The result is checked later: clap's error message would repeat the text, and with it a password.
     #[arg(long, value_name = "URL", default_value = "sqlite:evogait.db", value_parser = store_url)]
     store: Result<StoreUrl, BadStoreUrl>,
 
-    /// Wait while another coordinator is at work on the same PostgreSQL store, and take over when that one ends
+    /// Wait while another coordinator is active on the same PostgreSQL store, and take over when that one ends
     #[arg(long)]
     standby: bool,
 
-    /// Out of touch with a PostgreSQL store for this long, this coordinator stops and another one may take over
+    /// If this coordinator can't reach a PostgreSQL store for this long, it stops and another one may take over
     #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "5")]
     takeover_seconds: Duration,
 
-    /// Without a sign of life for this long, a worker's work goes to others
+    /// If a worker sends nothing for this long, its tasks go to other workers
     #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "15")]
     lease_seconds: Duration,
 
-    /// Certificate to encrypt connections with, PEM [default: $EVOGAIT_TLS_CERT]
+    /// Certificate for encrypted connections, PEM [default: $EVOGAIT_TLS_CERT]
     #[arg(long, value_name = "FILE")]
     tls_cert: Option<PathBuf>,
 
-    /// Its private key, PEM [default: $EVOGAIT_TLS_KEY]
+    /// Private key of the certificate, PEM [default: $EVOGAIT_TLS_KEY]
     #[arg(long, value_name = "FILE")]
     tls_key: Option<PathBuf>,
 
-    /// Whoever connects has to show a certificate signed by this CA, PEM [default: $EVOGAIT_CLIENT_CA]
+    /// Require clients and workers to present a certificate signed by this CA, PEM [default: $EVOGAIT_CLIENT_CA]
     #[arg(long, value_name = "FILE")]
     client_ca: Option<PathBuf>,
 
-    /// Callers have to send one of these tokens: a role (client, worker, admin) and a token a line [default:
-    /// $EVOGAIT_TOKENS]
+    /// Require callers to send a token from this file, which has one role (client, worker, admin) and one token per
+    /// line [default: $EVOGAIT_TOKENS]
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
 
-    /// Listen beyond loopback without encryption or without tokens: everybody who can reach the port can run jobs
+    /// Allow listening beyond loopback without encryption or without tokens: any machine that can reach the port can
+    /// run jobs
     #[arg(long)]
     insecure_bind: bool,
 
-    /// Tell KEDA at this address how many slots the jobs could use; port 0 takes any free port [default: not told]
+    /// Address at which KEDA can read the number of slots that the jobs could use; port 0 selects a free port [default:
+    /// not served]
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = telemetry::address)]
     keda: Option<SocketAddr>,
 
-    /// Tell KEDA beyond loopback, too: everybody who can reach the port can read it
+    /// Allow --keda beyond loopback: any machine that can reach the port can read the number
     #[arg(long, requires = "keda")]
     keda_insecure_bind: bool,
 
@@ -94,12 +97,12 @@ fn store_url(text: &str) -> Result<Result<StoreUrl, BadStoreUrl>, Infallible> {
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| "it is no number of seconds".to_owned())?;
-    // What is no duration is out of range, too.
+    let seconds: f64 = text.parse().map_err(|_| "it must be a number of seconds".to_owned())?;
+    // Negative, too large or non-finite numbers become 0, which the later check refuses as out of range.
     Ok(Duration::try_from_secs_f64(seconds).unwrap_or_default())
 }
 
-/// The exit code when another coordinator has taken the store over.
+/// Exit code if another coordinator has taken over the store.
 const TAKEN_OVER: u8 = 3;
 
 #[tokio::main]
@@ -122,7 +125,7 @@ async fn main() -> ExitCode {
     }
 }
 
-/// A file that an argument or else the environment names.
+/// Returns the path from an argument, or else from the environment.
 fn file(given: Option<PathBuf>, variable: &str) -> Option<PathBuf> {
     given.or_else(|| std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from))
 }
@@ -133,13 +136,13 @@ fn tls(cert: Option<PathBuf>, key: Option<PathBuf>, clients: Option<PathBuf>) ->
     let identity = match (cert, key) {
         (Some(cert), Some(key)) => identity(&cert, &key)?,
         (None, None) if clients.is_none() => return Ok(None),
-        _ => return Err("--tls-cert FILE and --tls-key FILE go together, and --client-ca FILE with both".into()),
+        _ => return Err("--tls-cert and --tls-key must be given together; --client-ca requires both".into()),
     };
-    tracing::info!(until = identity.valid_until, "connections are encrypted; this is the certificate's last day");
+    tracing::info!(until = identity.valid_until, "connections are encrypted; the certificate is valid until this day");
     Ok(Some(Tls { identity, clients }))
 }
 
-/// Why it does not start or go on, in a sentence.
+/// Error that prevents the start or ends the coordinator.
 type Failure = Box<dyn std::error::Error>;
 
 fn is_taken_over(error: &Failure) -> bool {
@@ -163,7 +166,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         telemetry,
     } = arguments;
     let keda = keda.map(|addr| telemetry::Bind { addr, beyond_loopback: keda_insecure_bind });
-    let signals = |kind| signal(kind).map_err(|e| Error::Server(format!("signals can't be received: {e}")));
+    let signals = |kind| signal(kind).map_err(|e| Error::Server(format!("can't receive signals: {e}")));
     let (mut interrupt, mut terminate) = (signals(SignalKind::interrupt())?, signals(SignalKind::terminate())?);
     let mut hang_up = signals(SignalKind::hangup())?;
     let tls = tls(tls_cert, tls_key, client_ca)?;
@@ -181,7 +184,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         keda,
     })
     .await?;
-    // Whoever started it may not be reading.
+    // The reading end of standard output may be closed.
     let _ = writeln!(std::io::stdout(), "listening on {}", running.local_addr());
     if let Some(addr) = running.metrics_addr() {
         let _ = writeln!(std::io::stdout(), "metrics at http://{addr}/metrics");
@@ -192,9 +195,9 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
             _ = interrupt.recv() => break,
             _ = terminate.recv() => break,
             _ = hang_up.recv() => match access.as_deref().map(Access::reload) {
-                Some(Ok(count)) => tracing::info!(count, "the tokens were read again"),
-                Some(Err(error)) => tracing::error!(%error, "the tokens stay as they were"),
-                None => tracing::warn!("SIGHUP: there are no tokens to read again"),
+                Some(Ok(count)) => tracing::info!(count, "tokens reloaded"),
+                Some(Err(error)) => tracing::error!(%error, "can't reload the tokens: they stay unchanged"),
+                None => tracing::warn!("SIGHUP: there are no tokens to reload"),
             },
         }
     }

@@ -1,5 +1,4 @@
-//! The coordinator's numbers, for Prometheus. Counters are counted as things happen; gauges are set when the numbers are
-//! read.
+//! Prometheus metrics of the coordinator. Counters change when events occur; gauges are set when the metrics are read.
 
 use crate::record::{JobState, Ruling};
 use crate::scheduler::{Census, LeaseEnd, Verdict};
@@ -14,7 +13,7 @@ use sim_core::base::digest::Digest;
 type Label = [(&'static str, &'static str); 1];
 type Labels = [(&'static str, String); 2];
 
-/// All of them.
+/// All metrics of the coordinator.
 pub(crate) struct Metrics {
     registry: Registry,
     jobs: Family<Label, Gauge>,
@@ -26,29 +25,29 @@ pub(crate) struct Metrics {
     slots: Gauge,
     busy: Gauge,
     workers: Family<Label, Gauge>,
-    /// Workers that were lost.
+    /// Workers that crashed or fell silent.
     pub workers_lost: Counter,
     leases_ended: Family<Label, Counter>,
     disputes: Family<Label, Counter>,
-    /// Deliveries that can't be results, from workers that are known.
+    /// Refused deliveries that were counted against a worker.
     pub marks: Counter,
-    /// Workers that were quarantined.
+    /// Quarantined workers.
     pub quarantines: Counter,
     results: Family<Label, Counter>,
     /// Tasks charged with a crash or a failure.
     pub attempts: Counter,
-    /// s a commit took.
+    /// Time of a commit, s.
     pub commit_seconds: Histogram,
-    /// Changes committed together.
+    /// Number of changes in a commit.
     pub commit_writes: Histogram,
-    /// s from a round's begin to its seal.
+    /// Time from a round's start to its seal, s.
     pub round_seconds: Histogram,
     queue: Gauge,
     /// Connections to the port for clients and workers.
     pub connections: Gauge,
     /// Commits that failed.
     pub store_errors: Counter,
-    /// Of this start on the store; 0 before it is taken up.
+    /// Number of this start on the store; 0 while standing by.
     pub epoch: Gauge,
     active: Gauge,
     engines: Family<Labels, Gauge>,
@@ -91,40 +90,41 @@ impl Metrics {
     fn register(&mut self) {
         let r = &mut self.registry;
         r.register("jobs", "Jobs that have not ended", self.jobs.clone());
-        r.register("jobs_ended", "Jobs that ended since this start", self.jobs_ended.clone());
+        r.register("jobs_ended", "Jobs that ended since the start of this coordinator", self.jobs_ended.clone());
         r.register("rounds_sealed", "Rounds sealed", self.rounds.clone());
-        r.register("tasks", "Tasks whose results were committed, by the phase of their round", self.tasks.clone());
-        r.register("round_tasks", "Tasks of the rounds at hand that are not done", self.round_tasks.clone());
-        r.register("slots", "Slots of the workers that take work", self.slots.clone());
-        r.register("slots_busy", "Slots that have work", self.busy.clone());
-        r.register("workers", "Workers, by what can be expected of them", self.workers.clone());
-        r.register("workers_lost", "Workers that fell silent or died", self.workers_lost.clone());
-        r.register("leases_ended", "Assignments that ended without a result", self.leases_ended.clone());
+        r.register("tasks", "Tasks with committed results, by phase of their round", self.tasks.clone());
+        r.register("round_tasks", "Tasks of the current rounds that are not done, by state", self.round_tasks.clone());
+        r.register("slots", "Slots of the workers that accept tasks", self.slots.clone());
+        r.register("slots_busy", "Slots with a running task", self.busy.clone());
+        r.register("workers", "Workers, by state", self.workers.clone());
+        r.register("workers_lost", "Workers that crashed or fell silent", self.workers_lost.clone());
+        r.register("leases_ended", "Leases that ended without a result, by reason", self.leases_ended.clone());
         r.register(
             "disputes",
-            "Tasks of which workers gave different bits, by what was decided",
+            "Tasks with different results from different workers, by verdict",
             self.disputes.clone(),
         );
-        r.register("marks", "Deliveries that were refused as no result of their task", self.marks.clone());
-        r.register("quarantines", "Workers that were found to compute wrongly", self.quarantines.clone());
-        r.register("results", "Results delivered, by what became of them", self.results.clone());
+        r.register("marks", "Refused deliveries that were counted against a worker", self.marks.clone());
+        r.register("quarantines", "Workers that were quarantined", self.quarantines.clone());
+        r.register("results", "Delivered results, by verdict", self.results.clone());
         r.register("attempts", "Tasks charged with a crash or a failure", self.attempts.clone());
         r.register_with_unit("commit", "Time of a commit", Unit::Seconds, self.commit_seconds.clone());
         r.register("commit_writes", "Changes committed together", self.commit_writes.clone());
         let round = self.round_seconds.clone();
-        r.register_with_unit("round", "Time from a round's begin to its seal", Unit::Seconds, round);
-        r.register("queue_length", "Commands that wait for the actor", self.queue.clone());
+        r.register_with_unit("round", "Time from a round's start to its seal", Unit::Seconds, round);
+        r.register("queue_length", "Commands waiting for the actor", self.queue.clone());
         r.register("connections", "Connections of clients and workers", self.connections.clone());
-        r.register("store_errors", "Commits that the store refused", self.store_errors.clone());
+        r.register("store_errors", "Commits that failed", self.store_errors.clone());
         r.register("epoch", "Number of this start on the store; 0 while standing by", self.epoch.clone());
-        r.register("active", "1 for the coordinator that has the store, 0 while standing by", self.active.clone());
+        r.register("active", "1 for the active coordinator, 0 while standing by", self.active.clone());
         r.register("engine_info", "Engines of this build, with their digests", self.engines.clone());
         let build = Family::<Label, Gauge>::default();
         build.get_or_create(&[("version", env!("CARGO_PKG_VERSION"))]).set(1);
         r.register("build_info", "Version of this build", build);
     }
 
-    /// A series that is not there before its first event can't be seen to grow by it.
+    /// Creates all series with value 0: Prometheus does not see the first increment of a series that did not exist
+    /// before.
     fn start_from_zero(&self) {
         for state in JobState::ALL {
             if state.is_end() {
@@ -148,40 +148,40 @@ impl Metrics {
         self.tell(&Census::default());
     }
 
-    /// How many commits there were.
+    /// Number of commits.
     #[cfg(test)]
     pub fn commits(&self) -> u64 {
         let text = self.text();
         let count = text.lines().find_map(|line| line.strip_prefix("evogait_commit_seconds_count "));
-        count.expect("it is registered").parse().expect("it is a count")
+        count.expect("the histogram is registered").parse().expect("the count is an integer")
     }
 
-    /// A job ended.
+    /// Counts a job that ended in this state.
     pub fn job_ended(&self, state: JobState) {
         self.jobs_ended.get_or_create(&[("state", state.word())]).inc();
     }
 
-    /// An assignment ended without a result.
+    /// Counts a lease that ended without a result.
     pub fn lease_ended(&self, why: LeaseEnd) {
         self.leases_ended.get_or_create(&[("why", why.word())]).inc();
     }
 
-    /// Workers disagree about a result, or the dispute was decided.
+    /// Counts an opened or decided dispute.
     pub fn dispute(&self, ruling: Option<Ruling>) {
         self.disputes.get_or_create(&[("verdict", ruling.map_or("open", Ruling::word))]).inc();
     }
 
-    /// A result was answered.
+    /// Counts a result by its verdict.
     pub fn result(&self, verdict: &'static str) {
         self.results.get_or_create(&[("verdict", verdict)]).inc();
     }
 
-    /// Results of tasks were committed.
+    /// Counts tasks with committed results.
     pub fn tasks(&self, phase: &'static str, count: u32) {
         self.tasks.get_or_create(&[("phase", phase)]).inc_by(count.into());
     }
 
-    /// The engines of this build.
+    /// Sets the engines of this build.
     pub fn engines(&self, engines: &[(&'static str, Digest)]) {
         for (name, digest) in engines {
             let labels = [("engine", (*name).to_owned()), ("digest", digest.to_string())];
@@ -189,25 +189,25 @@ impl Metrics {
         }
     }
 
-    /// This coordinator has the store.
+    /// Marks this coordinator as active.
     pub fn activate(&self) {
         self.active.set(1);
     }
 
-    /// So many commands wait for the actor.
+    /// Sets the number of commands waiting for the actor.
     pub fn queued(&self, commands: usize) {
         self.queue.set(commands as i64);
     }
 
-    /// The numbers as Prometheus reads them.
+    /// Returns the metrics in Prometheus' text format.
     pub fn text(&self) -> String {
         let mut text = String::new();
-        // Writing to a string does not fail.
+        // Writing to a string can't fail.
         let _ = encode(&mut text, &self.registry);
         text
     }
 
-    /// Sets what stands at this moment.
+    /// Sets the gauges from the scheduler's current state.
     pub fn tell(&self, census: &Census) {
         for state in JobState::ALL.into_iter().filter(|state| !state.is_end()) {
             let jobs = census.jobs.get(&state).copied().unwrap_or(0);
@@ -231,5 +231,5 @@ impl Metrics {
     }
 }
 
-/// The phases of the procedures that ship.
+/// Phases of the built-in procedures.
 const PHASES: [&str; 4] = ["preparing", "searching", "finishing", "reporting"];

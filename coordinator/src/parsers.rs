@@ -1,4 +1,5 @@
-//! What reads the bytes of strangers and of stores, for fuzzing: each must answer any bytes with a value or an error.
+//! Fuzzing entry points: parsers of bytes from unauthenticated peers, workers and stores. Each must return a value or
+//! an error for any bytes.
 
 use crate::api;
 use crate::limits::DEFAULT_LEASE;
@@ -10,7 +11,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A worker's introduction, and what a coordinator that has run for a while makes of it.
+/// Parses a worker's Hello and passes it to a scheduler that has run for a while.
 pub fn hello(bytes: &[u8]) {
     let Ok(hello) = <v1::Hello as prost::Message>::decode(bytes) else { return };
     if let Ok(greeting) = api::check_hello(hello, String::new(), Arc::default()) {
@@ -24,29 +25,29 @@ pub fn hello(bytes: &[u8]) {
     }
 }
 
-/// A worker's result.
+/// Parses a worker's result.
 pub fn complete(bytes: &[u8]) {
     if let Ok(request) = <v1::CompleteRequest as prost::Message>::decode(bytes) {
         let _ = api::check_completed(request, Caller::default());
     }
 }
 
-/// What a store holds of jobs, results and scores.
+/// Parses bytes as each kind of blob in a store.
 pub fn blob(bytes: &[u8]) {
     store::decode_anything(bytes);
 }
 
-/// The file of tokens.
+/// Parses a token file.
 pub fn tokens(text: &str) {
     if let Ok(access) = crate::Access::parse(text) {
         assert!(access.count() > 0);
     }
 }
 
-/// `--store`.
+/// Parses a `--store` URL.
 pub fn store_url(text: &str) {
     if let Ok(url) = text.parse::<crate::StoreUrl>() {
-        // Written out it says the same.
+        // The URL without its password.
         let _ = url.to_string();
     }
 }

@@ -1,58 +1,58 @@
-//! Permits: proof that an assignment was issued, which needs no record of it. A result is accepted only with one, late and
-//! after restarts too.
+//! Permits: proof that an assignment was issued, without a stored record of it. A result is accepted only with its
+//! permit, also late results and results after a restart.
 
 use crate::record::{AssignmentId, JobId, Range, WorkerId};
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 use sim_core::base::digest::Digest;
 
-/// Length of a permit: the digest of the assignment's tasks, then the code over everything.
+/// Length of a permit, bytes: the digest of the assignment's tasks, then the authentication code.
 const LENGTH: usize = 64;
 
-/// The secret that permits are made with: random, one a store, never told.
+/// Secret key for permits: random, one per store, never shown or sent.
 #[derive(Clone)]
 pub struct PermitKey([u8; 32]);
 
 impl std::fmt::Debug for PermitKey {
-    /// Tells nothing of it.
+    /// Writes the type's name only, not the key.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("PermitKey")
     }
 }
 
-/// An assignment as it was issued.
+/// Assignment, as issued to a worker.
 #[derive(Clone, Copy, Debug)]
 pub struct Issued<'a> {
-    /// Its id.
+    /// Id of the assignment.
     pub assignment: AssignmentId,
-    /// The worker that it was issued to.
+    /// Worker that received the assignment.
     pub worker: &'a WorkerId,
-    /// The job.
+    /// Job of the tasks.
     pub job: &'a JobId,
-    /// The tasks.
+    /// Range of the tasks.
     pub range: Range,
 }
 
 impl PermitKey {
-    /// The key that a store keeps.
+    /// Creates the key from the bytes in a store.
     pub fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 
-    /// Whether two stores would make the same permits.
+    /// Returns true if both keys make the same permits.
     #[cfg(test)]
     pub(crate) fn is_the_same_as(&self, other: &Self) -> bool {
         self.0 == other.0
     }
 
-    /// The permit of an assignment with these tasks.
+    /// Returns the permit of an assignment with these tasks.
     pub fn issue(&self, issued: Issued<'_>, tasks: &[Vec<u8>]) -> Vec<u8> {
         let tasks = digest(tasks);
         let code = self.code(issued, &tasks).finalize().into_bytes();
         [tasks.0.as_slice(), code.as_slice()].concat()
     }
 
-    /// Whether a permit is that of an assignment, whatever its tasks.
+    /// Returns true if a permit belongs to an assignment. Its tasks are not checked, see [`is_of`].
     pub fn admits(&self, issued: Issued<'_>, permit: &[u8]) -> bool {
         let Some((tasks, code)) = permit.split_first_chunk::<32>().filter(|_| permit.len() == LENGTH) else {
             return false;
@@ -61,7 +61,7 @@ impl PermitKey {
     }
 
     fn code(&self, issued: Issued<'_>, tasks: &Digest) -> Hmac<Sha256> {
-        let mut code = Hmac::<Sha256>::new_from_slice(&self.0).expect("a key of any length will do");
+        let mut code = Hmac::<Sha256>::new_from_slice(&self.0).expect("HMAC accepts keys of any length");
         let Range { round, first, count } = issued.range;
         code.update(b"evogait permit 1");
         code.update(&issued.assignment.0.to_le_bytes());
@@ -77,7 +77,7 @@ impl PermitKey {
     }
 }
 
-/// Whether tasks are those that a permit was issued for. The permit itself was checked before.
+/// Returns true if a permit was issued for these tasks. The permit must have been checked before.
 pub fn is_of(permit: &[u8], tasks: &[Vec<u8>]) -> bool {
     permit.get(..32) == Some(digest(tasks).0.as_slice())
 }
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn permit_is_good_for_its_assignment_alone() {
+    fn permit_is_valid_for_its_assignment_only() {
         let key = PermitKey::new([7; 32]);
         let (worker, job) = (WorkerId("w".into()), JobId::from("j1"));
         let range = Range { round: 3, first: 4, count: 2 };

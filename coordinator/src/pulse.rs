@@ -1,4 +1,4 @@
-//! The coordinator's metrics and health, asked of the actor when they are read.
+//! Metrics and health of the coordinator, queried from the actor when they are read.
 
 use crate::actor::Command;
 use crate::limits::CENSUS_WITHIN;
@@ -9,27 +9,28 @@ use telemetry::Vitals;
 use telemetry::endpoint::Answer;
 use tokio::sync::{mpsc, oneshot};
 
-/// The coordinator's answers at `/metrics` and `/healthz`.
+/// Source of `/metrics` and `/healthz`.
 pub(crate) struct Pulse {
     metrics: Arc<Metrics>,
-    /// There once this coordinator has the store.
+    /// Set once this coordinator is active.
     commands: OnceLock<mpsc::Sender<Command>>,
 }
 
 impl Pulse {
-    /// Of a coordinator that does not have the store yet.
+    /// Creates the source for a coordinator that is not active yet.
     pub fn new(metrics: Arc<Metrics>) -> Self {
         Self { metrics, commands: OnceLock::new() }
     }
 
-    /// It has the store now.
+    /// Marks the coordinator as active.
     pub fn activate(&self, commands: mpsc::Sender<Command>) {
         self.metrics.activate();
-        // Only the first counts.
+        // Only the first call has an effect.
         let _ = self.commands.set(commands);
     }
 
-    /// How many slots the jobs could use; `None` where this coordinator does not serve.
+    /// Returns the number of slots that the jobs could use; `None` if this coordinator is not active or does not answer
+    /// in time.
     pub async fn demand(&self) -> Option<Demand> {
         Self::ask(self.commands.get()?, |reply| Command::Demand { reply }).await
     }
@@ -38,7 +39,7 @@ impl Pulse {
         Self::ask(commands, |reply| Command::Census { reply }).await
     }
 
-    /// Asks the actor; `None` if it does not answer in time.
+    /// Queries the actor; `None` if it does not reply within [`CENSUS_WITHIN`].
     async fn ask<T>(
         commands: &mpsc::Sender<Command>,
         command: impl FnOnce(oneshot::Sender<T>) -> Command,
@@ -57,7 +58,7 @@ impl Vitals for Pulse {
         Box::pin(async move {
             if let Some(commands) = self.commands.get() {
                 self.metrics.queued(commands.max_capacity() - commands.capacity());
-                // Where the actor does not answer, the gauges stay as they were and the queue grows.
+                // If the actor does not reply, the gauges stay unchanged.
                 if let Some(census) = Self::census(commands).await {
                     self.metrics.tell(&census);
                 }
@@ -71,7 +72,7 @@ impl Vitals for Pulse {
             let Some(commands) = self.commands.get() else { return Ok("standing by".to_owned()) };
             match Self::census(commands).await {
                 Some(_) => Ok("active".to_owned()),
-                None => Err(format!("the actor has not answered for {} s", CENSUS_WITHIN.as_secs())),
+                None => Err(format!("the actor did not reply within {} s", CENSUS_WITHIN.as_secs())),
             }
         })
     }

@@ -1,4 +1,4 @@
-//! What is known of a job, as scheduler, store and API share it.
+//! Record of a job, shared by scheduler, store and API.
 
 mod charge;
 mod dispute;
@@ -16,17 +16,18 @@ use sim_core::procedure::Progress;
 use std::fmt;
 use std::sync::Arc;
 
-/// Names a job: its number in the store and the start of its digest, so ids of two stores never mean different work.
+/// Id of a job: its number in the store and the start of its digest. Equal ids of two stores therefore mean the same
+/// work.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct JobId(Arc<str>);
 
 impl JobId {
-    /// The id of the job with this number and digest.
+    /// Returns the id of the job with this number and digest.
     pub fn new(number: u64, digest: &Digest) -> Self {
         Self(format!("j{number}-{}", digest.short()).into())
     }
 
-    /// As text.
+    /// Returns the id as text.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -44,22 +45,22 @@ impl fmt::Display for JobId {
     }
 }
 
-/// Where a job stands. The numbers are those of the store's column `state`.
+/// State of a job. The numbers are those of the store's column `state`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum JobState {
-    /// Stored; none of its tasks has been handed out yet.
+    /// Stored; none of its tasks has been leased yet.
     Queued = 1,
-    /// Its rounds are worked on.
+    /// Its tasks are running or ready to run.
     Running = 2,
     /// Its procedure waits for a client's batch.
     Waiting = 3,
-    /// Done: it has a result.
+    /// Ended with a result.
     Succeeded = 4,
-    /// It can't go on, for a reason.
+    /// Ended by a failure; the record has the reason.
     Failed = 5,
-    /// A client ended it.
+    /// Ended by a client.
     Cancelled = 6,
-    /// A result that was folded into a sealed round turned out to be wrong.
+    /// Ended because a result in a sealed round was found to be wrong.
     Tainted = 7,
 }
 
@@ -68,12 +69,12 @@ impl JobState {
     pub const ALL: [Self; 7] =
         [Self::Queued, Self::Running, Self::Waiting, Self::Succeeded, Self::Failed, Self::Cancelled, Self::Tainted];
 
-    /// Whether a job in this state will never change again.
+    /// Returns true if the state is final.
     pub fn is_end(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled | Self::Tainted)
     }
 
-    /// The state in a word.
+    /// Returns the state's name.
     pub fn word(self) -> &'static str {
         match self {
             Self::Queued => "queued",
@@ -87,95 +88,95 @@ impl JobState {
     }
 }
 
-/// Where a restarted job comes from.
+/// Origin of a restarted job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
-    /// The job that it does again.
+    /// Job that was restarted.
     pub job: JobId,
-    /// Rounds taken over from it.
+    /// Number of rounds taken over from it.
     pub rounds: u32,
 }
 
-/// The task that ended a job by failing too often.
+/// Task that ended its job by too many crashes or failures.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Poisoned {
-    /// Its round.
+    /// Round of the task.
     pub round: u32,
-    /// Its index in the round.
+    /// Index of the task in its round.
     pub index: u32,
-    /// The task, for people.
+    /// Description of the task.
     pub what: String,
-    /// The task, as its procedure encodes it.
+    /// Encoded task of the procedure.
     #[serde(with = "serde_bytes")]
     pub task: Vec<u8>,
-    /// How often it failed.
+    /// Number of crashes and failures.
     pub attempts: u32,
 }
 
-/// A job as it stands. What is told of it changes only together with an event.
+/// State of a job. Parts that clients see change only together with an event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobRecord {
-    /// Its id.
+    /// Id of the job.
     pub id: JobId,
-    /// Position in the order of submission, from 1.
+    /// Number in the order of submission, from 1.
     pub number: u64,
-    /// Its own name.
+    /// Name in the job file.
     pub name: String,
-    /// The client's name for the request.
+    /// Request id that the client chose.
     pub request_id: String,
-    /// Digest of the request's body: tells a repeated request from another one with the same id.
+    /// Digest of the request's body. It distinguishes a repeated request from another one with the same id.
     pub request_digest: Digest,
-    /// Where it stands.
+    /// State of the job.
     pub state: JobState,
-    /// Digest of everything that makes it the same job as another.
+    /// Job digest: jobs with equal digests must have equal results.
     pub job_digest: Digest,
-    /// The engine it needs.
+    /// Digest of the engine that the job needs.
     pub engine_digest: Digest,
-    /// The version of evogait that stored it.
+    /// Version of evogait that stored the job.
     pub version: String,
-    /// Name of its procedure, such as "evolve".
+    /// Name of the procedure, such as "evolve".
     pub procedure: String,
-    /// Rounds sealed.
+    /// Number of sealed rounds.
     pub rounds_sealed: u32,
-    /// Of these, how many of the first have their results in the store: a restart can take them over.
+    /// Number of rounds, from the first on, with results in the store. A restart can take them over.
     pub rounds_kept: u32,
-    /// Share of the workers, 1 to 100.
+    /// Priority, 1 to 100: relative share of the workers.
     pub priority: u32,
-    /// How far its procedure is.
+    /// Progress of the procedure.
     pub progress: Progress,
-    /// Why it failed or was tainted; empty otherwise.
+    /// Reason of a failed or tainted job; empty otherwise.
     pub reason: String,
-    /// Nothing new is handed out.
+    /// True if no new tasks are leased.
     pub paused: bool,
-    /// The job that it does again, if it is a restart.
+    /// Origin, if the job is a restart.
     pub restarted_from: Option<Origin>,
-    /// Tasks of which workers gave different bits: all that are open, those of the round at hand, and the newest of the
-    /// others.
+    /// Tasks with different results from different workers: all open disputes, those of the current round, and the
+    /// newest of the others.
     pub disputes: Vec<Dispute>,
-    /// Crashes and failures held against tasks of the round at hand. Those tasks are worked on alone, and one that fails
-    /// alone too often ends the job.
+    /// Crashes and failures charged to tasks of the current round. Each of these tasks is leased alone; too many
+    /// failures of one task end the job.
     pub charges: Vec<Charge>,
-    /// The task that ended it by failing too often.
+    /// Task that ended the job by too many crashes or failures.
     pub poisoned: Option<Poisoned>,
-    /// Unix time, ms.
+    /// Unix time of the submission, ms.
     pub submitted_at_ms: i64,
-    /// Unix time, ms; 0 = not yet.
+    /// Unix time of the start, ms; 0 before it.
     pub started_at_ms: i64,
-    /// Unix time, ms; 0 = not yet.
+    /// Unix time of the end, ms; 0 before it.
     pub ended_at_ms: i64,
     /// Sequence number of the newest event.
     pub last_event: u64,
-    /// Over the results of the sealed rounds.
+    /// Digest of the results of the sealed rounds.
     pub results_digest: Digest,
-    /// The result digest; there once the job succeeded.
+    /// Result digest; set once the job has succeeded.
     pub result_digest: Option<Digest>,
 }
 
-/// Limit on the disputes in a job's answer to clients: the newest are sent.
+/// Limit on the disputes that a client receives with a job: the newest ones.
 pub(crate) const MAX_TOLD_DISPUTES: usize = 8;
 
 impl JobRecord {
-    /// A job without a name that was submitted at `submitted_at_ms` and has done nothing yet.
+    /// Creates a queued job without a name, submitted at `submitted_at_ms` (Unix time, ms).
     pub fn new(number: u64, job_digest: Digest, submitted_at_ms: i64) -> Self {
         Self {
             id: JobId::new(number, &job_digest),
@@ -207,7 +208,7 @@ impl JobRecord {
         }
     }
 
-    /// The record as it is kept with an event: the parts that clients get.
+    /// Returns the copy that is stored with an event: the parts that clients receive.
     pub fn snapshot(&self) -> Self {
         let told = &self.disputes[self.disputes.len().saturating_sub(MAX_TOLD_DISPUTES)..];
         let mut disputes = told.to_vec();
@@ -218,7 +219,7 @@ impl JobRecord {
         Self { disputes, charges: Vec::new(), ..self.clone() }
     }
 
-    /// Folds the digests of a sealed round's results.
+    /// Adds the digests of a sealed round's results to the results digest.
     pub fn fold(&mut self, round: u32, digests: &[Digest]) {
         let mut digest = ResultDigest::resume(self.results_digest);
         digest.round(round, digests);

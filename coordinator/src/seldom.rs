@@ -1,17 +1,17 @@
-//! What strangers can cause is logged seldom.
+//! Rate limiter for log lines that unauthenticated peers can cause.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Least time between two entries.
+/// Shortest time between two log lines.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// Says when it is time to log again.
+/// Rate limiter: at most one log line per second.
 #[derive(Debug, Default)]
 pub(crate) struct Seldom(Mutex<(Option<Instant>, u64)>);
 
 impl Seldom {
-    /// How many entries were left out since the last one, if another may be written now.
+    /// Returns the number of suppressed log lines since the last one, or `None` if this line must be suppressed, too.
     pub fn now(&self) -> Option<u64> {
         self.at(Instant::now())
     }
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn entries_have_a_pause_between_them_and_none_is_forgotten() {
+    fn suppressed_log_lines_are_counted() {
         let (seldom, start) = (Seldom::default(), Instant::now());
         assert_eq!(seldom.at(start), Some(0));
         assert_eq!(seldom.at(start), None);

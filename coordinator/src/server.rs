@@ -1,4 +1,4 @@
-//! Starting and stopping a coordinator.
+//! Start and stop of a coordinator.
 
 mod config;
 mod doors;
@@ -26,7 +26,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 
-/// A coordinator that runs. Dropping it does not stop it in an orderly way: call [`Running::shutdown`].
+/// Running coordinator. Dropping it does not stop it cleanly: call [`Running::shutdown`].
 #[derive(Debug)]
 pub struct Running {
     local_addr: SocketAddr,
@@ -35,57 +35,59 @@ pub struct Running {
     scaler: Option<ScalerEndpoint>,
     stop: watch::Sender<bool>,
     task: JoinHandle<Result<(), Error>>,
-    /// Whether `task` was seen to end.
+    /// True once [`Running::failed`] has returned the result of `task`.
     ended: bool,
 }
 
 impl Running {
-    /// Where it listens, with the port that was chosen.
+    /// Address for clients and workers, with the chosen port.
     pub fn local_addr(&self) -> SocketAddr {
         self.local_addr
     }
 
-    /// Where metrics are served, with the port that was chosen.
+    /// Address of the metrics, with the chosen port.
     pub fn metrics_addr(&self) -> Option<SocketAddr> {
         self.metrics.as_ref().map(telemetry::Endpoint::addr)
     }
 
-    /// Where KEDA is answered, with the port that was chosen.
+    /// Address for KEDA, with the chosen port.
     pub fn keda_addr(&self) -> Option<SocketAddr> {
         self.scaler.as_ref().map(ScalerEndpoint::addr)
     }
 
-    /// Where clients and workers connect to.
+    /// URL for clients and workers.
     pub fn url(&self) -> String {
         format!("{}://{}", if self.secure { "https" } else { "http" }, self.local_addr)
     }
 
-    /// Waits until it ends by itself, which only a failure makes it do. May be dropped and called again.
+    /// Waits for a failure that ends the coordinator, and returns it. The future may be dropped and the function called
+    /// again.
     pub async fn failed(&mut self) -> Error {
         if self.ended {
-            return Error::Server("it ended before".to_owned());
+            return Error::Server("it has already ended".to_owned());
         }
         let end = (&mut self.task).await;
         self.ended = true;
         match end {
             Ok(Err(error)) => error,
-            Ok(Ok(())) => Error::Server("it ended without being told to".to_owned()),
+            Ok(Ok(())) => Error::Server("it ended without a stop request".to_owned()),
             Err(error) => Error::Server(error.to_string()),
         }
     }
 
-    /// Ends all calls, commits what is under way and stops.
+    /// Ends all calls, commits pending changes and stops.
     pub async fn shutdown(self) -> Result<(), Error> {
         self.stop.send_replace(true);
         if self.ended {
-            return Ok(()); // `failed` told already how
+            return Ok(()); // `failed` has returned the error
         }
         self.task.await.unwrap_or_else(|error| Err(Error::Server(error.to_string())))
     }
 }
 
-/// Starts a coordinator: binds, opens the store, takes up its jobs. As a standby it takes them up when it is its turn.
-// Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+/// Starts a coordinator: binds its address, opens the store and resumes its jobs. A standby resumes them when it
+/// becomes active.
+// Boxed, so that it is compiled once, here, and not in every crate that awaits it.
 pub fn serve(config: Config) -> Pin<Box<dyn Future<Output = Result<Running, Error>> + Send>> {
     Box::pin(start(config))
 }
@@ -139,7 +141,7 @@ async fn start(config: Config) -> Result<Running, Error> {
                 _ = stopping.wait_for(|stop| *stop) => return Ok(()),
             };
             pulse.activate(to_actor);
-            // First: whoever gets through finds that it is told so.
+            // The health status changes before calls are accepted, so that it is correct at the first accepted call.
             health.serving().await;
             key.open();
             lead.work(inbox).await

@@ -1,4 +1,5 @@
-//! Whose turn it is: waiting for it on a store that several coordinators can reach, and staying in touch while at work.
+//! Standby: waits until no other coordinator is active on a shared store. An active coordinator renews its lock on the
+//! store.
 
 use crate::store::{Loaded, Store, StoreError};
 use std::sync::Arc;
@@ -7,14 +8,14 @@ use tokio::sync::watch;
 use tonic::service::Interceptor;
 use tonic::{Request, Status};
 
-/// How often a coordinator that waits looks whether it is its turn.
+/// Interval at which a standby checks the store.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// Lets no call through before it is open.
+/// Refuses all calls until it is open.
 #[derive(Clone)]
 pub(crate) struct Gate(watch::Receiver<bool>);
 
-/// Opens a [`Gate`].
+/// Handle that opens a [`Gate`].
 pub(crate) struct Key(watch::Sender<bool>);
 
 impl Gate {
@@ -23,11 +24,11 @@ impl Gate {
         (Key(key), Self(gate))
     }
 
-    /// Why nobody gets through, unless it is open.
+    /// Returns the error for calls; `None` once the gate is open.
     pub fn closed(&self) -> Option<Status> {
         (!*self.0.borrow()).then(|| {
             Status::unavailable(
-                "standby: another coordinator is at work on the same store, and this one takes over when it ends: ask that \
+                "standby: another coordinator is active on the same store, and this one takes over when it ends: call that \
                  one, or try again",
             )
         })
@@ -46,8 +47,8 @@ impl Interceptor for Gate {
     }
 }
 
-/// Starts an epoch as soon as nobody else is at work. Without `standby` that is refused if somebody else is: then it only
-/// waits for as long as it takes to find out whether the other one is still there.
+/// Starts an epoch as soon as no other coordinator is active. Without `standby` it returns an error if another one is
+/// active, and waits only to find out if that one still renews its lock.
 pub(crate) async fn turn(store: &dyn Store, standby: bool) -> Result<Loaded, StoreError> {
     let mut seen = None;
     let mut reachable = true;
@@ -58,15 +59,15 @@ pub(crate) async fn turn(store: &dyn Store, standby: bool) -> Result<Loaded, Sto
                     return Err(StoreError::Active { epoch, stamp });
                 }
                 match seen.replace((epoch, stamp)) {
-                    None if standby => tracing::info!(at_work = epoch, "standby: another coordinator is at work"),
-                    None => tracing::info!(at_work = epoch, "looking whether another coordinator is still at work"),
+                    None if standby => tracing::info!(at_work = epoch, "standby: another coordinator is active"),
+                    None => tracing::info!(at_work = epoch, "checking if another coordinator is still active"),
                     Some(_) => {}
                 }
                 reachable = true;
             }
             Err(error @ StoreError::Unreachable { .. }) if standby => {
                 if std::mem::replace(&mut reachable, false) {
-                    tracing::warn!(%error, "standby");
+                    tracing::warn!(%error, "standby: can't reach the store");
                 }
             }
             turn => return turn,
@@ -75,7 +76,7 @@ pub(crate) async fn turn(store: &dyn Store, standby: bool) -> Result<Loaded, Sto
     }
 }
 
-/// Gives signs of life for as long as that is possible, and tells why it is not any more.
+/// Renews the lock on the store until that fails, and returns the error.
 pub(crate) async fn stay_in_touch(store: Arc<dyn Store>, epoch: u64) -> StoreError {
     let Some(every) = store.renew_every() else { return std::future::pending().await };
     loop {

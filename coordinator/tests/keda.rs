@@ -1,4 +1,4 @@
-//! The external scaler, asked as KEDA asks: by a client generated from its protocol.
+//! Tests of the external scaler with a client that is generated from KEDA's protocol.
 
 use coordinator::{Config, StoreUrl};
 use proto::externalscaler::external_scaler_client::ExternalScalerClient;
@@ -8,7 +8,7 @@ use proto::v1::{CancelJobRequest, SubmitJobRequest};
 use std::time::Duration;
 use tonic::Code;
 
-/// Any job that ships.
+/// Example job.
 const JOB: &str = include_str!("../../scenarios/jobs/quadropod-quick.toml");
 
 fn trigger(slots_per_worker: &str) -> ScaledObjectRef {
@@ -17,7 +17,7 @@ fn trigger(slots_per_worker: &str) -> ScaledObjectRef {
 }
 
 #[tokio::test]
-async fn keda_is_told_how_many_slots_the_jobs_could_use() {
+async fn scaler_reports_slots_that_jobs_could_use() {
     let keda = Some(telemetry::Bind { addr: ([127, 0, 0, 1], 0).into(), beyond_loopback: false });
     let running = coordinator::serve(Config { keda, ..Config::embedded(StoreUrl::Memory) }).await.unwrap();
     let url = format!("http://{}", running.keda_addr().unwrap());
@@ -33,9 +33,9 @@ async fn keda_is_told_how_many_slots_the_jobs_could_use() {
     let mut active = scaler.stream_is_active(trigger("4")).await.unwrap().into_inner();
     let mut next = async || {
         let change = tokio::time::timeout(Duration::from_secs(20), active.message()).await;
-        change.expect("a change is told within seconds").unwrap().expect("the stream goes on").result
+        change.expect("a change is reported within seconds").unwrap().expect("the stream stays open").result
     };
-    assert!(!next().await, "there is no job");
+    assert!(!next().await, "the scaler must be inactive without jobs");
     assert!(!scaler.is_active(trigger("4")).await.unwrap().into_inner().result);
 
     let submit = SubmitJobRequest { request_id: "r".to_owned(), job_toml: JOB.to_owned(), ..Default::default() };
@@ -56,7 +56,7 @@ async fn keda_is_told_how_many_slots_the_jobs_could_use() {
 }
 
 #[tokio::test]
-async fn the_demand_is_told_beyond_loopback_only_if_that_is_asked_for() {
+async fn scaler_beyond_loopback_requires_permission() {
     let keda = Some(telemetry::Bind { addr: ([0, 0, 0, 0], 0).into(), beyond_loopback: false });
     let refused = coordinator::serve(Config { keda, ..Config::embedded(StoreUrl::Memory) }).await.unwrap_err();
     assert!(refused.to_string().contains("--keda-insecure-bind"), "{refused}");

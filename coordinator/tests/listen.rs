@@ -1,4 +1,4 @@
-//! Addresses that the coordinator's process listens on: names of this machine, and the rules for those that others reach.
+//! Tests of the addresses that the coordinator listens on: host names, and the rules for addresses beyond loopback.
 
 use std::io::{BufRead as _, BufReader};
 use std::process::{Command, Stdio};
@@ -21,7 +21,7 @@ fn localhost_is_loopback() {
 }
 
 #[test]
-fn text_that_is_no_address_is_wrong_usage() {
+fn invalid_address_is_wrong_usage() {
     for option in ["--listen", "--metrics", "--keda"] {
         for wrong in ["localhost", "http://localhost:7077", "localhost:99999", "no-such-host.invalid:7077"] {
             let output = coordinator(&[option, wrong]).output().unwrap();
@@ -33,9 +33,9 @@ fn text_that_is_no_address_is_wrong_usage() {
 }
 
 #[test]
-fn name_that_other_machines_reach_needs_encryption() {
-    // Resolves to an address of all interfaces, as a name of this host would to one of them.
+fn address_beyond_loopback_requires_encryption() {
+    // The address of all interfaces stands for a name that resolves to an external address of this host.
     let output = coordinator(&["--listen", "0.0.0.0:0"]).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(!output.status.success() && said.contains("can be reached from other machines"), "{said}");
+    assert!(!output.status.success() && said.contains("other machines can reach"), "{said}");
 }

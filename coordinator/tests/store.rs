@@ -1,4 +1,4 @@
-//! What the coordinator's process says to a --store that can't keep jobs: it never starts on one.
+//! Tests of the errors for a --store that can't keep jobs: the coordinator must not start.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -9,7 +9,7 @@ fn coordinator(folder: &Path, store: &str) -> Output {
     command.output().expect("the coordinator starts")
 }
 
-/// Runs a coordinator that has to refuse its store and to leave the folder empty; returns its message.
+/// Runs a coordinator that must refuse its store and leave the folder empty. Returns its message.
 fn refused(store: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let Output { status, stdout, stderr } = coordinator(folder.path(), store);
@@ -20,7 +20,7 @@ fn refused(store: &str) -> String {
 }
 
 #[test]
-fn store_that_is_no_file_is_refused() {
+fn store_that_is_not_a_file_is_refused() {
     for store in
         ["sqlite::memory:", "sqlite::memory:?cache=shared", "sqlite:file::memory:", "sqlite:file:a.db?mode=memory"]
     {
@@ -28,14 +28,14 @@ fn store_that_is_no_file_is_refused() {
         assert!(said.contains(store) && said.contains("jobs that are not in a file are lost"), "{said}");
     }
     assert!(refused("sqlite:a.db?mode=memory").contains("has a '?'"));
-    assert!(refused("sqlite:").contains("names no store"));
+    assert!(refused("sqlite:").contains("is not a store URL"));
     assert!(refused("sqlite:.").contains("it is a folder"));
     assert!(refused("sqlite:none/a.db").contains("there is no folder none"));
     assert!(refused("sqlite:/dev/null").contains("it is a device, pipe or socket"));
 }
 
 #[test]
-fn store_that_can_not_be_written_is_named() {
+fn unwritable_store_is_named() {
     for store in ["sqlite:/proc/a.db", "sqlite:/proc/version", "sqlite:/sys/a.db"] {
         let said = refused(store);
         assert!(said.contains("can't be written") && said.contains("choose another place"), "{store}: {said}");

@@ -1,15 +1,15 @@
-//! Jobs whose robots are chains of bodies: the dearest there are to check and to settle.
+//! Jobs with robots that are chains of bodies: the most expensive ones to check and to settle.
 
 use sim_core::exchange;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::problem::Checked;
 use std::fmt::Write as _;
 
-/// Bodies of the longest chain, each with four boxes: as many as a robot may have.
+/// Bodies of the longest chain and boxes of each body: the most that a robot may have.
 const BODIES: usize = 64;
 const BOXES: usize = 4;
 
-/// A chain of bodies as MJCF.
+/// Returns a chain of bodies as MJCF.
 fn chain() -> String {
     let mut xml = String::from(r#"<mujoco model="chain"><worldbody><body name="b0" pos="0 0 1"><freejoint/>"#);
     for body in 0..BODIES {
@@ -33,26 +33,27 @@ fn spec(seed: u64, steps_per_second: u32, substeps: u32) -> JobSpec {
          planner = {{ iterations = 1 }}\nphysics = {{ engine = \"rapier\", joints = \"multibody\", damping = 0.0, \
          steps_per_second = {steps_per_second}, substeps = {substeps} }}"
     );
-    let spec: JobSpec = toml::from_str(&text).expect("a valid job");
-    let robot = exchange::read(&chain()).expect("a chain can be read").robot;
+    let spec: JobSpec = toml::from_str(&text).expect("the text is a valid job file");
+    let robot = exchange::read(&chain()).expect("the chain is valid MJCF").robot;
     JobSpec { robot: Reference::Inline(Box::new(robot)), ..spec }
 }
 
-/// A job that would take hours to settle: 64 bodies of 4 boxes in reduced coordinates without damping, so many steps a second
-/// with so many substeps.
+/// Returns a job that would take hours to settle: 64 bodies of 4 boxes, in reduced coordinates without damping, at the
+/// given steps per second and substeps.
 pub fn chain_job(seed: u64, steps_per_second: u32, substeps: u32) -> String {
-    toml::to_string(&spec(seed, steps_per_second, substeps)).expect("a job can be written")
+    toml::to_string(&spec(seed, steps_per_second, substeps)).expect("a job can be written as TOML")
 }
 
-/// The dearest job of the same robot whose preparation is within its budget.
+/// Returns the most expensive job of the same robot with a preparation within the budget. Finds its steps per second by
+/// bisection.
 pub fn dearest_job(seed: u64) -> String {
     let fits = |steps: u32| Checked::new(spec(seed, steps, 1)).is_ok();
     let (mut least, mut most) = (1, 1000);
-    assert!(!fits(most), "the budget is no limit for this robot");
+    assert!(!fits(most), "1000 steps per second must exceed the budget of a preparation");
     while most - least > 1 {
         let middle = least.midpoint(most);
         *(if fits(middle) { &mut least } else { &mut most }) = middle;
     }
-    assert!(fits(least), "no job of this robot is within its budget");
+    assert!(fits(least), "one step per second must be within the budget of a preparation");
     chain_job(seed, least, 1)
 }

@@ -1,4 +1,4 @@
-//! A job through crashes: its coordinator dies at every commit of the job's life, and nothing that was told is lost.
+//! Runs a job while its coordinator crashes at every commit of the job. All acknowledged states must survive.
 
 use crate::sandbox::{PATIENCE, Process, Sandbox};
 use proto::v1::{
@@ -9,63 +9,65 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 use tonic::Status;
 
-/// Where a coordinator dies, see `coordinator/src/fail_point.rs`: each life commits once at most, so that every commit is
-/// one at which it dies, before, in the middle of, or after it.
+/// Fail points at which a coordinator crashes, see `coordinator/src/fail_point.rs`. Each process commits at most once,
+/// so that it crashes at every commit: before, during or after it.
 pub const POINTS: [&str; 4] = ["after-commit:1", "in-commit:2", "in-commit:1", "before-commit:2"];
 
-/// What the client is after.
+/// Goal of the client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wish {
-    /// The job's result.
+    /// Get the job's result.
     Result,
-    /// To pause and resume it until so many of these have been found again after a death, and then its result.
+    /// Pause and resume the job until this many of these calls were found stored after a crash, then get its result.
     Pauses(u32),
-    /// Its end, once a generation is sealed.
+    /// Cancel the job once a generation is sealed.
     Cancel,
 }
 
 impl Wish {
-    /// Whether nobody has to die any more.
+    /// Returns true if no further crash is needed.
     fn is_fulfilled(self, passed: &Passed) -> bool {
         matches!(self, Self::Pauses(times) if passed.kept >= times)
     }
 }
 
-/// What became of it.
+/// Outcome of a run.
 #[derive(Debug, Default)]
 pub struct Passed {
-    /// The result digest; empty for a cancelled job.
+    /// Result digest; empty for a cancelled job.
     pub digest: Vec<u8>,
-    /// How often the coordinator died.
+    /// Number of crashes.
     pub lives: usize,
-    /// Pauses and resumptions that were answered and found again after the coordinator had died.
+    /// Pauses and resumptions that were acknowledged and found stored after a crash.
     pub kept: u32,
-    /// Those that were not answered, since it died.
+    /// Pauses and resumptions that failed because the coordinator crashed.
     pub unanswered: u32,
 }
 
-/// What has been told to a client so far, and must never be taken back.
+/// States that were reported to the client so far. They must never be lost.
 #[derive(Default)]
 struct Told {
     job: Option<Job>,
-    /// Most tasks that were told as done in the round at hand.
+    /// Largest number of done tasks reported for the current round.
     round_done: u32,
     cancelled: bool,
-    /// Whether it is paused, and in which life that was answered; `None` while that is in doubt.
+    /// Last acknowledged pause state and the number of the coordinator process that confirmed it. None while a call is
+    /// open.
     paused: Option<(bool, usize)>,
-    /// Pauses and resumptions that were answered.
+    /// Number of acknowledged pauses and resumptions.
     answered: u32,
 }
 
 impl Told {
-    /// Checks what is told now against what was told before.
+    /// Checks a reported job against the reports before.
     fn hear(&mut self, now: Job) {
         if let Some(before) = &self.job {
-            assert_eq!(now.id, before.id, "the same request is the same job");
+            assert_eq!(now.id, before.id, "equal request ids must give one job");
             assert!(now.last_event >= before.last_event, "{now:?} after {before:?}");
             assert!(now.rounds_sealed >= before.rounds_sealed, "{now:?} after {before:?}");
             if now.last_event == before.last_event {
-                // The round is read a moment after the record: it belongs to it only if the record stands still.
+                // The coordinator reads the round after the record. The round's count belongs to the record only if the
+                // record has not changed since.
                 assert!(before.tasks_done >= self.round_done, "{before:?} after {} were done", self.round_done);
                 self.round_done = before.tasks_done;
             } else {
@@ -75,9 +77,10 @@ impl Told {
         self.job = Some(now);
     }
 
-    /// Checks that what was answered about pausing holds. Tells whether that was before this life.
+    /// Checks the pause state against the last acknowledged one. Returns true if that was confirmed by an earlier
+    /// process.
     fn hear_paused(&mut self, now: &Job, life: usize) -> bool {
-        // What runs may finish, so it may end; and that ends a pause.
+        // Running tasks may complete, so the job may end. That also ends a pause.
         if now.state() == JobState::Succeeded {
             return false;
         }
@@ -85,13 +88,13 @@ impl Told {
             self.paused = Some((now.paused, life));
             return false;
         };
-        assert_eq!(now.paused, paused, "life {life}: it was answered in life {since}");
+        assert_eq!(now.paused, paused, "process {life}: pause state differs from that confirmed by process {since}");
         self.paused = Some((paused, life));
         since < life
     }
 }
 
-/// Runs a job while its coordinator dies at every commit, at these points in turn.
+/// Runs a job while its coordinator crashes at every commit, at the given fail points in turn.
 pub async fn through_crashes(
     sandbox: &mut Sandbox,
     arguments: &[&str],
@@ -104,37 +107,37 @@ pub async fn through_crashes(
     let (mut told, mut passed) = (Told::default(), Passed::default());
     let start = Instant::now();
     for point in points.into_iter().cycle() {
-        assert!(start.elapsed() < PATIENCE, "no end after {} lives", passed.lives);
+        assert!(start.elapsed() < PATIENCE, "the job did not end after {} crashes", passed.lives);
         let mut command = sandbox.coordinator_command();
         command.args(arguments);
         if !wish.is_fulfilled(&passed) {
             command.env("EVOGAIT_FAIL_POINT", point);
         }
-        // It may die before it says where it listens.
+        // The coordinator may crash before it prints its address.
         let mut coordinator = Process::start(command.stdout(Stdio::null()));
         match live(sandbox, &mut coordinator, &mut told, &mut passed, toml, wish).await {
             Life::Over => return passed,
-            // As if by the last of the points: what was answered is all there is.
+            // Like `after-commit`: only the answer has been sent, and nothing else since.
             Life::Kill => coordinator.kill_9(),
-            Life::Died => assert_eq!(coordinator.wait(), None, "it died, rather than end"),
+            Life::Died => assert_eq!(coordinator.wait(), None, "the coordinator must crash, not exit"),
         }
         passed.lives += 1;
     }
-    unreachable!("points come without end")
+    unreachable!("the points repeat without end")
 }
 
-/// How a life of a coordinator ends.
+/// End of a coordinator process.
 #[derive(PartialEq)]
 enum Life {
-    /// By itself.
+    /// Crash at a fail point.
     Died,
-    /// By the test, to see whether what was answered last is kept.
+    /// Kill by the test, to check that the last answer is stored.
     Kill,
-    /// Never: there is what was wished for.
+    /// The goal is reached.
     Over,
 }
 
-/// One life of the coordinator: asks until it dies, or until there is nothing more to ask.
+/// Calls the coordinator until it crashes or the goal is reached.
 async fn live(
     sandbox: &Sandbox,
     coordinator: &mut Process,
@@ -145,8 +148,8 @@ async fn live(
 ) -> Life {
     let start = Instant::now();
     while !coordinator.has_ended() {
-        assert!(start.elapsed() < PATIENCE, "neither death nor result: {:?}", told.job);
-        // No answer: it is about to die, or not yet there.
+        assert!(start.elapsed() < PATIENCE, "neither a crash nor a result in time: {:?}", told.job);
+        // An error means that the coordinator is about to crash or does not listen yet.
         if let Ok(Some(end)) = ask(sandbox, told, passed, toml, wish).await {
             return end;
         }
@@ -165,39 +168,40 @@ async fn ask(
     let mut client = sandbox.client();
     let Some(job) = told.job.clone() else {
         let request = SubmitJobRequest { request_id: "r".to_owned(), job_toml: toml.to_owned(), priority: 0 };
-        told.hear(client.submit_job(request).await?.into_inner().job.expect("an answer has the job"));
+        told.hear(client.submit_job(request).await?.into_inner().job.expect("the response has the job"));
         return Ok(None);
     };
     let id = job.id;
     let answer = client.get_job(GetJobRequest { id: id.clone() }).await.inspect_err(|status| {
-        assert_ne!(status.code(), tonic::Code::NotFound, "what was taken in is there");
+        assert_ne!(status.code(), tonic::Code::NotFound, "an acknowledged job must be stored");
     })?;
-    let now = answer.into_inner().job.expect("an answer has the job");
+    let now = answer.into_inner().job.expect("the response has the job");
     told.hear(now.clone());
     passed.kept += u32::from(told.hear_paused(&now, passed.lives));
     if told.cancelled {
-        assert_eq!(now.state(), JobState::Cancelled, "cancel is final");
+        assert_eq!(now.state(), JobState::Cancelled, "a cancelled job must stay cancelled");
         return Ok(Some(Life::Over));
     }
     match wish {
         Wish::Cancel if now.rounds_sealed > 1 => {
-            let answer = client.cancel_job(CancelJobRequest { id }).await?.into_inner().job.expect("the job");
+            let answer =
+                client.cancel_job(CancelJobRequest { id }).await?.into_inner().job.expect("the response has the job");
             assert_eq!(answer.state(), JobState::Cancelled);
             told.cancelled = true;
             return Ok(Some(Life::Kill));
         }
         Wish::Pauses(times) if now.state() != JobState::Succeeded && (passed.kept < times || now.paused) => {
-            // Until it is answered it may be so or so.
+            // Until the call is answered, either state is valid.
             told.paused = None;
             let answer = match now.paused {
                 false => client.pause_job(PauseJobRequest { id }).await.map(|a| a.into_inner().job),
                 true => client.resume_job(ResumeJobRequest { id }).await.map(|a| a.into_inner().job),
             };
-            let job = answer.inspect_err(|_| passed.unanswered += 1)?.expect("an answer has the job");
+            let job = answer.inspect_err(|_| passed.unanswered += 1)?.expect("the response has the job");
             assert!(job.paused != now.paused || job.state() == JobState::Succeeded, "{job:?}");
             told.paused = Some((!now.paused, passed.lives));
             told.answered += 1;
-            // Every other time nothing else comes between the answer and the death.
+            // After every other answer the coordinator is killed at once.
             return Ok((told.answered % 2 == 1).then_some(Life::Kill));
         }
         _ => {}
@@ -210,7 +214,7 @@ async fn ask(
     Ok(None)
 }
 
-/// What a cancelled job must stand, whichever point its cancellation falls on.
+/// Checks that a cancelled job stays cancelled, with its cancellation at each of the fail points in turn.
 pub async fn cancelled_through_crashes(new: impl Fn() -> Sandbox, arguments: &[&str], toml: &str) {
     for first in 0..POINTS.len() {
         let points = (first..first + POINTS.len()).map(|i| POINTS[i % POINTS.len()]);
@@ -219,11 +223,11 @@ pub async fn cancelled_through_crashes(new: impl Fn() -> Sandbox, arguments: &[&
     }
 }
 
-/// What a job must stand that is paused and resumed; tells its result digest.
+/// Checks that pauses and resumptions survive crashes, and returns the result digest.
 pub async fn paused_through_crashes(sandbox: &mut Sandbox, arguments: &[&str], toml: &str) -> Vec<u8> {
     let wish = Wish::Pauses(POINTS.len() as u32);
     let passed = through_crashes(sandbox, arguments, toml, wish, POINTS).await;
-    assert!(passed.kept as usize >= POINTS.len(), "it ended too early: {passed:?}");
-    assert!(passed.unanswered > 0, "no death fell on a pause: {passed:?}");
+    assert!(passed.kept as usize >= POINTS.len(), "the job ended before enough pauses were checked: {passed:?}");
+    assert!(passed.unanswered > 0, "no crash interrupted a pause: {passed:?}");
     passed.digest
 }

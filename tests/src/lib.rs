@@ -1,4 +1,4 @@
-//! Tests across processes: real coordinators and workers, talking over loopback, killed at will.
+//! Tests across processes: real coordinators and workers, connected over loopback and killed at any time.
 
 pub mod certificates;
 pub mod chains;

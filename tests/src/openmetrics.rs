@@ -1,12 +1,12 @@
-//! Reads OpenMetrics text, strictly: what Prometheus would take with a shrug is an error here.
+//! Strict parser of OpenMetrics text. It also refuses faults that Prometheus tolerates.
 //! <https://github.com/prometheus/OpenMetrics/blob/main/specification/OpenMetrics.md>
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A scrape: value by series, written as it stands in the text: `name{label="value"}`.
+/// Scrape: values by series. A series is written as in the text: `name{label="value"}`.
 pub type Series = BTreeMap<String, f64>;
 
-/// One family of metrics, as it is being read.
+/// Metric family that is being read.
 #[derive(Default)]
 struct Family {
     name: String,
@@ -15,19 +15,20 @@ struct Family {
     help: bool,
 }
 
-/// Reads a scrape, or says what is wrong with it.
+/// Reads a scrape. The error names the fault and the line.
 pub fn parse(text: &str) -> Result<Series, String> {
-    let body = text.strip_suffix("# EOF\n").ok_or("it does not end with # EOF")?;
+    let body = text.strip_suffix("# EOF\n").ok_or("the text must end with \"# EOF\"")?;
     let (mut series, mut seen) = (Series::new(), BTreeSet::new());
     let mut family = Family::default();
     for line in body.lines() {
         let wrong = |why: &str| format!("{why}: {line}");
         if let Some(rest) = line.strip_prefix("# ") {
-            let (what, rest) = rest.split_once(' ').ok_or_else(|| wrong("what does it say"))?;
-            let (name, text) = rest.split_once(' ').ok_or_else(|| wrong("about what"))?;
+            let (what, rest) =
+                rest.split_once(' ').ok_or_else(|| wrong("a comment needs a keyword, a name and a text"))?;
+            let (name, text) = rest.split_once(' ').ok_or_else(|| wrong("a comment needs a name and a text"))?;
             if name != family.name {
                 if !seen.insert(name.to_owned()) || !is_name(name) {
-                    return Err(wrong("a family in two pieces, or with a bad name"));
+                    return Err(wrong("a family must have a valid name and must not be split"));
                 }
                 family = Family { name: name.to_owned(), ..Family::default() };
             }
@@ -41,17 +42,18 @@ pub fn parse(text: &str) -> Result<Series, String> {
                 _ => false,
             };
             if !fresh {
-                return Err(wrong("a bad or repeated description"));
+                return Err(wrong("bad or repeated HELP, TYPE or UNIT"));
             }
             continue;
         }
-        let (key, value) = line.rsplit_once(' ').ok_or_else(|| wrong("a sample without a value"))?;
-        let value: f64 = value.parse().map_err(|_| wrong("not a number"))?;
+        let (key, value) = line.rsplit_once(' ').ok_or_else(|| wrong("a sample needs a value"))?;
+        let value: f64 = value.parse().map_err(|_| wrong("the value must be a number"))?;
         let (name, labels) = match key.split_once('{') {
-            Some((name, labels)) => (name, labels.strip_suffix('}').ok_or_else(|| wrong("open braces"))?),
+            Some((name, labels)) => (name, labels.strip_suffix('}').ok_or_else(|| wrong("missing closing brace"))?),
             None => (key, ""),
         };
-        let suffix = name.strip_prefix(&family.name).ok_or_else(|| wrong("a sample outside its family"))?;
+        let suffix =
+            name.strip_prefix(&family.name).ok_or_else(|| wrong("a sample must follow its family's description"))?;
         let fits = match family.kind.as_str() {
             "counter" => suffix == "_total" && value >= 0.0,
             "gauge" => suffix.is_empty(),
@@ -59,13 +61,13 @@ pub fn parse(text: &str) -> Result<Series, String> {
             _ => false,
         };
         if !fits || !family.help {
-            return Err(wrong("not what its family promises, or its family has no HELP"));
+            return Err(wrong("the suffix or value does not fit the type, or the family has no HELP"));
         }
         if !labels.is_empty() && !labels.split("\",").all(is_label) {
-            return Err(wrong("a bad label"));
+            return Err(wrong("bad label"));
         }
         if series.insert(key.to_owned(), value).is_some() {
-            return Err(wrong("a series twice"));
+            return Err(wrong("a series must appear once"));
         }
         if suffix == "_bucket" {
             bucket(&series, name, labels, value).map_err(wrong)?;
@@ -77,21 +79,21 @@ pub fn parse(text: &str) -> Result<Series, String> {
     Ok(series)
 }
 
-/// What the last bucket says, where it came before.
+/// Returns the value of the last bucket if it came before.
 fn last_bucket(series: &Series, family: &str, labels: &str) -> Option<f64> {
     let labels = if labels.is_empty() { String::new() } else { format!("{labels},") };
     series.get(&format!("{family}_bucket{{{labels}le=\"+Inf\"}}")).copied()
 }
 
-/// Buckets are cumulative, and the last one is all there is.
+/// Checks that buckets are cumulative and that the last one equals `_count`.
 fn bucket(series: &Series, name: &str, labels: &str, value: f64) -> Result<(), &'static str> {
-    let bound = labels.split("le=\"").nth(1).and_then(|l| l.split('"').next()).ok_or("a bucket without le")?;
-    let bound: f64 = if bound == "+Inf" { f64::INFINITY } else { bound.parse().map_err(|_| "le is no number")? };
+    let bound = labels.split("le=\"").nth(1).and_then(|l| l.split('"').next()).ok_or("a bucket needs the label le")?;
+    let bound: f64 = if bound == "+Inf" { f64::INFINITY } else { bound.parse().map_err(|_| "le must be a number")? };
     for (key, other) in series.range(format!("{name}{{")..).take_while(|(k, _)| k.starts_with(name)) {
         let other_bound = key.split("le=\"").nth(1).and_then(|l| l.split('"').next()).unwrap_or("");
-        let other_bound: f64 = other_bound.replace("+Inf", "inf").parse().map_err(|_| "le is no number")?;
+        let other_bound: f64 = other_bound.replace("+Inf", "inf").parse().map_err(|_| "le must be a number")?;
         if other_bound < bound && *other > value {
-            return Err("a bucket with less than the one below it");
+            return Err("a bucket must not be smaller than the one below it");
         }
     }
     let count = series.get(&name.replace("_bucket", "_count"));
@@ -117,7 +119,7 @@ mod tests {
     use super::parse;
 
     #[test]
-    fn what_is_no_openmetrics_is_refused() {
+    fn invalid_openmetrics_text_is_refused() {
         let good = "# HELP a_x Some x.\n# TYPE a_x counter\na_x_total{why=\"lost\",who=\"b\"} 3\na_x_total{why=\"y\"} 4\n# EOF\n";
         assert_eq!(parse(good).unwrap()["a_x_total{why=\"y\"}"], 4.0);
         let wrong = [

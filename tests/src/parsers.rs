@@ -1,5 +1,5 @@
-//! Every parser as a function of bytes: what `fuzz/` feeds, and what the recorded inputs in `fuzz/regressions` are run
-//! through. A parser may refuse; it may not panic, hang or take memory without bound.
+//! All parsers as functions of bytes, for the fuzzer in `fuzz/` and for the recorded inputs in `fuzz/regressions`. A
+//! parser may refuse its input. It must not panic, hang or use unbounded memory.
 
 use crate::sandbox::{planning_job, simulating_job, tiny_job};
 use prost::Message;
@@ -18,10 +18,10 @@ use sim_core::procedure::{self, Bench, Hooks, Procedure};
 use sim_core::procedure::{evolve, plan, simulate};
 use std::sync::{Arc, LazyLock};
 
-/// A parser.
+/// Parser under test.
 pub type Parser = fn(&[u8]);
 
-/// All of them, by name.
+/// All parsers, by name.
 pub const PARSERS: &[(&str, Parser)] = &[
     ("job", job),
     ("job-spec", job_spec),
@@ -43,7 +43,7 @@ pub const PARSERS: &[(&str, Parser)] = &[
     ("addresses", addresses),
 ];
 
-/// Inputs that a parser takes, to begin with.
+/// Returns valid inputs of a parser, from which the fuzzer starts.
 pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
     let shipped = |entries: &[Entry]| entries.iter().map(|entry| entry.toml.as_bytes().to_vec()).collect();
     match parser {
@@ -135,7 +135,7 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
     }
 }
 
-/// Texts as long as they may be; longer ones are refused before anybody reads them.
+/// Passes texts up to the allowed length on to the parser; longer ones are refused before parsing.
 fn with_text(bytes: &[u8], read: impl Fn(&str)) {
     if let Ok(text) = std::str::from_utf8(bytes)
         && text.len() <= MAX_TOML_LENGTH
@@ -144,12 +144,12 @@ fn with_text(bytes: &[u8], read: impl Fn(&str)) {
     }
 }
 
-/// A whole job, robot settled and all.
+/// Reads a whole job and settles its robot.
 fn job(bytes: &[u8]) {
     with_text(bytes, |text| {
         if let Ok(job) = Job::from_toml(text) {
-            let again = Job::from_toml(&job.to_toml()).expect("a job that was read is written so that it can be read");
-            assert_eq!(again.digest(), job.digest(), "what is written out is the same job");
+            let again = Job::from_toml(&job.to_toml()).expect("a written job can be read again");
+            assert_eq!(again.digest(), job.digest(), "a written job must have the same digest");
         }
     });
 }
@@ -166,11 +166,11 @@ fn robot(bytes: &[u8]) {
     });
 }
 
-/// MJCF and URDF.
+/// Reads a robot as MJCF or URDF.
 fn exchanged(bytes: &[u8]) {
     with_text(bytes, |text| {
         if let Ok(import) = exchange::read(text) {
-            Robot::compile(&import.robot).expect("a robot that was imported is a robot");
+            Robot::compile(&import.robot).expect("an imported robot compiles");
         }
     });
 }
@@ -183,7 +183,7 @@ fn fidelity(bytes: &[u8]) {
     with_text(bytes, |text| drop(Known::from_toml(text)));
 }
 
-/// Everything else that crosses the wire.
+/// Reads the other messages of the protocol. The first byte selects the type.
 fn messages(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;
@@ -203,27 +203,27 @@ fn messages(bytes: &[u8]) {
     }
 }
 
-/// A small job and what its rounds look like as bytes.
+/// Small job with encoded data of its rounds.
 struct Example {
     problem: Checked,
-    /// Its preparation, as all later tasks share it.
+    /// Encoded preparation, which all later tasks share.
     preparation: Vec<u8>,
-    /// The result of round 0.
+    /// Result of round 0.
     outcome: Vec<u8>,
-    /// Before round 1.
+    /// Saved state before round 1.
     prepared: Vec<u8>,
-    /// Before round 0 and before round 1.
+    /// Saved states before round 0 and before round 1.
     states: Vec<Vec<u8>>,
-    /// Of round 1.
+    /// Tasks of round 1.
     tasks: Vec<Vec<u8>>,
     results: Vec<Vec<u8>>,
 }
 
-/// One a procedure.
+/// Examples, one per procedure.
 static EXAMPLES: LazyLock<[Example; 3]> =
     LazyLock::new(|| [tiny_job(1, 2), planning_job(1, 2), simulating_job(1, 2)].map(|job_toml| Example::of(&job_toml)));
 
-/// Lets everything run to its end.
+/// Hooks that let every task run to its end.
 struct Patient;
 
 impl Hooks for Patient {
@@ -234,16 +234,17 @@ impl Hooks for Patient {
 
 impl Example {
     fn of(job_toml: &str) -> Self {
-        let problem = Checked::from_toml(job_toml).expect("a valid job");
-        let bench = Bench::of(problem.clone()).expect("a valid job");
-        let mut procedure = procedure::start(&problem).expect("a valid job");
+        let problem = Checked::from_toml(job_toml).expect("the text is a valid job file");
+        let bench = Bench::of(problem.clone()).expect("a checked job has a bench");
+        let mut procedure = procedure::start(&problem).expect("a checked job has a procedure");
         let before = procedure.save();
-        let outcome = bench.run(0, &[], &[(0, procedure.task(0))], &Patient).expect("it runs").swap_remove(0);
+        let outcome =
+            bench.run(0, &[], &[(0, procedure.task(0))], &Patient).expect("the preparation runs").swap_remove(0);
         let _ = procedure.tell(&[outcome.clone().into()]);
         let round = procedure.round();
         let tasks: Vec<Vec<u8>> = (0..round.tasks).map(|index| procedure.task(index)).collect();
         let numbered: Vec<(u32, Vec<u8>)> = (0..).zip(tasks.clone()).collect();
-        let results = bench.run(round.number, &round.shared, &numbered, &Patient).expect("it runs");
+        let results = bench.run(round.number, &round.shared, &numbered, &Patient).expect("the tasks of round 1 run");
         let prepared = procedure.save();
         let states = vec![before, prepared.clone()];
         Self { problem, preparation: round.shared.to_vec(), outcome, prepared, states, tasks, results }
@@ -254,49 +255,49 @@ impl Example {
     }
 }
 
-/// A task, as a worker reads it.
+/// Reads a task as a worker does.
 fn task(bytes: &[u8]) {
     let evolves = evolve::Task::decode(bytes).map(|task| task.encode());
     let plans = plan::Task::decode(bytes).map(|task| task.encode());
     let simulates = simulate::Task::decode(bytes).map(|task| task.encode());
     for encoded in [evolves, plans, simulates].into_iter().flatten() {
-        assert_eq!(encoded, bytes, "a task has one encoding");
+        assert_eq!(encoded, bytes, "a task must have one encoding");
     }
 }
 
-/// A result of a task, as a coordinator reads and checks it.
+/// Reads and checks a task result as a coordinator does.
 fn task_result(bytes: &[u8]) {
     let evolved = evolve::TaskResult::decode(bytes).map(|result| result.encode());
     let planned = plan::TaskResult::decode(bytes).map(|result| result.encode());
     let simulated = simulate::TaskResult::decode(bytes).map(|result| result.encode());
     for (example, decoded) in EXAMPLES.iter().zip([evolved, planned, simulated]) {
-        let procedure = example.procedure(&example.prepared).expect("what was saved can be loaded");
+        let procedure = example.procedure(&example.prepared).expect("a saved state can be loaded");
         let checked = procedure.check(0, bytes);
         let _ = procedure.show(bytes);
         match decoded {
-            Ok(encoded) => assert_eq!(encoded, bytes, "a result has one encoding"),
-            Err(_) => assert!(checked.is_err(), "what can't be read is refused"),
+            Ok(encoded) => assert_eq!(encoded, bytes, "a result must have one encoding"),
+            Err(_) => assert!(checked.is_err(), "an unreadable result must be refused"),
         }
     }
 }
 
-/// The result of round 0, and what later rounds share.
+/// Reads the result of round 0 and the data that later rounds share.
 fn preparation(bytes: &[u8]) {
     if let Ok(outcome) = Outcome::decode(bytes) {
-        assert_eq!(outcome.encode(), bytes, "an outcome has one encoding");
+        assert_eq!(outcome.encode(), bytes, "an outcome must have one encoding");
     }
     let decoded = Preparation::decode(bytes);
     for example in EXAMPLES.iter() {
         if let Ok(preparation) = &decoded {
-            assert_eq!(preparation.encode(), bytes, "a preparation has one encoding");
+            assert_eq!(preparation.encode(), bytes, "a preparation must have one encoding");
             let _ = example.problem.takes(preparation);
         }
-        let preparing = procedure::start(&example.problem).expect("a valid job");
+        let preparing = procedure::start(&example.problem).expect("a checked job has a procedure");
         let _ = (preparing.check(0, bytes), preparing.show(bytes));
     }
 }
 
-/// A saved state of a job, and the round that it is in.
+/// Loads a saved state of a job and its round.
 fn state(bytes: &[u8]) {
     for example in EXAMPLES.iter() {
         let Some(mut procedure) = example.procedure(bytes) else { continue };
@@ -320,7 +321,7 @@ fn token(bytes: &[u8]) {
 fn addresses(bytes: &[u8]) {
     with_text(bytes, |text| {
         if let Ok(addresses) = text.parse::<Addresses>() {
-            assert_eq!(addresses.to_string().parse(), Ok(addresses), "written out it is the same");
+            assert_eq!(addresses.to_string().parse(), Ok(addresses), "written addresses must be equal when read again");
         }
     });
 }

@@ -1,8 +1,8 @@
-//! A network that can be spoilt: a TCP proxy between two processes.
+//! TCP proxy between two processes that can disturb the connection.
 //!
-//! TCP itself neither loses, doubles nor reorders what gets through, so a bad network is one that is slow, stands still in
-//! one direction or both, or ends connections. What stood still arrives once the direction is open again, as TCP's own
-//! repetitions would bring it.
+//! TCP does not lose, duplicate or reorder data. A bad network is therefore one that is slow, blocks one direction or
+//! both, or ends connections. Blocked data arrives once the direction is open again, as after TCP's own
+//! retransmissions.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -14,29 +14,29 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::watch;
 
-/// Which way bytes go.
+/// Direction of data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// From those who dialed the proxy to where it leads.
+    /// From the client that dialed the proxy to the upstream server.
     Up,
-    /// Back.
+    /// From the upstream server to the client.
     Down,
 }
 
-/// How it is today.
+/// State of the simulated network.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Weather {
-    /// Bytes stand still on their way up.
+    /// Data from the client is held back.
     pub up_blocked: bool,
-    /// Bytes stand still on their way down.
+    /// Data to the client is held back.
     pub down_blocked: bool,
-    /// Added to each piece of data, either way.
+    /// Delay of each piece of data in either direction.
     pub delay: Duration,
-    /// Bytes a second and connection, either way; 0: as many as there are.
+    /// Bytes per second of each connection in either direction; 0: unlimited.
     pub bytes_per_second: u32,
-    /// Counts the times that all connections were cut.
+    /// Number of times that all connections were cut.
     cuts: u64,
-    /// Connections made before this many were accepted bring nothing any more.
+    /// Number of lost connections: the ones accepted before this count transmit nothing.
     lost_before: u64,
 }
 
@@ -50,29 +50,29 @@ impl Weather {
     }
 }
 
-/// The proxy. Lives on a thread of its own, so that a test may block.
+/// TCP proxy. Runs on its own thread, so that a test may block.
 pub struct Proxy {
     address: SocketAddr,
     weather: watch::Sender<Weather>,
-    /// Counts the connections.
+    /// Number of accepted connections.
     accepted: Arc<AtomicU64>,
-    /// Dropped in the background: a test's own runtime may be around it.
+    /// Shut down in the background on drop, because a test may drop the proxy inside its own runtime.
     runtime: Option<Runtime>,
 }
 
 impl Proxy {
-    /// A proxy that leads to an address, in good weather.
+    /// Starts an undisturbed proxy to an address.
     pub fn to(upstream: &str) -> Self {
         let upstream: Arc<str> = upstream.trim_start_matches("http://").into();
-        let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().expect("a runtime");
+        let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().expect("the runtime starts");
         let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
-        listener.set_nonblocking(true).expect("a socket can be set");
-        let address = listener.local_addr().expect("it has an address");
+        listener.set_nonblocking(true).expect("the socket can be made non-blocking");
+        let address = listener.local_addr().expect("a bound socket has an address");
         let (weather, watching) = watch::channel(Weather::default());
         let accepted = Arc::<AtomicU64>::default();
         let counter = accepted.clone();
         runtime.spawn(async move {
-            let listener = TcpListener::from_std(listener).expect("a listener");
+            let listener = TcpListener::from_std(listener).expect("the listener can be registered with tokio");
             while let Ok((near, _)) = listener.accept().await {
                 let connection = counter.fetch_add(1, Ordering::Relaxed);
                 tokio::spawn(serve(connection, near, upstream.clone(), watching.clone()));
@@ -81,17 +81,17 @@ impl Proxy {
         Self { address, weather, accepted, runtime: Some(runtime) }
     }
 
-    /// Where to dial.
+    /// Returns the URL to dial.
     pub fn url(&self) -> String {
         format!("http://{}", self.address)
     }
 
-    /// The port to dial, on loopback.
+    /// Returns the port to dial, on loopback.
     pub fn port(&self) -> u16 {
         self.address.port()
     }
 
-    /// Stops a direction, or lets it go on with all that has waited.
+    /// Blocks a direction, or opens it and delivers the data that was held back.
     pub fn block(&self, direction: Direction, blocked: bool) {
         self.weather.send_modify(|weather| match direction {
             Direction::Up => weather.up_blocked = blocked,
@@ -99,23 +99,23 @@ impl Proxy {
         });
     }
 
-    /// Slows everything down.
+    /// Delays all data and limits the rate.
     pub fn slow(&self, delay: Duration, bytes_per_second: u32) {
         self.weather.send_modify(|weather| (weather.delay, weather.bytes_per_second) = (delay, bytes_per_second));
     }
 
-    /// Connections that stand bring nothing any more, and nobody is told; new ones are not touched.
+    /// Silently stops all data on existing connections, without closing them. New connections are unaffected.
     pub fn lose(&self) {
         let accepted = self.accepted.load(Ordering::Relaxed);
         self.weather.send_modify(|weather| weather.lost_before = accepted);
     }
 
-    /// Ends all connections that stand.
+    /// Ends all existing connections.
     pub fn cut(&self) {
         self.weather.send_modify(|weather| weather.cuts += 1);
     }
 
-    /// Good weather again; connections that stand go on, but for those that are lost.
+    /// Ends all disturbances. Existing connections continue, except lost ones.
     pub fn heal(&self) {
         self.weather.send_modify(|weather| {
             *weather = Weather { cuts: weather.cuts, lost_before: weather.lost_before, ..Weather::default() };
@@ -131,7 +131,7 @@ impl Drop for Proxy {
     }
 }
 
-/// One connection, until a side ends it or it is cut.
+/// Serves one connection until a side ends it or it is cut.
 async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, weather: watch::Receiver<Weather>) {
     let cuts = weather.borrow().cuts;
     let Ok(far) = TcpStream::connect(&*upstream).await else { return };
@@ -140,7 +140,8 @@ async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, weather: wa
     let ((near_read, near_write), (far_read, far_write)) = (near.into_split(), far.into_split());
     let mut cut = weather.clone();
     tokio::select! {
-        // First: what stands still does not slip through when a connection is cut and the weather gets better at once.
+        // Cuts are checked first: otherwise blocked data could pass if the connection is cut and the block ends at
+        // once.
         biased;
         _ = cut.wait_for(|weather| weather.cuts != cuts) => {}
         () = pass(near_read, far_write, weather.clone(), Direction::Up, connection) => {}
@@ -162,7 +163,7 @@ async fn pass(
         if delay + rate > Duration::ZERO {
             tokio::time::sleep(delay + rate).await;
         }
-        // The proxy is gone if nobody makes the weather any more.
+        // An error means that the proxy was dropped.
         if weather.wait_for(|weather| !weather.is_blocked(direction, connection)).await.is_err()
             || to.write_all(&buffer[..count]).await.is_err()
         {

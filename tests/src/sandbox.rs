@@ -1,4 +1,4 @@
-//! Real coordinator and worker processes in a folder of their own, on ports of their own.
+//! Real coordinator and worker processes with their own folder and ports.
 
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
@@ -16,28 +16,28 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tonic::transport::{Channel, Endpoint};
 
-/// No test waits longer than this for anything.
+/// Limit on every wait of a test.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// The folder of the binaries, built once a test process with the profile that the tests have.
+/// Returns the folder of the binaries. Builds them once per test process, with the profile of the tests.
 fn binaries() -> &'static Path {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     BUILT.get_or_init(|| {
         // A test runs from TARGET/PROFILE/deps, a program of this package from TARGET/PROFILE.
-        let own = std::env::current_exe().expect("a process knows its program");
-        let mut folder = own.parent().expect("a program lies in a folder").to_owned();
-        // Whoever started such a program built the others, too.
+        let own = std::env::current_exe().expect("the path of the running program is known");
+        let mut folder = own.parent().expect("a program is in a folder").to_owned();
+        // A program of this package was built together with the others.
         if !folder.ends_with("deps") {
             return folder;
         }
         folder.pop();
         let mut build = Command::new(cargo());
-        // The whole workspace with its tests, as `cargo test` built it: else dependencies, physics among them, would be built
-        // again with fewer features.
+        // Builds the whole workspace with its tests, like `cargo test`. Otherwise cargo would build dependencies again
+        // with fewer features, physics among them.
         build.args(["build", "--quiet", "--workspace", "--bins", "--tests"]).current_dir(env!("CARGO_MANIFEST_DIR"));
-        build.arg("--target-dir").arg(folder.parent().expect("the profile's folder is in the target folder"));
-        // What cargo tells a test of its package would look to some build scripts like a new setting: nearly all would be built
-        // again, and again by whoever builds next.
+        build.arg("--target-dir").arg(folder.parent().expect("the profile's folder must be in the target folder"));
+        // Cargo sets these variables for a test of its package. Some build scripts would take them for new settings;
+        // cargo would then rebuild nearly everything, and again at the next build.
         for (name, _) in std::env::vars_os() {
             let text = name.to_string_lossy();
             if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
@@ -47,22 +47,23 @@ fn binaries() -> &'static Path {
         if folder.ends_with("release") {
             build.arg("--release");
         }
-        assert!(build.status().expect("cargo runs").success(), "coordinator and worker build");
+        assert!(build.status().expect("cargo runs").success(), "coordinator and worker must build");
         folder
     })
 }
 
-/// The cargo that runs this, or else the one that is found: the one that built it would not know which toolchain is meant.
+/// Returns the cargo that runs this program, or else the one in the PATH. The path of the cargo that built the program
+/// would not select the right toolchain.
 pub fn cargo() -> OsString {
     std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
 }
 
-/// One of the programs: coordinator, worker, evogait.
+/// Returns the command of a program: coordinator, worker or evogait.
 pub fn program(name: &str) -> Command {
     Command::new(binaries().join(name))
 }
 
-/// A process that is killed when it is dropped.
+/// Process that is killed on drop.
 #[derive(Debug)]
 pub struct Process(Child);
 
@@ -72,40 +73,41 @@ impl Process {
         Self(command.spawn().expect("the program starts"))
     }
 
-    /// SIGKILL: it has no time for anything.
+    /// Kills the process with SIGKILL.
     pub fn kill_9(mut self) {
-        self.0.kill().expect("a process of ours can be killed");
+        self.0.kill().expect("an own process can be killed");
         self.0.wait().expect("a killed process ends");
     }
 
-    /// SIGTERM, and its exit code.
+    /// Sends SIGTERM and returns the exit code.
     pub fn terminate(mut self) -> Option<i32> {
         self.signal("TERM");
         self.wait()
     }
 
-    /// A signal by its name: TERM, STOP, CONT.
+    /// Sends a signal, given by its name: TERM, STOP, CONT, KILL.
     pub fn signal(&self, name: &str) {
         let status = Command::new("kill").arg(format!("-{name}")).arg(self.0.id().to_string()).status();
         assert!(status.expect("kill runs").success());
     }
 
-    /// CPU time that it has used so far, in steps of 10 ms.
+    /// Returns the CPU time used so far, in steps of 10 ms.
     pub fn cpu_time(&self) -> Duration {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.0.id())).expect("a process has its numbers");
-        // Its name may have spaces in it.
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.0.id()))
+            .expect("the process must have a /proc entry");
+        // The process name may contain spaces.
         let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
         let ticks: u64 = fields[11..13].iter().map(|field| field.parse::<u64>().expect("a count")).sum();
-        // Linux counts hundredths of a second for programs.
+        // Linux reports CPU times to programs in hundredths of a second.
         Duration::from_millis(ticks * 10)
     }
 
-    /// Whether it has ended.
+    /// Returns true if the process has ended.
     pub fn has_ended(&mut self) -> bool {
         self.0.try_wait().expect("a child can be waited for").is_some()
     }
 
-    /// Its exit code, once it has ended by itself.
+    /// Waits until the process ends by itself, and returns its exit code.
     pub fn wait(&mut self) -> Option<i32> {
         let start = Instant::now();
         while start.elapsed() < PATIENCE {
@@ -114,19 +116,19 @@ impl Process {
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        panic!("the process does not end");
+        panic!("the process did not end in time");
     }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// Runs a program to its end and takes what it says. One that goes on is killed, and the test fails.
+/// Runs a program to its end and returns its output. A program that takes too long is killed, and the test fails.
 pub fn output_of(command: &mut Command) -> Output {
     let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
     let child = child.expect("the program starts");
@@ -134,7 +136,7 @@ pub fn output_of(command: &mut Command) -> Output {
     let (ended, end) = std::sync::mpsc::channel();
     let reading = std::thread::spawn(move || {
         let output = child.wait_with_output();
-        // Nobody listens if it took too long.
+        // After a timeout the receiver waits no more.
         let _ = ended.send(());
         output
     });
@@ -142,19 +144,19 @@ pub fn output_of(command: &mut Command) -> Output {
     if !in_time {
         let _ = Command::new("kill").args(["-9", &pid]).status();
     }
-    let output = reading.join().expect("it is only read").expect("it can be waited for");
-    assert!(in_time, "it does not end by itself: {}", String::from_utf8_lossy(&output.stderr));
+    let output = reading.join().expect("the reading thread does not panic").expect("a child can be waited for");
+    assert!(in_time, "the program did not end in time: {}", String::from_utf8_lossy(&output.stderr));
     output
 }
 
-/// A folder with a store, and the address its coordinator has or will have.
+/// Folder with a store, and the address of its coordinator.
 pub struct Sandbox {
     folder: TempDir,
-    /// Where the store is, if not in the folder.
+    /// URL of the store, if it is not in the folder.
     store: Option<String>,
-    /// `127.0.0.1:PORT` once a coordinator was started.
+    /// `127.0.0.1:PORT`, once it is reserved or a coordinator was started.
     address: Option<String>,
-    /// Where processes write what they have to say, if not to the terminal.
+    /// Folder for the logs of the processes; without it they log to the terminal.
     logs: Option<PathBuf>,
 }
 
@@ -165,48 +167,53 @@ impl Default for Sandbox {
 }
 
 impl Sandbox {
-    /// An empty folder.
+    /// Creates an empty folder.
     pub fn new() -> Self {
         Self { folder: tempfile::tempdir().expect("a temporary folder"), store: None, address: None, logs: None }
     }
 
-    /// The same with its store elsewhere.
+    /// Creates an empty folder for processes with a store elsewhere.
     pub fn on(store: &str) -> Self {
         Self { store: Some(store.to_owned()), ..Self::new() }
     }
 
-    /// Lets processes say more, into files in a folder.
+    /// Makes processes log more, to files in a folder.
     pub fn log_to(&mut self, folder: &Path) {
         self.logs = Some(folder.to_owned());
     }
 
-    /// Adds to a command what it says and where.
+    /// Sets the log level and log file of a command.
     fn with_log(&self, mut command: Command, name: &str) -> Command {
         let level = if self.logs.is_some() { "info" } else { "error" };
         command.env("RUST_LOG", std::env::var("RUST_LOG").unwrap_or_else(|_| level.to_owned()));
         if let Some(folder) = &self.logs {
-            let file = OpenOptions::new().create(true).append(true).open(folder.join(name)).expect("a log");
+            let file = OpenOptions::new()
+                .create(true)
+                .append(true)
+                .open(folder.join(name))
+                .expect("the log file can be opened");
             command.stderr(file);
         }
         command
     }
 
-    /// The folder.
+    /// Returns the folder.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// Chooses the coordinator's port before there is a coordinator.
+    /// Chooses the coordinator's port before a coordinator is started.
     pub fn reserve_port(&mut self) {
         self.address = Some(free_port());
     }
 
-    /// Starts a coordinator on the sandbox's store and waits until it listens; where it was if there was one before.
+    /// Starts a coordinator on the sandbox's store and waits until it listens. It has the same address as the one
+    /// before, if any.
     pub fn coordinator(&mut self) -> Process {
         self.coordinator_with(&[])
     }
 
-    /// The same with more arguments.
+    /// Starts a coordinator with more arguments.
     pub fn coordinator_with(&mut self, arguments: &[&str]) -> Process {
         let mut command = self.coordinator_command();
         command.args(arguments);
@@ -219,12 +226,15 @@ impl Sandbox {
         let mut line = String::new();
         let stdout = child.stdout.take().expect("stdout is piped");
         BufReader::new(stdout).read_line(&mut line).expect("stdout is text");
-        let address = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("it said {line:?}"));
+        let address = line
+            .trim()
+            .strip_prefix("listening on ")
+            .unwrap_or_else(|| panic!("expected \"listening on ADDRESS\", received {line:?}"));
         self.address = Some(address.to_owned());
         Process(child)
     }
 
-    /// What `coordinator` starts, for tests of its refusals.
+    /// Returns the command that `coordinator` starts, for tests that change it.
     pub fn coordinator_command(&self) -> Command {
         let mut command = program("coordinator");
         let file = || format!("sqlite:{}", self.folder.path().join("store.db").display());
@@ -235,18 +245,19 @@ impl Sandbox {
         self.with_log(command, &format!("coordinator-{port}.log"))
     }
 
-    /// Starts a worker for the sandbox's coordinator. What it does not finish within a moment it gives back when stopped.
+    /// Starts a worker of the sandbox's coordinator with a grace of 0.1 s: on SIGTERM it returns tasks that take
+    /// longer.
     pub fn worker(&self, slots: u32) -> Process {
         self.worker_with(slots, &[])
     }
 
-    /// The same with more arguments.
+    /// Starts a worker with more arguments.
     pub fn worker_with(&self, slots: u32, arguments: &[&str]) -> Process {
         let mut command = self.worker_command(&self.url(), slots);
         Process::start(command.args(["--grace", "0.1"]).args(arguments))
     }
 
-    /// A worker that dials the coordinator at a URL of its own, with options still to be added.
+    /// Returns the command of a worker that dials the coordinator at a given URL; the caller may add options.
     pub fn worker_command(&self, url: &str, slots: u32) -> Command {
         let mut command = program("worker");
         command.args(["--coordinator", url, "--slots", &slots.to_string(), "--keepalive", "1"]);
@@ -254,12 +265,12 @@ impl Sandbox {
         self.with_log(command, &format!("worker-{name}.log"))
     }
 
-    /// Where clients connect to.
+    /// Returns the URL that clients dial.
     pub fn url(&self) -> String {
-        format!("http://{}", self.address.as_deref().expect("a coordinator was started"))
+        format!("http://{}", self.address.as_deref().expect("a coordinator must be started first"))
     }
 
-    /// A file in its folder.
+    /// Returns the path of a file in the folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -271,17 +282,17 @@ impl Sandbox {
         output_of(&mut command)
     }
 
-    /// What it prints; it has to succeed.
+    /// Runs `evogait`, which must succeed, and returns its output.
     pub fn told(&self, arguments: &[&str]) -> String {
         let output = self.evogait(arguments);
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("all output is UTF-8");
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("the output is UTF-8");
         assert!(output.status.success(), "{arguments:?}: {}", text(output.stderr));
         text(output.stdout)
     }
 
-    /// A client; connects when it is used.
+    /// Returns a client. It connects at its first call.
     pub fn client(&self) -> JobServiceClient<Channel> {
-        let endpoint = Endpoint::from_shared(self.url()).expect("an address is a URL");
+        let endpoint = Endpoint::from_shared(self.url()).expect("the coordinator's URL is valid");
         JobServiceClient::new(endpoint.connect_lazy()).max_decoding_message_size(proto::limits::MAX_MESSAGE)
     }
 
@@ -289,29 +300,30 @@ impl Sandbox {
     pub async fn submit(&self, request_id: &str, job_toml: &str) -> Job {
         let request =
             SubmitJobRequest { request_id: request_id.to_owned(), job_toml: job_toml.to_owned(), priority: 0 };
-        let answer = self.client().submit_job(request).await.expect("the job is taken").into_inner();
-        answer.job.expect("the answer has the job")
+        let answer = self.client().submit_job(request).await.expect("the job is accepted").into_inner();
+        answer.job.expect("the response has the job")
     }
 
-    /// The job as it stands; waits while the coordinator is away.
+    /// Returns the job's present state. Repeats the call while the coordinator is down.
     pub async fn job(&self, id: &str) -> Job {
         let start = Instant::now();
         loop {
             match self.client().get_job(GetJobRequest { id: id.to_owned() }).await {
-                Ok(answer) => return answer.into_inner().job.expect("the answer has the job"),
+                Ok(answer) => return answer.into_inner().job.expect("the response has the job"),
                 Err(status) => assert!(start.elapsed() < PATIENCE, "{status}"),
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
 
-    /// Where a job that has not ended stands: who works on what, and what went wrong.
+    /// Returns the standing of a job that has not ended: its leases and failures.
     pub async fn standing(&self, id: &str) -> Standing {
-        let answer = self.client().get_job(GetJobRequest { id: id.to_owned() }).await.expect("an answer").into_inner();
-        answer.standing.expect("it has not ended")
+        let answer =
+            self.client().get_job(GetJobRequest { id: id.to_owned() }).await.expect("the job exists").into_inner();
+        answer.standing.expect("the job has not ended")
     }
 
-    /// Waits until a job is as wanted.
+    /// Waits until a job fulfils a condition.
     pub async fn until(&self, id: &str, wanted: impl Fn(&Job) -> bool) -> Job {
         let start = Instant::now();
         loop {
@@ -320,7 +332,7 @@ impl Sandbox {
                 return job;
             }
             assert_ne!(job.state(), JobState::Failed, "{}", job.reason);
-            assert!(start.elapsed() < PATIENCE, "waited too long: {job:?}");
+            assert!(start.elapsed() < PATIENCE, "the job did not fulfil the condition in time: {job:?}");
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     }
@@ -328,34 +340,38 @@ impl Sandbox {
     /// Waits until a job succeeded, and returns its result.
     pub async fn result(&self, id: &str) -> GetResultResponse {
         self.until(id, |job| job.state() == JobState::Succeeded).await;
-        self.client().get_result(GetResultRequest { id: id.to_owned() }).await.expect("a result").into_inner()
+        self.client()
+            .get_result(GetResultRequest { id: id.to_owned() })
+            .await
+            .expect("a succeeded job has a result")
+            .into_inner()
     }
 }
 
-/// Whether an event is the last one of a job that has succeeded.
+/// Returns true if an event is the last one of a job that succeeded.
 pub fn is_last(event: &JobEvent) -> bool {
     event.event == Some(Event::StateChanged(JobState::Succeeded.into()))
 }
 
-/// What a job's procedure does, in a word: "searching".
+/// Returns the phase of a job's procedure, such as "searching".
 pub fn phase(job: &Job) -> &str {
     job.progress.as_ref().map_or("", |progress| progress.phase.as_str())
 }
 
-/// A number that a job's procedure reports, such as "evaluations".
+/// Returns a value that a job's procedure reports, such as "evaluations".
 pub fn value(job: &Job, name: &str) -> f64 {
     let values = job.progress.iter().flat_map(|progress| &progress.values);
     let value = values.filter(|value| value.name == name).find_map(|value| value.value);
-    value.unwrap_or_else(|| panic!("{name} is not told: {job:?}"))
+    value.unwrap_or_else(|| panic!("the progress has no value {name}: {job:?}"))
 }
 
-/// An address of this machine that was free a moment ago.
+/// Returns an address of this machine with a port that was free just now.
 pub fn free_port() -> String {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
-    listener.local_addr().expect("it has an address").to_string()
+    listener.local_addr().expect("a bound socket has an address").to_string()
 }
 
-/// A small job that takes a second or two of one core, for which it is on rapier. Other seeds are other jobs.
+/// Returns a small job on rapier, so that it takes one or two seconds of one core. Each seed gives another job.
 pub fn tiny_job(seed: u32, generations: u32) -> String {
     format!(
         "name = \"tiny-{seed}\"\nseed = {seed}\nrobot = \"quadropod\"\nenvironment = \"empty\"\n\
@@ -365,9 +381,9 @@ pub fn tiny_job(seed: u32, generations: u32) -> String {
     )
 }
 
-/// A job that grows so many small trees to a goal with the first gaits of a tiny job's search.
+/// Returns a job that grows `trees` small trees to a goal with the first gaits of a tiny job's search.
 pub fn planning_job(seed: u32, trees: u32) -> String {
-    let evolving = Checked::from_toml(&tiny_job(seed, 1)).expect("a valid job");
+    let evolving = Checked::from_toml(&tiny_job(seed, 1)).expect("the tiny job is valid");
     let genotype = &evolving.optimiser().ask().genotypes[0];
     let gaits: Vec<String> = genotype.gaits(2).map(|gait| format!("{gait:?}")).collect();
     format!(
@@ -379,10 +395,10 @@ pub fn planning_job(seed: u32, trees: u32) -> String {
     )
 }
 
-/// A job that simulates two gaits in turn, so many times with friction and targets varied.
+/// Returns a job that simulates two gaits in turn, `repeats` times with different friction and targets.
 pub fn simulating_job(seed: u32, repeats: u32) -> String {
     let planning = planning_job(seed, 1);
-    let (head, gaits) = planning.split_once("[plan.gaits]").expect("a table of gaits");
+    let (head, gaits) = planning.split_once("[plan.gaits]").expect("the planning job has a table of gaits");
     let head = head.replace("\"plan\"", "\"simulate\"").replace("\"plans-", "\"simulation-");
     let head = head.replace("[planner]\niterations = 10\n", "").replace("[plan]\nseeds = 1\n", "");
     format!(
@@ -391,7 +407,7 @@ pub fn simulating_job(seed: u32, repeats: u32) -> String {
     )
 }
 
-/// The result digest of a job to which nothing happens.
+/// Returns the result digest of a job that runs without disturbances.
 pub async fn undisturbed(job_toml: &str) -> Vec<u8> {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();

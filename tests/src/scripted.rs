@@ -1,4 +1,4 @@
-//! A worker whose every message is chosen by the test: it follows the protocol, and fails or falsifies results on request.
+//! Worker with messages chosen by the test: it follows the protocol, and fails or falsifies results on request.
 
 use crate::sandbox::{PATIENCE, Sandbox};
 use proto::credentials::Credentials;
@@ -21,21 +21,21 @@ use tokio::task::JoinHandle;
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::{Status, Streaming};
 
-/// See the module. Its connection breaks when it is dropped.
+/// Scripted worker. Dropping it breaks its connection.
 pub struct Scripted {
     id: String,
     client: WorkerServiceClient<Way>,
     heard: Streaming<CoordinatorMessage>,
     said: UnboundedSender<WorkerMessage>,
-    /// All assignments it was ever given: its heartbeats name them as running.
+    /// Assignments that its heartbeats report as running: all that it received and has not returned.
     given: Arc<Mutex<Vec<u64>>>,
-    /// The engine that it reports, if it plays a worker of another build.
+    /// Engine digest that it reports if it plays a worker of another build.
     other_build: Option<Digest>,
-    /// The jobs that it was sent, by id.
+    /// Jobs that it received, by id.
     jobs: BTreeMap<String, Bench>,
-    /// What rounds share, by digest.
+    /// Shared data of rounds, by digest.
     shared: BTreeMap<Vec<u8>, Vec<u8>>,
-    /// Sends heartbeats.
+    /// Background task that sends heartbeats.
     heart: JoinHandle<()>,
 }
 
@@ -45,21 +45,21 @@ impl Drop for Scripted {
     }
 }
 
-/// How often it gives a sign of life.
+/// Interval of heartbeats.
 const HEARTBEAT: Duration = Duration::from_millis(300);
 
 impl Scripted {
-    /// Connects with one slot.
+    /// Connects a worker with one slot.
     pub async fn join(sandbox: &Sandbox, id: &str) -> Self {
         Self::join_by(open(sandbox), id).await
     }
 
-    /// The same over a connection with credentials.
+    /// Connects over a connection with credentials.
     pub async fn join_by(way: Way, id: &str) -> Self {
-        Self::connect(way, id, None).await.expect("it is let in")
+        Self::connect(way, id, None).await.expect("the coordinator accepts the worker")
     }
 
-    /// Connects as a worker of another build, which has this engine and no other.
+    /// Connects a worker of another build, which has only the given engine.
     pub async fn of_another_build(sandbox: &Sandbox, id: &str, engine: Digest) -> Result<Self, Status> {
         Self::connect(open(sandbox), id, Some(engine)).await
     }
@@ -80,7 +80,8 @@ impl Scripted {
             ..Hello::default()
         };
         let (said, outgoing) = unbounded_channel();
-        said.send(WorkerMessage { message: Some(worker_message::Message::Hello(hello)) }).expect("nobody closed it");
+        said.send(WorkerMessage { message: Some(worker_message::Message::Hello(hello)) })
+            .expect("the receiver is open");
         let stream = UnboundedReceiverStream::new(outgoing);
         let heard = client.session(stream).await?.into_inner();
         let given = Arc::new(Mutex::new(Vec::new()));
@@ -89,29 +90,31 @@ impl Scripted {
         Ok(Self { id, client, heard, said, given, other_build, jobs, shared, heart })
     }
 
-    /// The next thing it is told.
+    /// Returns the next message from the coordinator.
     pub async fn hears(&mut self) -> coordinator_message::Message {
-        let next = tokio::time::timeout(PATIENCE, self.heard.message()).await.expect("it is told something");
-        next.expect("the session stands").and_then(|m| m.message).expect("a message")
+        let next = tokio::time::timeout(PATIENCE, self.heard.message())
+            .await
+            .expect("the coordinator sends a message in time");
+        next.expect("the session is open").and_then(|m| m.message).expect("the stream has a message")
     }
 
-    /// Listens until it is told no more, and why.
+    /// Receives messages until the coordinator ends the session, and returns the status.
     pub async fn is_refused(&mut self) -> Status {
         loop {
-            match tokio::time::timeout(PATIENCE, self.heard.message()).await.expect("the session ends") {
-                Ok(message) => drop(message.expect("a reason")),
+            match tokio::time::timeout(PATIENCE, self.heard.message()).await.expect("the session ends in time") {
+                Ok(message) => drop(message.expect("the session ends with a status")),
                 Err(status) => return status,
             }
         }
     }
 
-    /// The next assignment it is given, whatever its tasks.
+    /// Returns the next assignment, with any tasks.
     pub async fn is_given_any(&mut self) -> Assign {
         loop {
             if let coordinator_message::Message::Assign(assign) = self.hears().await {
-                self.given.lock().expect("nobody panics with it").push(assign.assignment_id);
+                self.given.lock().expect("the lock is not poisoned").push(assign.assignment_id);
                 if !assign.job_toml.is_empty() {
-                    let bench = Bench::open(&assign.job_toml).expect("a job that was taken in is valid");
+                    let bench = Bench::open(&assign.job_toml).expect("an accepted job is valid");
                     self.jobs.insert(assign.job_id.clone(), bench);
                 }
                 if !assign.shared.is_empty() {
@@ -122,7 +125,7 @@ impl Scripted {
         }
     }
 
-    /// The next evaluations it is given. Preparations that come before them it carries out.
+    /// Returns the next assignment of evaluations. Preparations that arrive before are computed and delivered.
     pub async fn is_given(&mut self) -> Assign {
         loop {
             let assign = self.is_given_any().await;
@@ -135,7 +138,7 @@ impl Scripted {
         }
     }
 
-    /// Carries out all that it is given, without an end.
+    /// Computes and delivers all assignments, without end.
     pub async fn works(mut self) {
         loop {
             let assign = self.is_given_any().await;
@@ -144,24 +147,24 @@ impl Scripted {
         }
     }
 
-    /// The right results of an assignment that it was given.
+    /// Returns the correct results of an assignment.
     pub fn honest(&self, assign: &Assign) -> Outcome {
-        let bench = self.jobs.get(&assign.job_id).expect("the job's text came with its first assignment");
+        let bench = self.jobs.get(&assign.job_id).expect("the job's text arrived with its first assignment");
         let shared = self.shared.get(&assign.shared_digest).map(Vec::as_slice).unwrap_or_default();
         let tasks: Vec<(u32, Vec<u8>)> = (assign.first..).zip(assign.tasks.clone()).collect();
-        let results = bench.run(assign.round, shared, &tasks, &Patient).expect("tasks of this build run");
+        let results = bench.run(assign.round, shared, &tasks, &Patient).expect("tasks of this build can be run");
         Outcome::Results(Results { results })
     }
 
-    /// Announces that it stops, and returns what it was given. It may deliver results all the same.
+    /// Announces a drain and returns all leases. The test may still deliver results afterwards.
     pub fn gives_back(&self) {
-        self.given.lock().expect("nobody panics with it").clear();
+        self.given.lock().expect("the lock is not poisoned").clear();
         let drain =
-            worker_message::Message::Drain(Drain { reason: "the test says so".to_owned(), finishing: Vec::new() });
-        self.said.send(WorkerMessage { message: Some(drain) }).expect("the session stands");
+            worker_message::Message::Drain(Drain { reason: "requested by the test".to_owned(), finishing: Vec::new() });
+        self.said.send(WorkerMessage { message: Some(drain) }).expect("the session is open");
     }
 
-    /// A delivery of an outcome, as a worker sends it.
+    /// Returns the request that delivers an outcome, as a worker sends it.
     pub fn delivery(&self, assign: &Assign, outcome: Outcome) -> CompleteRequest {
         let engine = self.other_build.unwrap_or_else(|| self.jobs[&assign.job_id].engine_digest());
         CompleteRequest {
@@ -179,25 +182,25 @@ impl Scripted {
         }
     }
 
-    /// Sends any delivery.
+    /// Sends a delivery.
     pub async fn sends(&mut self, delivery: CompleteRequest) -> Result<Verdict, Status> {
         Ok(self.client.complete(delivery).await?.into_inner().verdict())
     }
 
-    /// Delivers an outcome of an assignment.
+    /// Delivers the outcome of an assignment.
     pub async fn delivers(&mut self, assign: &Assign, outcome: Outcome) -> Verdict {
         let delivery = self.delivery(assign, outcome);
-        self.sends(delivery).await.expect("it is answered")
+        self.sends(delivery).await.expect("the delivery is answered")
     }
 
-    /// The same with the tasks beside it, as [`Verdict::NeedsTasks`] asks for.
+    /// Delivers the outcome together with the tasks, as [`Verdict::NeedsTasks`] requires.
     pub async fn delivers_with_tasks(&mut self, assign: &Assign, outcome: Outcome) -> Verdict {
         let delivery = CompleteRequest { tasks: assign.tasks.clone(), ..self.delivery(assign, outcome) };
-        self.sends(delivery).await.expect("it is answered")
+        self.sends(delivery).await.expect("the delivery is answered")
     }
 }
 
-/// Lets tasks run to their end.
+/// Hooks that let every task run to its end.
 struct Patient;
 
 impl Hooks for Patient {
@@ -206,18 +209,20 @@ impl Hooks for Patient {
     }
 }
 
-/// The first task of an assignment of a search or of what follows it.
+/// Returns the first task of an assignment of a search or of its finish.
 pub fn task(assign: &Assign) -> Task {
-    Task::decode(&assign.tasks[0]).expect("a task of this build")
+    Task::decode(&assign.tasks[0]).expect("the task can be decoded")
 }
 
 fn open(sandbox: &Sandbox) -> Way {
-    Dial::new(sandbox.url().parse().expect("an address"), &Credentials::default()).expect("no secrets").way()
+    Dial::new(sandbox.url().parse().expect("the URL is valid"), &Credentials::default())
+        .expect("a dial without credentials is valid")
+        .way()
 }
 
 async fn beat(said: UnboundedSender<WorkerMessage>, given: Arc<Mutex<Vec<u64>>>) {
     loop {
-        let running = given.lock().expect("nobody panics with it").clone();
+        let running = given.lock().expect("the lock is not poisoned").clone();
         let heartbeat = worker_message::Message::Heartbeat(Heartbeat { running, ..Heartbeat::default() });
         if said.send(WorkerMessage { message: Some(heartbeat) }).is_err() {
             return;
@@ -226,18 +231,18 @@ async fn beat(said: UnboundedSender<WorkerMessage>, given: Arc<Mutex<Vec<u64>>>)
     }
 }
 
-/// The same results, the first one changed.
+/// Returns the results with the first one changed.
 pub fn with_first(outcome: Outcome, change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Outcome {
-    let Outcome::Results(Results { mut results }) = outcome else { panic!("results") };
+    let Outcome::Results(Results { mut results }) = outcome else { panic!("the outcome must be results") };
     results[0] = change(std::mem::take(&mut results[0]));
     Outcome::Results(Results { results })
 }
 
-/// The same results with the last bit of the first score flipped.
+/// Returns the results with the last bit of the first score flipped.
 pub fn one_bit_off(outcome: Outcome) -> Outcome {
     with_first(outcome, |result| {
-        let mut result = TaskResult::decode(&result).expect("a result of this build");
-        let TaskResult::Evaluated { score, .. } = &mut result else { panic!("an evaluation") };
+        let mut result = TaskResult::decode(&result).expect("the result can be decoded");
+        let TaskResult::Evaluated { score, .. } = &mut result else { panic!("the result must be an evaluation") };
         *score = Some(score.map_or(1.0, |score| f64::from_bits(score.to_bits() ^ 1)));
         result.encode()
     })

@@ -1,4 +1,4 @@
-//! Coordinator and workers as processes of their own.
+//! Jobs on real coordinator and worker processes, also when these are killed.
 
 use cluster_tests::sandbox::{
     Process, Sandbox, output_of, phase, planning_job, program, simulating_job, tiny_job, value,
@@ -12,7 +12,7 @@ use tonic::{Code, Status};
 
 const GENERATIONS: u32 = 4;
 
-/// The result digest of the same tiny job, undisturbed, on one worker.
+/// Returns the result digest of a tiny job on one worker without disturbances.
 async fn undisturbed(seed: u32, generations: u32) -> Vec<u8> {
     digest_with_workers(seed, generations, 1).await
 }
@@ -29,7 +29,7 @@ async fn digest_of(job: &str, generations: u32, workers: usize) -> Vec<u8> {
     let result = sandbox.result(&job.id).await;
     assert_eq!(result.result_digest.len(), 32);
     assert_eq!(result.history.len(), generations as usize);
-    let report = result.artefacts.iter().find(|artefact| artefact.name == "report").expect("a report");
+    let report = result.artefacts.iter().find(|artefact| artefact.name == "report").expect("the result has a report");
     let report: serde_json::Value = serde_json::from_slice(&report.content).expect("the report is JSON");
     assert_eq!(report["archive"].as_array().map(Vec::len), Some(3));
     assert_eq!(report["winner"], report["archive"][0]["candidate"]);
@@ -37,15 +37,15 @@ async fn digest_of(job: &str, generations: u32, workers: usize) -> Vec<u8> {
 }
 
 #[tokio::test]
-async fn same_job_on_more_workers_gives_same_bits() {
+async fn same_job_on_more_workers_gives_same_result() {
     let one = digest_with_workers(1, GENERATIONS, 1).await;
     assert_eq!(one, digest_with_workers(1, GENERATIONS, 2).await);
     assert_eq!(one, digest_with_workers(1, GENERATIONS, 5).await);
-    assert_ne!(one, digest_with_workers(2, GENERATIONS, 2).await, "another seed is another job");
+    assert_ne!(one, digest_with_workers(2, GENERATIONS, 2).await, "another seed must give another result");
 }
 
 #[tokio::test]
-async fn lockstep_search_finished_on_rapier_gives_same_bits() {
+async fn lockstep_search_with_rapier_finish_gives_same_result() {
     let job = tiny_job(1, GENERATIONS).replace("\"rapier\"", "\"lockstep\"");
     let one = digest_of(&job, GENERATIONS, 1).await;
     assert_eq!(one, digest_of(&job, GENERATIONS, 2).await);
@@ -53,20 +53,20 @@ async fn lockstep_search_finished_on_rapier_gives_same_bits() {
 }
 
 #[tokio::test]
-async fn killed_worker_changes_no_bit() {
+async fn killed_worker_does_not_change_result() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let victim = sandbox.worker(2);
     let job = sandbox.submit("r", &tiny_job(3, GENERATIONS)).await;
     sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
     victim.kill_9();
-    assert_eq!(sandbox.job(&job.id).await.state(), JobState::Running, "it was killed in mid-run");
+    assert_eq!(sandbox.job(&job.id).await.state(), JobState::Running, "the worker must be killed before the job ends");
     let _other = sandbox.worker(1);
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(3, GENERATIONS).await);
 }
 
 #[tokio::test]
-async fn stopped_worker_returns_its_work_at_once() {
+async fn stopped_worker_returns_its_leases_at_once() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let leaves = sandbox.worker(2);
@@ -75,14 +75,14 @@ async fn stopped_worker_returns_its_work_at_once() {
     let _stays = sandbox.worker(1);
     assert_eq!(leaves.terminate(), Some(0));
     let running = sandbox.job(&job.id).await;
-    assert_eq!(running.state(), JobState::Running, "it was stopped in mid-run");
+    assert_eq!(running.state(), JobState::Running, "the worker must stop before the job ends");
     let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.unwrap().into_inner().workers;
     assert!(workers.iter().all(|w| w.slots == 1), "{workers:?}");
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(13, GENERATIONS).await);
 }
 
 #[tokio::test]
-async fn killed_coordinator_resumes_and_changes_no_bit() {
+async fn killed_coordinator_resumes_without_changing_result() {
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();
     let _worker = sandbox.worker(2);
@@ -92,24 +92,24 @@ async fn killed_coordinator_resumes_and_changes_no_bit() {
         coordinator.kill_9();
         coordinator = sandbox.coordinator();
         let after = sandbox.job(&job.id).await;
-        assert!(after.rounds_sealed >= before.rounds_sealed, "what was told was stored");
+        assert!(after.rounds_sealed >= before.rounds_sealed, "sealed rounds that were reported must be stored");
     }
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(4, 6).await);
     drop(coordinator);
 }
 
-/// A job that spends most of its time after the search.
+/// Returns a job that spends most of its time after the search.
 fn long_finish(seed: u32) -> String {
     tiny_job(seed, 2).replace("archive = 3\nseeds = 2", "archive = 10\nseeds = 2\nsteps_per_second = 240")
 }
 
 #[tokio::test]
-async fn kills_during_finish_change_no_bit() {
+async fn kills_during_finish_do_not_change_result() {
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();
     let mut worker = sandbox.worker(2);
     let job = sandbox.submit("r", &long_finish(14)).await;
-    // The coordinator, the worker, and both of them.
+    // Kills the coordinator, then the worker, then both.
     for (done, dies) in [(2, [true, false]), (4, [false, true]), (6, [true, true])] {
         let half = |job: &proto::v1::Job| phase(job) == "finishing" && job.tasks_done >= done;
         let before = sandbox.until(&job.id, half).await;
@@ -122,7 +122,7 @@ async fn kills_during_finish_change_no_bit() {
             worker = sandbox.worker(1);
         }
         let after = sandbox.job(&job.id).await;
-        assert!(after.tasks_done >= before.tasks_done, "what was told was stored");
+        assert!(after.tasks_done >= before.tasks_done, "done tasks that were reported must be stored");
     }
     sandbox.until(&job.id, |job| phase(job) == "reporting" && job.tasks_done >= 1).await;
     coordinator.kill_9();
@@ -138,18 +138,18 @@ async fn kills_during_finish_change_no_bit() {
 }
 
 #[tokio::test]
-async fn plans_are_the_same_on_any_number_of_workers_and_after_kills() {
+async fn plans_do_not_depend_on_workers_or_kills() {
     let report = same_after_kills(&planning_job(15, 14), "planning").await;
     assert_eq!(report["plans"].as_array().map(Vec::len), Some(14));
 }
 
 #[tokio::test]
-async fn simulated_runs_are_the_same_on_any_number_of_workers_and_after_kills() {
+async fn simulated_runs_do_not_depend_on_workers_or_kills() {
     let report = same_after_kills(&simulating_job(15, 40), "simulating").await;
     assert_eq!(report["repeats"].as_array().map(Vec::len), Some(40));
 }
 
-/// Runs a job on 1, 2 and 7 workers and once under kills within a phase; the digests must be the same. Returns its report.
+/// Runs a job on 1, 2 and 7 workers, and once with kills within a phase. All digests must be equal. Returns the report.
 async fn same_after_kills(job: &str, phase_of: &str) -> serde_json::Value {
     let mut digests = Vec::new();
     for workers in [1, 2, 7] {
@@ -173,12 +173,12 @@ async fn same_after_kills(job: &str, phase_of: &str) -> serde_json::Value {
             worker.kill_9();
             worker = sandbox.worker(1);
         }
-        assert!(sandbox.job(&id).await.tasks_done >= before.tasks_done, "what was told was stored");
+        assert!(sandbox.job(&id).await.tasks_done >= before.tasks_done, "done tasks that were reported must be stored");
     }
     let result = sandbox.result(&id).await;
     digests.push(result.result_digest);
     assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
-    let [artefact] = &result.artefacts[..] else { panic!("one report") };
+    let [artefact] = &result.artefacts[..] else { panic!("the result must have one artefact") };
     drop(worker);
     serde_json::from_slice(&artefact.content).expect("the report is JSON")
 }
@@ -191,7 +191,11 @@ async fn repeated_submission_gives_one_job() {
     assert_eq!(sandbox.submit("same", &tiny_job(5, 2)).await.id, first.id);
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
-    assert_eq!(sandbox.submit("same", &tiny_job(5, 2)).await.id, first.id, "after a restart, too");
+    assert_eq!(
+        sandbox.submit("same", &tiny_job(5, 2)).await.id,
+        first.id,
+        "the request id must be known after a restart"
+    );
     assert_ne!(sandbox.submit("other", &tiny_job(5, 2)).await.id, first.id);
 
     let mut client = sandbox.client();
@@ -201,14 +205,14 @@ async fn repeated_submission_gives_one_job() {
     let sooner = |priority| SubmitJobRequest { priority, ..request(tiny_job(5, 2)) };
     let refused = client.submit_job(sooner(20)).await.unwrap_err();
     assert_eq!(refused.code(), Code::AlreadyExists, "{refused}");
-    assert!(client.submit_job(sooner(10)).await.is_ok(), "it has that");
+    assert!(client.submit_job(sooner(10)).await.is_ok(), "the job has this priority already");
     let refused = client.submit_job(SubmitJobRequest { request_id: "new".to_owned(), ..request("robot =".to_owned()) });
     let refused = refused.await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
 }
 
 #[tokio::test]
-async fn concurrent_submissions_under_one_request_id_take_one() {
+async fn concurrent_submissions_with_one_request_id_create_one_job() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let submit = |seed| {
@@ -216,7 +220,7 @@ async fn concurrent_submissions_under_one_request_id_take_one() {
         let request = SubmitJobRequest { request_id: "same".to_owned(), job_toml: tiny_job(seed, 1), priority: 0 };
         async move { client.submit_job(request).await.map(|answer| answer.into_inner().created) }
     };
-    // Reading a job takes longer than a look into the store, so all of them find the id unused at first.
+    // Checking a job takes longer than the lookup in the store, so at first all four find the request id unused.
     let (a, b, c, d) = tokio::join!(submit(1), submit(2), submit(3), submit(4));
     let answers = [a, b, c, d];
     assert_eq!(answers.iter().filter(|a| matches!(a, Ok(true))).count(), 1, "{answers:?}");
@@ -234,7 +238,7 @@ async fn cancelled_job_stays_cancelled() {
     let cancel = || CancelJobRequest { id: job.id.clone() };
     let cancelled = sandbox.client().cancel_job(cancel()).await.unwrap().into_inner().job.unwrap();
     assert_eq!(cancelled.state(), JobState::Cancelled);
-    // The workers are free for others at once, and no late result wakes it up.
+    // The workers are free for other jobs at once, and no late result revives the job.
     let next = sandbox.submit("next", &tiny_job(8, 2)).await;
     sandbox.result(&next.id).await;
     assert_eq!(sandbox.job(&job.id).await, cancelled);
@@ -245,13 +249,13 @@ async fn cancelled_job_stays_cancelled() {
     assert_eq!(worker.terminate(), Some(0));
 }
 
-/// Stored events from one on, until there are `most` of them or the job ends.
+/// Returns the stored events after a sequence number, until there are `most` of them or the job ends.
 async fn watch(sandbox: &Sandbox, id: &str, after: u64, most: usize) -> Vec<JobEvent> {
     let request = WatchJobRequest { id: id.to_owned(), after };
-    let mut stream = sandbox.client().watch_job(request).await.expect("watching").into_inner();
+    let mut stream = sandbox.client().watch_job(request).await.expect("the watch starts").into_inner();
     let mut events = Vec::new();
     while events.len() < most
-        && let Some(event) = stream.message().await.expect("the stream ends in an orderly way")
+        && let Some(event) = stream.message().await.expect("the stream ends without an error")
     {
         if !matches!(event.event, Some(Event::TasksDone(_))) {
             events.push(event);
@@ -279,7 +283,7 @@ async fn resumed_watch_has_no_gap() {
     assert_eq!(sealed.iter().map(|round| round.round).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7]);
     let rows = sealed.iter().filter_map(|round| round.row.as_ref()).map(|row| row.index);
     assert_eq!(rows.collect::<Vec<_>>(), [0, 1, 2, 3, 4], "generations");
-    assert_eq!(watch(&sandbox, &job.id, 0, usize::MAX).await, events, "an ended job tells the same again");
+    assert_eq!(watch(&sandbox, &job.id, 0, usize::MAX).await, events, "an ended job must report the same events again");
 
     let beyond = WatchJobRequest { id: job.id, after: 1000 };
     assert_eq!(sandbox.client().watch_job(beyond).await.unwrap_err().code(), Code::OutOfRange);
@@ -296,12 +300,12 @@ async fn two_jobs_share_workers() {
     let before = value(&sandbox.job(&long.id).await, "evaluations");
     let digest = sandbox.result(&short.id).await.result_digest;
     let long_got = value(&sandbox.job(&long.id).await, "evaluations") - before;
-    assert!(long_got >= 5.0, "the long job went on beside the short one: {long_got}");
+    assert!(long_got >= 5.0, "the long job must continue beside the short one: {long_got} evaluations");
     assert_eq!(digest, undisturbed(11, GENERATIONS).await);
 }
 
 #[tokio::test]
-async fn worker_waits_for_its_coordinator() {
+async fn worker_retries_until_its_coordinator_starts() {
     let mut sandbox = Sandbox::new();
     sandbox.reserve_port();
     let worker = sandbox.worker(3);
@@ -315,19 +319,19 @@ async fn worker_waits_for_its_coordinator() {
 }
 
 #[test]
-fn coordinator_that_cannot_start_gives_one_sentence() {
+fn coordinator_start_failure_prints_one_line() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let output = output_of(&mut sandbox.coordinator_command());
-    let text = String::from_utf8(output.stderr).expect("messages are text");
+    let text = String::from_utf8(output.stderr).expect("error messages are UTF-8");
     assert_eq!(output.status.code(), Some(1));
-    assert!(text.starts_with("coordinator: 127.0.0.1:") && text.contains("is taken by another program"), "{text}");
+    assert!(text.starts_with("coordinator: 127.0.0.1:") && text.contains("is in use by another program"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
     assert_eq!(coordinator.terminate(), Some(0));
 
     let again = |arguments: &[&str]| {
         let output = output_of(program("coordinator").args(arguments));
-        (output.status.code(), String::from_utf8(output.stderr).expect("messages are text"))
+        (output.status.code(), String::from_utf8(output.stderr).expect("error messages are UTF-8"))
     };
     let (code, text) = again(&["--listen", "0.0.0.0:0", "--store", "memory:"]);
     assert!(code == Some(1) && text.contains("--insecure-bind"), "{text}");
@@ -336,5 +340,5 @@ fn coordinator_that_cannot_start_gives_one_sentence() {
     let (code, text) = again(&["--listen", "127.0.0.1:0", "--store", "memory:", "--lease-seconds", "NaN"]);
     assert!(code == Some(1) && text.contains("out of range"), "{text}");
     let (code, text) = again(&["--lease-seconds", "soon"]);
-    assert!(code == Some(2) && text.contains("'--lease-seconds <SECONDS>': it is no number of seconds"), "{text}");
+    assert!(code == Some(2) && text.contains("'--lease-seconds <SECONDS>': it must be a number of seconds"), "{text}");
 }

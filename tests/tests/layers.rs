@@ -1,11 +1,11 @@
-//! The direction of knowledge: which folders of sim-core, which crates and which modules may use which others.
+//! Rules of dependency: which folders of sim-core, which crates and which modules may use which others.
 //!
 //! The test reads sources and manifests. Code under `#[cfg(test)]` may use anything.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Folders of sim-core; each may use those before it.
+/// Folders of sim-core. Each may use the ones before it.
 const FOLDERS: [&str; 15] = [
     "base",
     "genotype",
@@ -24,7 +24,7 @@ const FOLDERS: [&str; 15] = [
     "job",
 ];
 
-/// Crates: folder, package, and the packages of this workspace that it may depend on.
+/// Folder and package of each crate, and the packages of this workspace that it may depend on.
 const CRATES: [(&str, &str, &[&str]); 8] = [
     ("sim-core", "sim-core", &[]),
     ("study", "study", &["sim-core"]),
@@ -36,13 +36,13 @@ const CRATES: [(&str, &str, &[&str]); 8] = [
     ("tests", "cluster-tests", &["sim-core", "study", "proto", "telemetry", "coordinator", "worker", "cli"]),
 ];
 
-/// Crates whose top-level modules must form no circle.
+/// Crates in which the top-level modules must not use each other in a cycle.
 const WITHOUT_CIRCLES: [&str; 6] = ["proto", "study", "telemetry", "coordinator", "worker", "cli"];
 
-/// Name of a crate's root among its modules.
+/// Name that stands for a crate's root among its modules.
 const ROOT: &str = "lib";
 
-/// One use of a module by another one of the same crate.
+/// Use of a module by another module of the same crate.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Arrow {
     from: String,
@@ -57,14 +57,14 @@ impl Arrow {
     }
 }
 
-/// Word or sign of a source, with its line from 1.
+/// Word or sign of a source, with its line number, counted from 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Token {
     text: String,
     line: usize,
 }
 
-/// Splits a source into words and signs, without comments, strings and characters.
+/// Splits a source into words and signs. Skips comments, strings and character literals.
 fn tokens(source: &str) -> Vec<Token> {
     let chars: Vec<char> = source.chars().collect();
     let at = |i: usize| chars.get(i).copied().unwrap_or('\0');
@@ -97,7 +97,7 @@ fn tokens(source: &str) -> Vec<Token> {
             }
             i += 1;
         } else if c == '\'' && (at(i + 1) == '\\' || at(i + 2) == '\'') {
-            // A character; anything else behind a quote is a lifetime.
+            // A character literal. Any other quote begins a lifetime.
             i += if at(i + 1) == '\\' { 3 } else { 2 };
             while i < chars.len() && chars[i] != '\'' {
                 i += 1;
@@ -122,7 +122,7 @@ fn tokens(source: &str) -> Vec<Token> {
     tokens
 }
 
-/// The end of a raw string that begins at `i`, such as `r#"…"#`.
+/// Returns the end of a raw string that begins at `i`, such as `r#"…"#`.
 fn raw_string(chars: &[char], i: usize) -> Option<usize> {
     let at = |i: usize| chars.get(i).copied().unwrap_or('\0');
     if i > 0 && (at(i - 1).is_alphanumeric() || at(i - 1) == '_') {
@@ -140,10 +140,11 @@ fn raw_string(chars: &[char], i: usize) -> Option<usize> {
     Some(end + 1 + hashes)
 }
 
-/// Beginnings of attributes whose item is compiled for tests alone.
+/// Token sequences that begin attributes of test-only items.
 const FORMS: [&[&str]; 2] = [&["#", "[", "cfg", "(", "test", ")"], &["#", "[", "cfg", "(", "all", "(", "test", ","]];
 
-/// Removes every item under `#[cfg(test)]` or `#[cfg(all(test, …))]`. Returns the rest, and the names of modules that were declared so.
+/// Removes every item under `#[cfg(test)]` or `#[cfg(all(test, …))]`. Returns the rest and the names of test-only
+/// modules.
 fn without_tests(tokens: &[Token]) -> (Vec<Token>, Vec<String>) {
     let (mut rest, mut modules, mut i) = (Vec::new(), Vec::new(), 0);
     while i < tokens.len() {
@@ -166,7 +167,7 @@ fn without_tests(tokens: &[Token]) -> (Vec<Token>, Vec<String>) {
             }
             i += 1;
             let ends = matches!(tokens[i - 1].text.as_str(), "}" | ";");
-            // `use a::{b};` ends at its semicolon.
+            // In `use a::{b};` the item ends at the semicolon, not at the brace.
             if depth == 0 && ends && tokens.get(i).is_none_or(|next| next.text != ";") {
                 break;
             }
@@ -178,7 +179,7 @@ fn without_tests(tokens: &[Token]) -> (Vec<Token>, Vec<String>) {
     (rest, modules)
 }
 
-/// Every path in a source that begins with one of `roots`, trees of `use` spread out, with its line.
+/// Finds all paths that begin with one of `roots`, with their lines. Expands the trees of `use` items.
 fn paths(tokens: &[Token], roots: &BTreeSet<String>) -> Vec<(Vec<String>, usize)> {
     let mut found = Vec::new();
     for i in 0..tokens.len() {
@@ -192,7 +193,7 @@ fn paths(tokens: &[Token], roots: &BTreeSet<String>) -> Vec<(Vec<String>, usize)
     found
 }
 
-/// Reads a path or a tree of paths from `i` on. Returns where it ends.
+/// Reads a path or a tree of paths that begins at `i`. Returns its end.
 fn tree(tokens: &[Token], mut i: usize, before: &[String], found: &mut Vec<(Vec<String>, usize)>) -> usize {
     let mut path = before.to_vec();
     let line = tokens[i].line;
@@ -218,14 +219,14 @@ fn tree(tokens: &[Token], mut i: usize, before: &[String], found: &mut Vec<(Vec<
         i += 2;
     }
     found.push((path, line));
-    // A sign that no tree has: go on behind it.
+    // Moves on past a sign that can't stand in a tree.
     i.max(1)
 }
 
-/// A crate's sources: by module path, the file and its tokens without tests.
+/// Sources of a crate: file and tokens without tests, by module path.
 type Sources = BTreeMap<Vec<String>, (PathBuf, Vec<Token>)>;
 
-/// Reads the library of a crate, whose sources are in `src`.
+/// Reads the sources of a crate's library from the folder `src`.
 fn sources(src: &Path) -> Sources {
     let mut all: BTreeMap<Vec<String>, (PathBuf, Vec<Token>, Vec<String>)> = BTreeMap::new();
     let mut folders = vec![src.to_path_buf()];
@@ -233,7 +234,7 @@ fn sources(src: &Path) -> Sources {
         for entry in std::fs::read_dir(&folder).unwrap() {
             let path = entry.unwrap().path();
             if path.is_dir() {
-                // Programs beside the library are roots of their own.
+                // Programs beside the library are crate roots of their own.
                 if path != src.join("bin") {
                     folders.push(path);
                 }
@@ -257,17 +258,17 @@ fn sources(src: &Path) -> Sources {
     all.into_iter().map(|(module, (path, rest, _))| (module, (path, rest))).collect()
 }
 
-/// All uses of top-level modules by each other. [`ROOT`] stands for what the crate's root itself defines; what it only
-/// passes on counts as a use of the module that defines it.
+/// Returns all uses of top-level modules by each other. [`ROOT`] stands for items that the crate's root itself defines.
+/// A name that the root re-exports counts as a use of the module that defines it.
 fn arrows(sources: &Sources) -> Vec<Arrow> {
     let modules: BTreeSet<String> = sources.keys().filter_map(|m| m.first().cloned()).collect();
     let roots = |module: &[String]| -> BTreeSet<String> {
         let own = ["crate", "super", "self"].map(str::to_owned);
-        // Paths of the root are relative to it.
+        // Paths in the root may begin with a module's name.
         own.into_iter().chain(modules.iter().filter(|_| module.is_empty()).cloned()).collect()
     };
     let top = |path: &[String]| path.first().filter(|m| modules.contains(*m)).cloned();
-    // Names that the root passes on, and where they are from.
+    // Names that the root re-exports, with the module that defines them.
     let mut passed: BTreeMap<String, String> = BTreeMap::new();
     if let Some((_, tokens)) = sources.get(&Vec::new()) {
         for (path, _) in paths(tokens, &roots(&[])) {
@@ -292,7 +293,7 @@ fn arrows(sources: &Sources) -> Vec<Arrow> {
     arrows
 }
 
-/// A path from its crate's root on; empty for a path that ends at the root.
+/// Returns a path relative to its crate's root. Empty for the root itself.
 fn absolute(path: &[String], module: &[String]) -> Vec<String> {
     match path[0].as_str() {
         "crate" => path[1..].to_vec(),
@@ -305,7 +306,7 @@ fn absolute(path: &[String], module: &[String]) -> Vec<String> {
     }
 }
 
-/// Arrows that lie on a circle of modules.
+/// Returns the arrows that are part of a cycle of modules.
 fn circles(arrows: &[Arrow]) -> Vec<&Arrow> {
     let mut uses: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for arrow in arrows {
@@ -326,12 +327,12 @@ fn circles(arrows: &[Arrow]) -> Vec<&Arrow> {
     arrows.iter().filter(|arrow| reaches(&arrow.to, &arrow.from)).collect()
 }
 
-/// Arrows from a folder to one that comes after it, or to one that has no place in the order.
+/// Returns the arrows from a folder to a later one, and those from or to a folder that is not in the order.
 fn back<'a>(arrows: &'a [Arrow], order: &[&str]) -> Vec<&'a Arrow> {
     let place = |name: &str| order.iter().position(|o| *o == name);
     let points_back = |arrow: &&Arrow| match (place(&arrow.from), place(&arrow.to)) {
         (Some(from), Some(to)) => to > from,
-        // The root declares the folders and holds nothing else.
+        // The root only declares the folders.
         _ => arrow.from != ROOT,
     };
     arrows.iter().filter(points_back).collect()
@@ -341,7 +342,7 @@ fn workspace() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
 }
 
-/// Arrows between the modules of a crate.
+/// Returns the arrows between the modules of a crate.
 fn arrows_of(folder: &str) -> Vec<Arrow> {
     arrows(&sources(&workspace().join(folder).join("src")))
 }
@@ -351,32 +352,36 @@ fn shown(arrows: &[&Arrow]) -> String {
 }
 
 #[test]
-fn folders_of_sim_core_use_only_earlier_ones() {
+fn folders_of_sim_core_use_only_earlier_folders() {
     let arrows = arrows_of("sim-core");
     let back = back(&arrows, &FOLDERS);
     assert!(back.is_empty(), "a folder of sim-core may use only those before it:\n{}", shown(&back));
     for folder in FOLDERS {
-        assert!(workspace().join("sim-core/src").join(folder).is_dir(), "{folder} is no folder of sim-core");
+        assert!(workspace().join("sim-core/src").join(folder).is_dir(), "{folder} must be a folder of sim-core");
     }
 }
 
 #[test]
-fn crates_depend_only_on_earlier_ones() {
+fn crates_depend_only_on_allowed_crates() {
     let mut wrong = Vec::new();
     for (folder, package, may) in CRATES {
         let file = workspace().join(folder).join("Cargo.toml");
         let text = std::fs::read_to_string(&file).unwrap();
-        assert!(text.contains(&format!("name = \"{package}\"")), "{} is of another package", file.display());
+        assert!(
+            text.contains(&format!("name = \"{package}\"")),
+            "{} must be the manifest of package {package}",
+            file.display()
+        );
         wrong.extend(
             forbidden(&text, may)
                 .into_iter()
                 .map(|(line, uses)| format!("{}:{line}: {package} -> {uses}", file.display())),
         );
     }
-    assert!(wrong.is_empty(), "a crate may depend only on those before it:\n{}", wrong.join("\n"));
+    assert!(wrong.is_empty(), "a crate may depend only on the packages listed in CRATES:\n{}", wrong.join("\n"));
 }
 
-/// Dependencies in a manifest on packages of the workspace that are not among `may`, with their lines.
+/// Finds dependencies on packages of the workspace that are not in `may`. Returns their lines and names.
 fn forbidden(manifest: &str, may: &[&str]) -> Vec<(usize, String)> {
     let mut section = String::new();
     let mut wrong = Vec::new();
@@ -395,7 +400,7 @@ fn forbidden(manifest: &str, may: &[&str]) -> Vec<(usize, String)> {
 }
 
 #[test]
-fn modules_of_a_crate_form_no_circle() {
+fn modules_of_each_crate_form_no_cycle() {
     let mut found = String::new();
     for folder in WITHOUT_CIRCLES {
         let arrows = arrows_of(folder);
@@ -404,10 +409,10 @@ fn modules_of_a_crate_form_no_circle() {
             found += &format!("{folder}:\n{}\n", shown(&circles));
         }
     }
-    assert!(found.is_empty(), "modules use each other in a circle:\n{found}");
+    assert!(found.is_empty(), "modules must not use each other in a cycle:\n{found}");
 }
 
-/// Arrows of a crate whose files are given by name and text, as (from, to, line).
+/// Returns the arrows of a crate as (from, to, line). The files are given as (name, text).
 fn read(files: &[(&str, &str)]) -> Vec<(String, String, usize)> {
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in files {
@@ -423,7 +428,7 @@ fn arrow(from: &str, to: &str, line: usize) -> (String, String, usize) {
 }
 
 #[test]
-fn reader_spreads_trees_and_resolves_relative_paths() {
+fn reader_expands_use_trees_and_relative_paths() {
     let found = read(&[
         ("lib.rs", "mod a;\nmod b;\nmod c;\n"),
         ("a/mod.rs", "mod deep;\nuse crate::{b::X,\n    c::{self, Y as Z}};\n"),
@@ -462,7 +467,7 @@ fn reader_skips_tests_comments_and_strings() {
 }
 
 #[test]
-fn names_passed_on_by_root_count_as_their_module() {
+fn reexported_names_count_as_their_module() {
     let found = read(&[
         ("lib.rs", "mod a;\nmod b;\npub use b::X;\npub struct Own;\n"),
         ("a.rs", "use crate::X;\nuse crate::Own;\n"),
@@ -472,18 +477,18 @@ fn names_passed_on_by_root_count_as_their_module() {
 }
 
 #[test]
-fn circles_and_arrows_back_are_found() {
+fn cycles_and_backward_uses_are_found() {
     let arrow = |from: &str, to: &str| Arrow { from: from.into(), to: to.into(), file: "x.rs".into(), line: 7 };
     let all = [arrow("a", "b"), arrow("b", "c"), arrow("c", "b"), arrow("c", "d"), arrow("lib", "d")];
     assert_eq!(circles(&all), [&all[1], &all[2]]);
     assert!(circles(&[all[0].clone(), all[1].clone(), all[3].clone()]).is_empty());
     assert_eq!(back(&all, &["d", "c", "b", "a"]), [&all[2]]);
-    assert_eq!(back(&all[3..], &["c"]), [&all[3]], "a folder without a place");
+    assert_eq!(back(&all[3..], &["c"]), [&all[3]], "a folder that is not in the order must be reported");
     assert_eq!(all[1].show(), "x.rs:7: b -> c");
 }
 
 #[test]
-fn forbidden_dependency_is_named_with_its_line() {
+fn forbidden_dependency_is_reported_with_its_line() {
     let manifest = "[package]\nname = \"proto\"\n\n[dependencies]\nprost = \"1\"\nsim-core.workspace = true\n\
                     worker.workspace = true\n\n[dev-dependencies]\ncli.workspace = true\n\n\
                     [target.'cfg(unix)'.dependencies]\nstudy = { path = \"../study\" }\n";

@@ -1,4 +1,4 @@
-//! What coordinator and worker tell whoever runs them: metrics, health, logs.
+//! Metrics, health checks and logs of coordinator and worker.
 
 use cluster_tests::openmetrics::{self, Series};
 use cluster_tests::proxy::{Direction, Proxy};
@@ -10,18 +10,19 @@ use std::net::TcpStream;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-/// Status line and body of an answer.
+/// Sends an HTTP request and returns the status line and the body.
 fn ask(address: &str, method: &str, path: &str) -> (String, String) {
     let mut stream = TcpStream::connect(address).expect("metrics are served");
-    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
-    write!(stream, "{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").expect("it reads");
+    stream.set_read_timeout(Some(PATIENCE)).expect("the timeout can be set");
+    write!(stream, "{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n")
+        .expect("the request can be sent");
     let mut text = String::new();
-    stream.read_to_string(&mut text).expect("the answer is text");
-    let (head, body) = text.split_once("\r\n\r\n").expect("head and body");
+    stream.read_to_string(&mut text).expect("the response is UTF-8");
+    let (head, body) = text.split_once("\r\n\r\n").expect("the response has a head and a body");
     if path == "/metrics" && method == "GET" {
         assert!(head.contains("application/openmetrics-text; version=1.0.0"), "{head}");
     }
-    (head.lines().next().expect("a status line").to_owned(), body.to_owned())
+    (head.lines().next().expect("the response has a status line").to_owned(), body.to_owned())
 }
 
 fn scrape(address: &str) -> Series {
@@ -30,12 +31,12 @@ fn scrape(address: &str) -> Series {
     openmetrics::parse(&body).unwrap_or_else(|why| panic!("{why}\n{body}"))
 }
 
-/// Tasks that were done, of all phases.
+/// Returns the number of completed tasks of all phases.
 fn tasks(series: &Series) -> f64 {
     series.iter().filter(|(name, _)| name.starts_with("evogait_tasks_total{")).map(|(_, count)| count).sum()
 }
 
-/// Scrapes until the numbers are as wanted.
+/// Scrapes until the metrics fulfil a condition.
 fn until(address: &str, wanted: impl Fn(&Series) -> bool) -> Series {
     let start = Instant::now();
     loop {
@@ -48,7 +49,7 @@ fn until(address: &str, wanted: impl Fn(&Series) -> bool) -> Series {
     }
 }
 
-/// Twice the coordinator's keepalive, and some time for a busy machine.
+/// Twice the coordinator's keepalive, and a margin for a busy machine.
 const CLOSED_WITHIN: Duration = Duration::from_secs(45);
 
 #[tokio::test]
@@ -58,9 +59,10 @@ async fn connection_without_other_end_is_closed() {
     let _coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
     let job = sandbox.submit("r", &tiny_job(22, 2)).await;
     let proxy = Proxy::to(&sandbox.url());
-    let mut client = JobServiceClient::connect(proxy.url()).await.expect("the network is up");
-    let mut events = client.watch_job(WatchJobRequest { id: job.id, after: 0 }).await.expect("watching").into_inner();
-    events.message().await.expect("it is told that it was taken in");
+    let mut client = JobServiceClient::connect(proxy.url()).await.expect("the network is available");
+    let mut events =
+        client.watch_job(WatchJobRequest { id: job.id, after: 0 }).await.expect("the watch starts").into_inner();
+    events.message().await.expect("the first event arrives");
     let watched = until(&metrics, |s| s["evogait_connections"] == 1.0);
     proxy.block(Direction::Up, true);
     proxy.block(Direction::Down, true);
@@ -82,7 +84,7 @@ async fn unanswered_result_is_not_assigned_again() {
     let job = sandbox.submit("r", &tiny_job(25, 2)).await;
     for _ in 0..6 {
         until(&metrics, |s| s["evogait_slots_busy"] == 1.0);
-        // Its result stands still on the way while its connection breaks.
+        // The result is blocked in the proxy while the connection breaks.
         proxy.block(Direction::Up, true);
         tokio::time::sleep(Duration::from_millis(700)).await;
         proxy.cut();
@@ -95,7 +97,7 @@ async fn unanswered_result_is_not_assigned_again() {
     assert_eq!(done["evogait_workers_lost_total"], 0.0, "{done:#?}");
 }
 
-/// A worker with one slot that is told to be slow with the first of five candidates, with a job in hand.
+/// Worker with one slot that is slow with the first of five candidates and has begun a job.
 struct SlowWorker {
     sandbox: Sandbox,
     coordinator: Process,
@@ -121,7 +123,7 @@ impl SlowWorker {
         Self { sandbox, coordinator, way, worker, job, of_coordinator, of_worker }
     }
 
-    /// Waits until the job has succeeded. Nothing was computed twice for that.
+    /// Waits until the job has succeeded, and checks that no task was computed twice.
     async fn computed_once(self) {
         self.sandbox.result(&self.job.id).await;
         let (taken, done) = (scrape(&self.of_coordinator), scrape(&self.of_worker));
@@ -142,7 +144,7 @@ async fn undeliverable_result_is_delivered_after_coordinator_returns() {
 }
 
 #[tokio::test]
-async fn partitioned_worker_computes_on_and_delivers_late() {
+async fn partitioned_worker_continues_and_delivers_late() {
     let slow = SlowWorker::at_work().await;
     slow.way.block(Direction::Up, true);
     slow.way.block(Direction::Down, true);
@@ -154,7 +156,7 @@ async fn partitioned_worker_computes_on_and_delivers_late() {
 }
 
 #[tokio::test]
-async fn stopped_coordinator_blames_no_worker_when_continued() {
+async fn stopped_coordinator_charges_no_worker_when_continued() {
     let mut sandbox = Sandbox::new();
     let metrics = free_port();
     let coordinator = sandbox.coordinator_with(&["--metrics", &metrics]);
@@ -163,7 +165,7 @@ async fn stopped_coordinator_blames_no_worker_when_continued() {
     let job = sandbox.submit("r", &tiny_job(24, 1)).await;
     until(&metrics, |s| s["evogait_slots_busy"] == 1.0);
     for _ in 0..3 {
-        // Longer than a lease, in which the worker speaks to nobody.
+        // Longer than a lease. The worker can't renew its leases in this time.
         coordinator.signal("STOP");
         tokio::time::sleep(Duration::from_millis(2500)).await;
         coordinator.signal("CONT");
@@ -175,7 +177,7 @@ async fn stopped_coordinator_blames_no_worker_when_continued() {
 }
 
 #[tokio::test]
-async fn metrics_count_what_happens() {
+async fn metrics_count_tasks_results_and_lost_workers() {
     let mut sandbox = Sandbox::new();
     let (coordinator_metrics, worker_metrics) = (free_port(), free_port());
     let _coordinator = sandbox.coordinator_with(&["--metrics", &coordinator_metrics]);
@@ -189,7 +191,7 @@ async fn metrics_count_what_happens() {
     let job = sandbox.submit("r", &tiny_job(21, 2)).await;
     sandbox.result(&job.id).await;
     let done = scrape(&coordinator_metrics);
-    // The preparation, two generations, the finish and the report.
+    // Rounds: the preparation, two generations, the finish and the report.
     assert_eq!(done["evogait_rounds_sealed_total"], 5.0);
     assert_eq!(done["evogait_round_seconds_count"], 5.0);
     let of = |phase: &str| done[&format!("evogait_tasks_total{{phase=\"{phase}\"}}")];
@@ -206,7 +208,7 @@ async fn metrics_count_what_happens() {
     assert_eq!(theirs["evogait_worker_tasks_total"], tasks(&done));
     assert_eq!((theirs["evogait_worker_slots"], theirs["evogait_worker_connected"]), (2.0, 1.0));
 
-    // A worker that dies with work in hand.
+    // Kills a worker that holds leases.
     sandbox.submit("long", &tiny_job(22, 1000)).await;
     until(&coordinator_metrics, |s| s["evogait_round_tasks{state=\"leased\"}"] > 0.0);
     worker.kill_9();
@@ -224,7 +226,7 @@ async fn metrics_count_what_happens() {
 fn metrics_on_public_address_need_a_flag() {
     let sandbox = Sandbox::new();
     let output = output_of(sandbox.coordinator_command().args(["--metrics", "0.0.0.0:0"]));
-    let text = String::from_utf8(output.stderr).expect("messages are text");
+    let text = String::from_utf8(output.stderr).expect("error messages are UTF-8");
     assert!(!output.status.success() && text.contains("--metrics-insecure-bind"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
 }
@@ -233,7 +235,7 @@ fn metrics_on_public_address_need_a_flag() {
 async fn json_log_names_job_worker_and_call() {
     let mut sandbox = Sandbox::new();
     let log = sandbox.path().join("log");
-    let file = std::fs::File::create(&log).expect("a log");
+    let file = std::fs::File::create(&log).expect("the log file can be created");
     let mut command = sandbox.coordinator_command();
     command.args(["--log-format", "json"]).env("RUST_LOG", "debug").stderr(Stdio::from(file));
     let coordinator = sandbox.start(command);
@@ -241,12 +243,12 @@ async fn json_log_names_job_worker_and_call() {
     let job = sandbox.submit("r", &tiny_job(23, 1)).await;
     sandbox.result(&job.id).await;
     assert_eq!(coordinator.terminate(), Some(0));
-    let text = std::fs::read_to_string(&log).expect("the log is text");
+    let text = std::fs::read_to_string(&log).expect("the log is UTF-8");
     let lines: Vec<serde_json::Value> =
         text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {line}"))).collect();
     let said = |message: &str| {
         let line = lines.iter().find(|l| l["message"] == message);
-        line.unwrap_or_else(|| panic!("nothing says '{message}' in {text}")).clone()
+        line.unwrap_or_else(|| panic!("no line has the message '{message}': {text}")).clone()
     };
     assert_eq!(said("job submitted")["job"], job.id.as_str());
     let sealed = said("round sealed");
@@ -257,7 +259,7 @@ async fn json_log_names_job_worker_and_call() {
         "{result}"
     );
     let call = lines.iter().map(|l| &l["span"]).find(|s| s["method"] == "/evogait.v1.JobService/SubmitJob");
-    let call = call.unwrap_or_else(|| panic!("no span of the call in {text}"));
+    let call = call.unwrap_or_else(|| panic!("no span of the call: {text}"));
     assert!(call["status"] == "Ok" && call["ms"].is_f64(), "{call}");
     assert!(call["peer"].as_str().is_some_and(|peer| peer.starts_with("127.0.0.1:")), "{call}");
 }

@@ -1,4 +1,4 @@
-//! Inputs that fuzzing starts from, and those on which a parser once went wrong: all of them, each time.
+//! Runs every parser on its seed inputs, on recorded inputs that once made it fail, and on changed seeds.
 
 use cluster_tests::parsers::{PARSERS, seeds};
 use std::fs;
@@ -14,11 +14,12 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn recorded_inputs_break_no_parser() {
+fn recorded_inputs_crash_no_parser() {
     let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/regressions");
     for folder in files(&fuzz) {
-        let name = folder.file_name().and_then(|n| n.to_str()).expect("a parser's name").to_owned();
-        let (_, parser) = PARSERS.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("{name} is no parser"));
+        let name = folder.file_name().and_then(|n| n.to_str()).expect("a folder is named after a parser").to_owned();
+        let (_, parser) =
+            PARSERS.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("there is no parser named {name}"));
         for file in files(&folder) {
             println!("{}", file.display());
             parser(&fs::read(&file).expect("a recorded input can be read"));
@@ -27,10 +28,10 @@ fn recorded_inputs_break_no_parser() {
 }
 
 #[test]
-fn every_parser_has_seeds_that_it_takes() {
+fn each_parser_has_seeds_that_do_not_crash_it() {
     for (name, parser) in PARSERS {
         let seeds = seeds(name);
-        assert!(!seeds.is_empty(), "{name} has nothing to begin with");
+        assert!(!seeds.is_empty(), "{name} must have seeds");
         for seed in seeds {
             parser(&seed);
         }
@@ -38,7 +39,7 @@ fn every_parser_has_seeds_that_it_takes() {
 }
 
 #[test]
-fn empty_cut_or_binary_input_breaks_no_parser() {
+fn empty_truncated_or_binary_input_crashes_no_parser() {
     let shipped =
         concat!(include_str!("../../scenarios/jobs/quadropod-quick.toml"), "\n", "[planner]\niterations = 1e400");
     for (_, parser) in PARSERS {
@@ -50,7 +51,7 @@ fn empty_cut_or_binary_input_breaks_no_parser() {
     }
 }
 
-/// Numbers without a seed of the system's: the same inputs each time.
+/// Random numbers with a fixed seed, so that the inputs are the same each time.
 struct Random(u64);
 
 impl Random {
@@ -63,7 +64,7 @@ impl Random {
     }
 }
 
-/// What stands where something else should.
+/// Unusual values that replace parts of an input.
 const ODD: [&[u8]; 14] = [
     b"",
     b"0",
@@ -81,7 +82,7 @@ const ODD: [&[u8]; 14] = [
     b"\xf0\x9f\xa6\x8e",
 ];
 
-/// A seed with a few changes.
+/// Returns a seed with one to four changes.
 fn made_up(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut input = seeds[random.below(seeds.len())].clone();
     for _ in 0..=random.below(4) {
@@ -104,14 +105,15 @@ fn made_up(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     input
 }
 
-/// A little of what `tests/fuzz.sh` does for long and guided by coverage. `EVOGAIT_INPUTS` makes it more.
+/// A short version of the fuzzing in `tests/fuzz.sh`, without coverage guidance. `EVOGAIT_INPUTS` sets the number of
+/// inputs.
 #[test]
-fn changed_seeds_break_no_parser() {
+fn changed_seeds_crash_no_parser() {
     let more: Option<usize> = std::env::var("EVOGAIT_INPUTS").ok().and_then(|n| n.parse().ok());
     let only = std::env::var("EVOGAIT_PARSER").ok();
     for (name, parser) in PARSERS.iter().filter(|(name, _)| only.as_ref().is_none_or(|only| only == name)) {
         let (seeds, mut random) = (seeds(name), Random(1));
-        // A job that is nearly right has its robot settled.
+        // Nearly valid jobs are slow, because the parser settles the robot.
         let inputs = more.unwrap_or(if *name == "job" { 20 } else { 500 });
         for _ in 0..inputs {
             let input = made_up(&seeds, &mut random);

@@ -1,5 +1,5 @@
-//! Coordinators on one PostgreSQL store: the same bits as on SQLite, and one that takes over when another one dies.
-//! Run by `tests/postgres.sh`.
+//! Coordinators on a shared PostgreSQL store: results equal those on SQLite, and a standby takes over when the active
+//! coordinator fails. Run by `tests/postgres.sh`.
 
 use cluster_tests::crashes::{POINTS, Wish, cancelled_through_crashes, paused_through_crashes, through_crashes};
 use cluster_tests::postgres::{
@@ -16,11 +16,12 @@ use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
 const GENERATIONS: u32 = 3;
-/// Options of a coordinator whose next life begins soon.
+/// Options of a coordinator that the next one may replace soon.
 const SOON_REPLACED: &[&str] = &["--takeover-seconds", "0.5"];
 const SOON: Duration = Duration::from_secs(1);
 const LATER: Duration = Duration::from_secs(8);
-/// A takeover takes a look every 200 ms and a start beside [`SOON`], or nothing.
+/// Limit on a takeover. After a crash it takes [`SOON`], a check every 200 ms and the start; after a clean stop only
+/// the last two.
 const WITHIN: Duration = Duration::from_secs(6);
 
 async fn digest(mut sandbox: Sandbox, toml: &str, workers: usize) -> Vec<u8> {
@@ -34,7 +35,7 @@ async fn digest(mut sandbox: Sandbox, toml: &str, workers: usize) -> Vec<u8> {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn both_stores_give_same_bits_with_any_workers() {
+async fn both_stores_give_same_result_with_any_workers() {
     let toml = tiny_job(31, GENERATIONS);
     let reference = digest(Sandbox::new(), &toml, 1).await;
     assert_eq!(reference.len(), 32);
@@ -49,29 +50,29 @@ async fn both_stores_give_same_bits_with_any_workers() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn coordinator_killed_at_every_commit_loses_nothing() {
+async fn job_survives_coordinator_crash_at_every_commit() {
     let toml = tiny_job(21, 1);
     let mut sandbox = Sandbox::on(&new_database());
     let passed = through_crashes(&mut sandbox, SOON_REPLACED, &toml, Wish::Result, POINTS).await;
-    assert!(passed.lives >= 2 * POINTS.len(), "it died {} times", passed.lives);
+    assert!(passed.lives >= 2 * POINTS.len(), "too few crashes: {}", passed.lives);
     assert_eq!(digest(Sandbox::new(), &toml, 1).await, passed.digest);
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn answered_cancel_survives_every_kill() {
+async fn acknowledged_cancel_survives_every_crash() {
     cancelled_through_crashes(|| Sandbox::on(&new_database()), SOON_REPLACED, &tiny_job(22, 1000)).await;
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn answered_pause_survives_every_kill() {
+async fn acknowledged_pause_survives_every_crash() {
     let toml = tiny_job(23, 20);
     let passed = paused_through_crashes(&mut Sandbox::on(&new_database()), SOON_REPLACED, &toml).await;
     assert_eq!(digest(Sandbox::new(), &toml, 1).await, passed);
 }
 
-/// A coordinator that is taken for dead after some seconds without a sign of life.
+/// Starts a coordinator that may be replaced when it has not renewed its claim for the time `takeover`.
 fn coordinator(sandbox: &mut Sandbox, takeover: Duration, more: &[&str]) -> Process {
     let mut command = sandbox.coordinator_command();
     command.args(["--takeover-seconds", &takeover.as_secs_f64().to_string()]).args(more);
@@ -79,27 +80,31 @@ fn coordinator(sandbox: &mut Sandbox, takeover: Duration, more: &[&str]) -> Proc
 }
 
 async fn health(sandbox: &Sandbox) -> ServingStatus {
-    let channel = tonic::transport::Endpoint::from_shared(sandbox.url()).unwrap().connect().await.expect("it listens");
+    let channel = tonic::transport::Endpoint::from_shared(sandbox.url())
+        .unwrap()
+        .connect()
+        .await
+        .expect("the coordinator listens");
     let request = HealthCheckRequest { service: "evogait.v1.JobService".to_owned() };
-    HealthClient::new(channel).check(request).await.expect("health is always told").into_inner().status()
+    HealthClient::new(channel).check(request).await.expect("the health check is always answered").into_inner().status()
 }
 
-/// The job by way of this coordinator, once it is at work.
+/// Returns the job from this coordinator once it is active, and the time that took.
 async fn taken_over(sandbox: &Sandbox, id: &str) -> (Job, Duration) {
     let start = Instant::now();
     loop {
         match sandbox.client().get_job(GetJobRequest { id: id.to_owned() }).await {
-            Ok(answer) => return (answer.into_inner().job.expect("a job"), start.elapsed()),
+            Ok(answer) => return (answer.into_inner().job.expect("the response has the job"), start.elapsed()),
             Err(status) => assert_eq!(status.code(), Code::Unavailable, "{status}"),
         }
-        assert!(start.elapsed() < WITHIN, "it did not take over");
+        assert!(start.elapsed() < WITHIN, "the standby must take over in time");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn standby_takes_over_and_changes_no_bit() {
+async fn standby_takeover_does_not_change_result() {
     let toml = tiny_job(33, 6);
     let url = new_database();
     let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&url));
@@ -118,16 +123,16 @@ async fn standby_takes_over_and_changes_no_bit() {
     dies.kill_9();
     let (after, took) = taken_over(&second, &job.id).await;
     println!("taken over {} ms after a kill", took.as_millis());
-    assert!(after.rounds_sealed >= before.rounds_sealed, "what was told was stored");
-    assert_eq!(after.state(), JobState::Running, "it was killed in mid-run");
+    assert!(after.rounds_sealed >= before.rounds_sealed, "sealed rounds that were reported must be stored");
+    assert_eq!(after.state(), JobState::Running, "the coordinator must be killed before the job ends");
     assert_eq!(health(&second).await, ServingStatus::Serving);
 
-    // Back again, now as the one that waits; and the other one stops in an orderly way.
+    // Starts the first coordinator again as standby; then the second one stops in an orderly way.
     let _back = coordinator(&mut first, SOON, &["--standby"]);
     assert_eq!(health(&first).await, ServingStatus::NotServing);
     second.until(&job.id, |job| job.rounds_sealed > 4).await;
     assert_eq!(stops.terminate(), Some(0));
-    // It would be taken for dead much later.
+    // Without an orderly stop the takeover would need [`LATER`].
     let (_, took) = taken_over(&first, &job.id).await;
     println!("taken over {} ms after a stop", took.as_millis());
     assert_eq!(first.result(&job.id).await.result_digest, digest(Sandbox::new(), &toml, 1).await);
@@ -145,20 +150,20 @@ async fn replaced_coordinator_writes_nothing_when_continued() {
     sleeps.signal("STOP");
     let _other = coordinator(&mut second, SOON, &["--standby"]);
     taken_over(&second, &job.id).await;
-    // With no worker of its own the second one writes nothing: whatever changes now was written by the first one.
+    // Without a worker the second coordinator writes nothing, so any change was written by the first one.
     tokio::time::sleep(Duration::from_millis(300)).await;
     let written = "SELECT (SELECT count(*) FROM evogait.events), (SELECT count(*) FROM evogait.rounds),
                           (SELECT count(*) FROM evogait.results), (SELECT epoch FROM evogait.coordinator),
                           (SELECT md5(string_agg(record::TEXT, ',')) FROM evogait.jobs)";
     let before = ask(&url, written);
     sleeps.signal("CONT");
-    assert_eq!(sleeps.wait(), Some(3), "another coordinator has taken over");
+    assert_eq!(sleeps.wait(), Some(3), "exit code 3 reports that another coordinator has taken over");
     assert_eq!(ask(&url, written), before);
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn partitioned_coordinator_exits_and_its_late_writes_are_void() {
+async fn partitioned_coordinator_exits_and_late_writes_are_void() {
     let toml = tiny_job(36, 12);
     let reference = digest(Sandbox::new(), &toml, 1).await;
     for blocked in [vec![Direction::Up], vec![Direction::Down], vec![Direction::Up, Direction::Down]] {
@@ -174,9 +179,9 @@ async fn partitioned_coordinator_exits_and_its_late_writes_are_void() {
 
         blocked.iter().for_each(|direction| proxy.block(*direction, true));
         let (after, _) = taken_over(&second, &job.id).await;
-        assert!(after.rounds_sealed > 2, "{blocked:?}: what was told was stored");
-        assert_eq!(cut_off.wait(), Some(1), "{blocked:?}: it can't know whether it was replaced");
-        // What stood still arrives now, with nobody behind it.
+        assert!(after.rounds_sealed > 2, "{blocked:?}: sealed rounds that were reported must be stored");
+        assert_eq!(cut_off.wait(), Some(1), "{blocked:?}: exit code 1 reports that the database can't be reached");
+        // Packets that the proxy held back reach the database now, after the coordinator has exited.
         proxy.heal();
         assert_eq!(second.result(&job.id).await.result_digest, reference, "{blocked:?}");
     }
@@ -184,21 +189,21 @@ async fn partitioned_coordinator_exits_and_its_late_writes_are_void() {
 
 #[test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-fn coordinator_without_database_stops_and_does_not_start() {
+fn coordinator_without_database_exits_and_refuses_to_start() {
     let (proxy, beyond) = beyond_a_network(&new_database_by_tcp());
     let mut sandbox = Sandbox::on(&beyond);
     let stops = coordinator(&mut sandbox, SOON, &[]);
     proxy.block(Direction::Up, true);
     proxy.block(Direction::Down, true);
-    assert_eq!(stops.terminate(), Some(1), "it could not tell that another one may take over at once");
+    assert_eq!(stops.terminate(), Some(1), "the exit must report that the claim could not be released");
 
     let output = output_of(&mut sandbox.coordinator_command());
-    let text = String::from_utf8(output.stderr).expect("messages are text");
-    assert!(output.status.code() == Some(1) && text.contains("it did not answer within 10 s"), "{text}");
+    let text = String::from_utf8(output.stderr).expect("error messages are UTF-8");
+    assert!(output.status.code() == Some(1) && text.contains("the database did not respond within 10 s"), "{text}");
 }
 
-/// Holds the table that all coordinators use for some seconds.
-fn nobody_is_answered(url: &str, seconds: u32) -> Process {
+/// Locks the table that all coordinators use, for some seconds.
+fn lock_coordinator_table(url: &str, seconds: u32) -> Process {
     let held =
         format!("BEGIN; LOCK TABLE evogait.coordinator IN ACCESS EXCLUSIVE MODE; SELECT pg_sleep({seconds}); COMMIT");
     let mut holder = Command::new("psql");
@@ -211,14 +216,14 @@ fn nobody_is_answered(url: &str, seconds: u32) -> Process {
 fn coordinator_with_silent_database_exits_before_a_takeover() {
     let url = new_database();
     let mut waits = coordinator(&mut Sandbox::on(&url), SOON, &[]);
-    let mut holder = nobody_is_answered(&url, 20);
+    let mut holder = lock_coordinator_table(&url, 20);
     assert_eq!(waits.wait(), Some(1));
-    assert!(!holder.has_ended(), "it waited for an answer");
+    assert!(!holder.has_ended(), "the coordinator must exit before the lock is released");
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn standby_repeats_a_lost_question() {
+async fn standby_repeats_lost_query() {
     let url = new_database_by_tcp();
     let (proxy, beyond) = beyond_a_network(&url);
     let (mut first, mut second) = (Sandbox::on(&url), Sandbox::on(&beyond));
@@ -226,12 +231,12 @@ async fn standby_repeats_a_lost_question() {
     let _worker = first.worker(1);
     let job = first.submit("r", &tiny_job(37, 1000)).await;
     let _stands_by = coordinator(&mut second, SOON, &["--standby"]);
-    // The standby waits for an answer, and the one at work for its commit.
-    let mut holder = nobody_is_answered(&url, 4);
+    // The standby waits for its query, and the active coordinator for its commit.
+    let mut holder = lock_coordinator_table(&url, 4);
     let waits = "SELECT count(*) FROM pg_locks WHERE NOT granted AND relation = 'evogait.coordinator'::regclass";
     let start = Instant::now();
-    while ask(&url, waits).parse::<u32>().expect("a count") < 2 {
-        assert!(start.elapsed() < 3 * SOON, "nobody waits");
+    while ask(&url, waits).parse::<u32>().expect("the query returns a count") < 2 {
+        assert!(start.elapsed() < 3 * SOON, "the standby and the active coordinator must wait for the lock");
     }
     dies.kill_9();
     proxy.lose();
@@ -241,21 +246,21 @@ async fn standby_repeats_a_lost_question() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn second_coordinator_is_refused_without_showing_a_password() {
+async fn second_coordinator_is_refused_without_showing_password() {
     let url = new_database().replace("evogait@", "evogait:s3cret@");
     let mut sandbox = Sandbox::on(&url);
     let _coordinator = sandbox.coordinator();
     let start = Instant::now();
     let second = output_of(Sandbox::on(&url).coordinator_command().env("RUST_LOG", "debug"));
-    let text = String::from_utf8(second.stderr).expect("messages are text");
+    let text = String::from_utf8(second.stderr).expect("error messages are UTF-8");
     assert_eq!(second.status.code(), Some(1), "{text}");
-    assert!(text.contains("another coordinator (start 1) is at work") && text.contains("--standby"), "{text}");
+    assert!(text.contains("another coordinator (start 1) is active") && text.contains("--standby"), "{text}");
     assert!(start.elapsed() < WITHIN);
     assert!(!text.contains("s3cret"), "{text}");
 
     for wrong in ["postgres://ann:s3cret@127.0.0.1:1/gaits", "postgres://ann:s3cret@host:port/gaits"] {
         let output = output_of(program("coordinator").args(["--listen", "127.0.0.1:0", "--store", wrong]));
-        let text = String::from_utf8(output.stderr).expect("messages are text");
+        let text = String::from_utf8(output.stderr).expect("error messages are UTF-8");
         assert!(output.status.code() == Some(1) && !text.contains("s3cret"), "{text}");
     }
 }
@@ -273,7 +278,7 @@ async fn database_connection_is_encrypted_and_verified() {
     let encrypted = format!(
         "SELECT count(*) > 0 AND bool_and(ssl) FROM pg_stat_ssl JOIN pg_stat_activity USING (pid) WHERE datname = '{name}'"
     );
-    assert_eq!(ask_server(&encrypted), "t", "all of its connections");
+    assert_eq!(ask_server(&encrypted), "t", "all connections must be encrypted");
     let by_tls = sandbox.result(&job.id).await.result_digest;
     assert_eq!(coordinator.terminate(), Some(0));
     assert_eq!(digest(Sandbox::new(), &toml, 1).await, by_tls);
@@ -283,20 +288,17 @@ async fn database_connection_is_encrypted_and_verified() {
         sandbox.reserve_port();
         let output = output_of(sandbox.coordinator_command().env_remove("PGSSLROOTCERT"));
         assert_eq!(output.status.code(), Some(1), "{store}");
-        let text = String::from_utf8(output.stderr).expect("messages are text");
+        let text = String::from_utf8(output.stderr).expect("error messages are UTF-8");
         assert_eq!(text.lines().count(), 1, "{text}");
         text
     };
     for mode in ["verify-full", "verify-ca"] {
         let text = refused(&format!("{url}?sslmode={mode}&sslrootcert={other_ca}"));
-        assert!(
-            text.contains("not signed by a CA that is believed here") && text.contains("sslrootcert=FILE"),
-            "{text}"
-        );
+        assert!(text.contains("not signed by a trusted CA") && text.contains("sslrootcert=FILE"), "{text}");
     }
     let text = refused(&format!("{url}?sslmode=verify-full"));
-    assert!(text.contains("not signed by a CA that is believed here"), "{text}");
-    // It listens there as well, and its certificate is not for it.
+    assert!(text.contains("not signed by a trusted CA"), "{text}");
+    // The server also listens on 127.0.0.2, but its certificate is not valid for that address.
     let elsewhere = url.replace("localhost", "127.0.0.2");
     let text = refused(&format!("{elsewhere}?sslmode=verify-full&sslrootcert={ca}"));
     assert!(text.contains("not for 127.0.0.2, but for ") && text.contains("localhost"), "{text}");
@@ -305,9 +307,9 @@ async fn database_connection_is_encrypted_and_verified() {
     let text = refused(&format!("{url}?sslmode=disable"));
     assert!(text.contains("add ?sslmode=verify-full to --store"), "{text}");
     let text = refused(&format!("{}?sslmode=verify-full", new_database()));
-    assert!(text.contains("does not encrypt connections: set ssl = on there"), "{text}");
+    assert!(text.contains("does not encrypt connections: set ssl = on"), "{text}");
 
-    // The certificate is for another name: only verify-ca lets that pass.
+    // verify-ca does not check the address, so the certificate is accepted.
     let mut sandbox = Sandbox::on(&format!("{elsewhere}?sslmode=verify-ca&sslrootcert={ca}"));
     assert_eq!(sandbox.coordinator().terminate(), Some(0));
 }

@@ -129,7 +129,7 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
     ("more unstable rollouts than rollouts", "is impossible", |r| {
         counts(r, |counts| counts.unstable = counts.rollouts + 1)
     }),
-    ("a genotype that was not asked for", "does not take", |r| {
+    ("a genotype that was not asked for", "does not use", |r| {
         content(r, |result| match result {
             TaskResult::Evaluated { score, descriptors, counts, .. } => {
                 TaskResult::Evaluated { genotype: Some(vec![0.5].into()), score, descriptors, counts }
@@ -137,7 +137,7 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
             other => other,
         })
     }),
-    ("an answer to another question", "not an evaluation's", |r| {
+    ("an answer to another question", "not of an evaluation", |r| {
         content(r, |_| TaskResult::Examined { scores: vec![Some(1.0)], counts: Counts::default(), traces: None })
     }),
 ];

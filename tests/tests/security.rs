@@ -83,7 +83,7 @@ impl Cluster {
         let pids: Vec<String> = ours.collect();
         assert_eq!(pids.len(), 1, "one coordinator has these tokens");
         assert!(Command::new("kill").args(["-HUP", &pids[0]]).status().unwrap().success());
-        self.heard("the tokens were read again", 1).await;
+        self.heard("tokens reloaded", 1).await;
     }
 
     /// Waits until the coordinator's log has these words so often.
@@ -169,7 +169,7 @@ async fn secured_cluster_gives_same_bits_and_enforces_roles() {
     let tiny = || tiny_job(22, 1);
     let refused = submit(cluster.dial(Some("worker"), Some("worker")), "w", tiny()).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
-    assert!(refused.message().contains("SubmitJob needs a token with the role client"), "{refused}");
+    assert!(refused.message().contains("SubmitJob requires a token with role client"), "{refused}");
     assert_eq!(code(complete(client()).await), Code::PermissionDenied);
     // It got through: the message itself is refused.
     assert_eq!(code(complete(cluster.dial(Some("worker"), Some("worker"))).await), Code::InvalidArgument);
@@ -303,12 +303,12 @@ fn plain_text_beyond_loopback_is_refused() {
     assert!(coordinator(&[tokens]).contains("not encrypted (--tls-cert, --tls-key)"));
     assert!(coordinator(&[cert, key]).contains("not authenticated (--tokens)"));
     // What does not fit is told by its file, before anything starts.
-    assert!(coordinator(&[cert]).contains("go together"));
+    assert!(coordinator(&[cert]).contains("must be given together"));
     assert!(
         coordinator(&[cert, ("--tls-key", "worker.key")]).contains("worker.key is not the key of the certificate in")
     );
     assert!(coordinator(&[("--tls-cert", "tokens"), key]).contains("tokens holds no certificate in PEM"));
-    assert!(coordinator(&[cert, key, ("--tokens", "nowhere")]).contains("can't read the tokens in"));
+    assert!(coordinator(&[cert, key, ("--tokens", "nowhere")]).contains("can't read the token file"));
     let text_of_token = coordinator(&[cert, key, ("--tokens", "client.token")]);
     let secret = cluster.certificates.token("client");
     assert!(text_of_token.contains("line 1") && !text_of_token.contains(&secret), "{text_of_token}");

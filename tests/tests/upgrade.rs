@@ -74,7 +74,7 @@ async fn job_of_older_build_waits_for_its_workers() {
     // Who computes yet other bits is of no use.
     let refused = Scripted::of_another_build(&sandbox, "other", Digest([8; 32])).await.err().expect("nobody needs it");
     assert_eq!(refused.code(), Code::FailedPrecondition);
-    assert!(refused.message().contains("080808080808") && refused.message().contains("no job"), "{refused}");
+    assert!(refused.message().contains("080808080808") && refused.message().contains("no active job"), "{refused}");
 
     let old = Scripted::of_another_build(&sandbox, "old", OLD).await.expect("a job needs it");
     let works = tokio::spawn(old.works());

@@ -28,7 +28,7 @@ async fn paused_job_rests_over_kill_and_resumes_to_same_bits() {
     let text = tiny_job(31, 4);
     let job = sandbox.submit("r", &text).await;
     sandbox.until(&job.id, |job| job.rounds_sealed > 1).await;
-    assert!(sandbox.told(&["pause", &job.id]).contains("is paused: what runs may finish"));
+    assert!(sandbox.told(&["pause", &job.id]).contains("is paused: tasks that already run may finish"));
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
     let paused = sandbox.job(&job.id).await;
@@ -152,7 +152,7 @@ async fn wrong_sealed_result_taints_job_and_restart_repairs() {
     assert_eq!(result.result_digest, undisturbed(&text).await);
     assert_eq!(result.history.len(), 3);
     let shown = sandbox.told(&["show", again]);
-    assert!(shown.contains(&format!("does again     {}", job.id)), "{shown}");
+    assert!(shown.contains(&format!("repeats        {}", job.id)), "{shown}");
 }
 
 #[tokio::test]
@@ -224,7 +224,7 @@ async fn poisoned_task_fails_job_and_evaluates_locally() {
     let genotype = genotype.numbers().iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let shown = sandbox.told(&["show", &job.id]);
     assert!(shown.contains(&format!("genome         {genotype}")), "{shown}");
-    assert!(shown.contains(&format!("evogait evaluate {} does it again here", job.id)), "{shown}");
+    assert!(shown.contains(&format!("evogait evaluate {} repeats it on this machine", job.id)), "{shown}");
 
     let Outcome::Results(Results { results }) = fails.honest(&assign) else { panic!("results") };
     let Ok(TaskResult::Evaluated { score, .. }) = TaskResult::decode(&results[0]) else { panic!("an evaluation") };

@@ -203,12 +203,12 @@ pub struct Evaluate {
     pub generation: u32,
     pub candidate: u32,
     pub question: Option<Question>,
-    /// `None` takes the candidate whose evaluation failed the job.
+    /// `None` takes the candidate that failed the job.
     pub genotype: Option<Genotype>,
     pub json: bool,
 }
 
-/// Job whose candidate is evaluated.
+/// Source of the job of the evaluated candidate.
 #[derive(Debug)]
 pub enum EvaluateWhat {
     File(JobFile),

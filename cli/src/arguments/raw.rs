@@ -37,10 +37,10 @@ Start here:
   evogait scenarios                      list the robots, environments and jobs
                                          that ship with the program
   evogait run quadropod-empty            evolve a gait set on this machine
-  evogait verify runs/quadropod-empty-*  compute its result again, compare the bits
+  evogait verify runs/quadropod-empty-*  compute its result again, compare bits
   evogait plan runs/quadropod-empty-* --environment reuse-2
-                                         plan in another environment with the gaits
-                                         of this run
+                                         plan with its gaits in another
+                                         environment
 
 Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.",
     propagate_version = true,
@@ -64,6 +64,7 @@ Examples:
   evogait run quadropod-empty
   evogait run my-job.toml --seed 7 --out runs/seven
   evogait run my-job.toml --coordinator http://cluster:7077
+
 The job runs inside this process if --workers is given, or if neither
 --coordinator nor EVOGAIT_COORDINATOR is set. Ctrl-C, SIGTERM and SIGHUP stop
 it. Enter the same command again to continue where it stopped. If the job is
@@ -75,7 +76,7 @@ Files in the output folder:
   history.csv              scores of each generation: min, quartiles, max, mean,
                            best so far
   archive.csv              scores of the best genomes on the reference setting
-  audits.csv               scores without reuse of each genome that became the best
+  audits.csv               scores without reuse of each new best genome
   gaits.json               gaits of the winner: parameters and displacement
   trajectories/gait-N.csv  time (s), joint targets and angles (rad), pivot pose
                            (mu), as input for hardware or pandas
@@ -92,15 +93,16 @@ Examples:
   evogait plan runs/quadropod-empty-3f2a9c01d4e5 --environment reuse-2
   evogait plan runs/quadropod-empty-3f2a9c01d4e5 --environment my-map.toml --seeds 50
   evogait plan RUN --environment reuse-3 --iterations 100 --whole-trees
+
 The command writes a job file with procedure = \"plan\" and runs it. The job file
 contains the gaits, so `evogait run` can repeat it on any machine. If the
 environment has a goal, a tree ends when it reaches the goal, unless
 --whole-trees is given. The result does not depend on the number of workers.
 
 Files in the output folder:
-  result.json              number of trees that reached the goal; mean and standard
-                           deviation of the distance to the goal, of coverage and
-                           of plan length; the best plan
+  result.json              trees that reached the goal; mean and deviation of
+                           distance to the goal, coverage and plan length; the
+                           best plan
   job.toml                 the job with all settings; input for `evogait run`
   plans.csv, plans.json    a row for each tree; the steps of all plans
   plan.csv                 the best plan: gaits, times (s), poses (mu, rad)
@@ -118,6 +120,7 @@ Examples:
   evogait simulate RUN --plan --replan --friction 0.6..1.0 --dead-joints 1
   evogait simulate --robot lizard --stand 5
   evogait simulate --robot my-robot.urdf --targets targets.csv
+
 The command writes a job file with procedure = \"simulate\" and runs it. The job
 file contains the motion, so `evogait run` can repeat it on any machine. The
 motion is simulated once with nothing varied. Then each repeat draws its values
@@ -129,14 +132,14 @@ A run succeeds if it is stable, stays on the map, touches no obstacle, and ends
 within the radius of the goal.
 
 Files in the output folder:
-  result.json              success rate with its 95 % interval; mean, standard
-                           deviation, median and extremes of distances, motor work
-                           and contacts
+  result.json              success rate with its 95 % interval; mean, deviation,
+                           median and extremes of distances, motor work and
+                           contacts
   job.toml                 the job with all settings; input for `evogait run`
   runs.csv                 a row for each run: drawn values, outcome, end pose
-  motion-WAY.csv           samples of the run with nothing varied: time (s), joint
-                           targets and angles (rad), pose (mu), bodies that touch
-                           the ground
+  motion-WAY.csv           samples of the run with nothing varied: time (s),
+                           joint targets and angles (rad), pose (mu), bodies
+                           that touch the ground
   paths.csv                path of the pivot in every run
   simulation.json          all data
   paths-WAY                pictures, each as .svg and .png")]
@@ -146,6 +149,7 @@ Files in the output folder:
     #[command(after_help = "\
 Example:
   evogait submit quadropod-empty --coordinator http://cluster:7077
+
 Prints the job's id, the ID of `evogait watch ID` and `evogait fetch ID`. If the
 coordinator already has the same job, no second one is created and the id is
 that of the first.")]
@@ -155,6 +159,7 @@ that of the first.")]
     #[command(after_help = "\
 Example:
   evogait watch ID
+
 Ctrl-C ends this command and not the job. The exit code is 0 if the job
 succeeded, 1 if it failed or was cancelled.")]
     Watch(OneJob),
@@ -193,6 +198,7 @@ Example:
 Examples:
   evogait restart ID
   evogait restart ID --from-generation 40
+
 The new job takes over all earlier generations. The bits of its result are those
 of an undisturbed run. Without --from-generation a tainted job is repeated from
 the generation with the wrong value. Prints the new job's id.")]
@@ -202,6 +208,7 @@ the generation with the wrong value. Prints the new job's id.")]
     #[command(after_help = "\
 Example:
   evogait cancel ID
+
 `evogait submit JOB.toml --again` starts a cancelled job again from the
 beginning.")]
     Cancel(OneJob),
@@ -256,6 +263,7 @@ Examples:
   evogait compare runs/quadropod-empty-*
   evogait compare runs/a runs/b --out curves.png
   evogait compare runs/a runs/b --json | jq .settings
+
 The runs may be of any procedure. Curves need runs that evolved for the same
 score.")]
     Compare(Compare),
@@ -265,6 +273,7 @@ score.")]
 Examples:
   evogait replay runs/quadropod-empty-3f2a9c01d4e5 --gait 1 --out gait-1.csv
   evogait replay runs/quadropod-empty-3f2a9c01d4e5 --plan
+
 The CSV file of a gait has time (s), joint targets and angles (rad), pivot
 position (mu) and rotation (unit quaternion). The CSV file of a plan has the
 path of the pivot (mu) in three ways: as in the tree, gait by gait from rest,
@@ -276,6 +285,7 @@ without stops.")]
 Examples:
   evogait verify runs/quadropod-empty-3f2a9c01d4e5
   evogait verify runs/quadropod-empty-3f2a9c01d4e5 --full
+
 The command computes the winner's score again, as in the search and on the
 reference setting. With --full it computes the whole report: archive, audits,
 fresh seeds, friction, gaits, tree, paths. The exit code is 0 if every compared
@@ -311,6 +321,7 @@ Examples:
   evogait robot lizard --format mjcf --scale real > lizard.xml
   evogait robot my-robot.urdf
   evogait robot my-robot.urdf --unit 0.065 --out my-robot.toml
+
 MJCF (MuJoCo) contains bodies, hinges, motors, friction, gravity and the ground.
 URDF has no elements for gains, friction and gravity: a comment in the file
 states them. One unit of length in both formats is 1 mu. The importer accepts

@@ -189,7 +189,9 @@ fn picture(path: PathBuf) -> Result<PathBuf, Error> {
     if ending.is_some_and(|ending| ending == "svg" || ending == "png") {
         return Ok(path);
     }
-    Err(Error::Usage { message: format!("--out {} is no picture file: a picture ends with .svg or .png", path.display()) })
+    Err(Error::Usage {
+        message: format!("--out {} is no picture file: a picture ends with .svg or .png", path.display()),
+    })
 }
 
 fn one_job(raw: raw::OneJob) -> Result<OneJob, Error> {
@@ -241,7 +243,9 @@ fn genotype(text: &str, from: &str) -> Result<Genotype, Error> {
     };
     let numbers: Vec<f64> = text.split(separator).filter(|w| !w.is_empty()).map(number).collect::<Result<_, _>>()?;
     match numbers.len() {
-        0 => Err(Error::Usage { message: format!("{from} contains no number: a genome is a list of numbers with commas between them") }),
+        0 => Err(Error::Usage {
+            message: format!("{from} contains no number: a genome is a list of numbers with commas between them"),
+        }),
         n if n > MAX_GENOTYPE => {
             Err(Error::Usage { message: format!("{from} contains {n} numbers: at most {MAX_GENOTYPE} are allowed") })
         }

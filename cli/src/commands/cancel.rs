@@ -1,4 +1,4 @@
-//! `evogait cancel`: ends a job of a coordinator for good.
+//! `evogait cancel`: cancels a job of a coordinator permanently.
 
 use crate::arguments::OneJob;
 use crate::client::Client;
@@ -8,7 +8,7 @@ use crate::view::JobView;
 use crate::watch::word;
 use proto::v1::JobState;
 
-/// Cancels. A job that had ended stays as it was, which is told.
+/// Cancels the job. A job that had already ended does not change, and the output reports that.
 pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     let mut client = Client::connect(&args.on).await?;
     let job = client.cancel(&args.id).await?;
@@ -20,6 +20,6 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     }
     console::say(&match job.state() {
         JobState::Cancelled => format!("\"{}\" ({}) is cancelled", job.name, job.id),
-        state => format!("\"{}\" ({}) had ended before: it {}", job.name, job.id, word(state)),
+        state => format!("\"{}\" ({}) had already ended: its state is {}", job.name, job.id, word(state)),
     })
 }

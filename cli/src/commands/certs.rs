@@ -6,7 +6,7 @@ use crate::console;
 use crate::error::Error;
 use proto::credentials::authority;
 
-/// Makes or renews, and says what to do next.
+/// Creates or renews the certificates, and prints the next steps.
 pub fn run(args: Certs, quiet: bool) -> Result<(), Error> {
     let Certs { action, folder, hosts: given, days } = args;
     let hosts = with_loopback(given);
@@ -28,13 +28,15 @@ pub fn run(args: Certs, quiet: bool) -> Result<(), Error> {
     let host = hosts.iter().find(|host| !is_loopback(host)).unwrap_or(&hosts[0]);
     let host = if let Host::Ip(std::net::IpAddr::V6(ip)) = host { format!("[{ip}]") } else { host.to_string() };
     let valid = format!(
-        "Certificates in {dir}, valid for {days} days; the CA until {until}. The coordinator's is for {names}."
+        "The certificates in {dir} are valid for {days} days, the CA until {until}. The coordinator's certificate is for {names}."
     );
     console::say(&match action {
-        CertsAction::Renew => format!("{valid}\nCopy them to where they are used and start the programs there again."),
+        CertsAction::Renew => {
+            format!("{valid}\nCopy them to the machines that use them and restart the programs there.")
+        }
         CertsAction::Init => format!(
             "{valid}
-Whoever has ca.key can make more: keep it away from the network. (A CA lasts {CA_DAYS} days.)
+ca.key signs further certificates: keep it offline. (A new CA is valid for {CA_DAYS} days.)
 
 The coordinator needs coordinator.pem, coordinator.key, ca.pem and tokens:
   coordinator --listen 0.0.0.0:7077 --store sqlite:evogait.db --tls-cert {coordinator} \\
@@ -57,7 +59,7 @@ fn is_loopback(host: &Host) -> bool {
     }
 }
 
-/// The machine itself is always among the hosts, so that whoever works on it can connect.
+/// Adds the names of the machine itself, so that local programs can connect.
 fn with_loopback(mut hosts: Vec<Host>) -> Vec<Host> {
     for own in [
         Host::Name("localhost".to_owned()),

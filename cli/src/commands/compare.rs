@@ -1,4 +1,4 @@
-//! `evogait compare`: what differs between runs, and how far they got.
+//! `evogait compare`: settings that differ between runs, and results side by side.
 
 use crate::arguments::Compare;
 use crate::console::{self, score_with, table};
@@ -12,10 +12,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Tables of a job file that are compared by name instead of key by key.
+/// Tables of a job file that are compared by name, not key by key.
 const NAMED: [&str; 2] = ["robot", "environment"];
 
-/// A finished run.
+/// Finished run.
 struct Read {
     folder: PathBuf,
     job: Checked,
@@ -26,16 +26,16 @@ struct Read {
 #[derive(Serialize)]
 struct View {
     runs: Vec<String>,
-    /// Settings that are not the same in all runs, each run's in turn; `null` where a run has none.
+    /// Settings that are not the same in all runs, with the value of each run; `null` if a run has none.
     settings: BTreeMap<String, Vec<Option<String>>>,
-    /// Results by name, one value a run; `null` where a run has none.
+    /// Results by name, with the value of each run; `null` if a run has none.
     results: Vec<(&'static str, Vec<Option<String>>)>,
-    /// Whether all runs are of the same job, and then whether their results have the same bits.
+    /// True if all runs are of the same job. `same_result` is true if their results have the same bits.
     same_job: bool,
     same_result: bool,
 }
 
-/// Reads, compares, tells, draws.
+/// Reads the runs, prints the comparison and draws the curves.
 pub fn run(args: Compare) -> Result<(), Error> {
     let runs = args.folders.iter().map(|folder| read(folder)).collect::<Result<Vec<Read>, Error>>()?;
     let picture = match &args.out {
@@ -77,7 +77,7 @@ fn read(folder: &Path) -> Result<Read, Error> {
     Ok(Read { folder: folder.to_owned(), job, result, settings })
 }
 
-/// Every key with its value, under its path.
+/// Adds every value of a table under the path of its key.
 fn flatten(path: &str, value: &toml::Value, into: &mut BTreeMap<String, String>) {
     match value {
         toml::Value::Table(table) => {
@@ -85,7 +85,7 @@ fn flatten(path: &str, value: &toml::Value, into: &mut BTreeMap<String, String>)
                 flatten(&format!("{path}.{key}"), value, into);
             }
         }
-        // Gaits fill a page: whether they are the same is enough.
+        // Long lists, such as gaits, are compared by digest.
         toml::Value::Array(list) if list.len() > 4 || list.iter().any(toml::Value::is_array) => {
             let digest = sim_core::base::digest::Digest::of("compared list", &value.to_string());
             into.insert(path.to_owned(), format!("{} values, {}", list.len(), digest.short()));
@@ -122,7 +122,7 @@ fn view(runs: &[Read]) -> View {
     }
 }
 
-/// Digests of job and result.
+/// Returns the digests of job and result.
 fn digests(run: &Read) -> (String, String) {
     match &run.result {
         Finished::Evolved(result) => (result.job_digest.to_string(), result.result_digest.to_string()),
@@ -131,7 +131,7 @@ fn digests(run: &Read) -> (String, String) {
     }
 }
 
-/// Results of a run by their place in the table.
+/// Returns the results of a run by their row in the table.
 fn numbers(run: &Read) -> BTreeMap<usize, (&'static str, String)> {
     let mut told: Vec<(usize, &'static str, Option<String>)> = Vec::new();
     match &run.result {
@@ -183,7 +183,7 @@ fn numbers(run: &Read) -> BTreeMap<usize, (&'static str, String)> {
                     None => score_with(Some(mean), unit),
                 })
             };
-            // The first way stands for the run: it has as many repeats as the other.
+            // The first way represents the run; all ways have the same number of repeats.
             if let Some(OfWay { unvaried, repeats, .. }) = result.ways.first() {
                 let share = |Share { count, of, .. }: Share| format!("{count} of {of} repeats");
                 told.push((16, "success", repeats.as_ref().map(|of| share(of.success))));
@@ -219,7 +219,7 @@ fn text(view: &View) -> String {
     parts.push(
         match (view.same_job, view.same_result) {
             (true, true) => "the same job with the same bits",
-            (true, false) => "the same job with DIFFERENT bits: see `evogait verify` of each",
+            (true, false) => "the same job with DIFFERENT bits: run `evogait verify` on each run",
             (false, _) => "different jobs",
         }
         .to_owned(),
@@ -227,7 +227,7 @@ fn text(view: &View) -> String {
     parts.join("\n\n")
 }
 
-/// The picture of searches whose scores can stand on one axis.
+/// Returns the picture of the searches' curves. Fails if their scores differ in name or unit.
 fn curves(runs: &[Read]) -> Result<crate::draw::Picture, Error> {
     let usage = |message: String| Error::Usage { message };
     let label = |run: &Read| {
@@ -244,12 +244,12 @@ fn curves(runs: &[Read]) -> Result<crate::draw::Picture, Error> {
             Does::Simulate => Some("simulates a motion that is given"),
         };
         if let Some(what) = what {
-            return Err(usage(format!("{called} {what}, so it has no curve: leave --out away")));
+            return Err(usage(format!("{called} {what}, so it has no curve: omit --out")));
         }
         if label(run) != first {
             let other = label(run);
             return Err(usage(format!(
-                "{called} has scores of {other}, {} of {first}: they share no axis",
+                "the score of {called} is {other}, that of {} is {first}: curves need runs with the same score",
                 runs[0].folder.display()
             )));
         }
@@ -258,12 +258,14 @@ fn curves(runs: &[Read]) -> Result<crate::draw::Picture, Error> {
     Ok(comparison(&lines, "comparison", &first))
 }
 
-/// Generation and best so far of a history.csv.
+/// Reads generation, score quartiles and best score so far from a history.csv.
 fn history(path: &Path) -> Result<Vec<HistoryRow>, Error> {
     let text = fs::read_to_string(path).map_err(|e| Error::read(path, e))?;
     inputs::record(path);
-    let damaged =
-        |line: usize| Error::Damaged { path: path.to_owned(), reason: format!("line {line} is no row of it") };
+    let damaged = |line: usize| Error::Damaged {
+        path: path.to_owned(),
+        reason: format!("line {line} is not a row of generation and scores"),
+    };
     let row = |(i, line): (usize, &str)| {
         let cells: Vec<&str> = line.split(',').collect();
         let number = |column: usize| cells.get(column).and_then(|cell| cell.parse::<f64>().ok());

@@ -1,11 +1,11 @@
-//! `evogait completions`: completions for a shell.
+//! `evogait completions`: completion scripts for shells.
 
 use crate::arguments::definition;
 use crate::console;
 use crate::error::Error;
 use clap_complete::{Shell, generate};
 
-/// Prints the completions of a shell.
+/// Prints the completion script of a shell.
 pub fn run(shell: Shell) -> Result<(), Error> {
     let mut script = Vec::new();
     generate(shell, &mut definition(), "evogait", &mut script);

@@ -1,4 +1,4 @@
-//! `evogait evaluate`: one evaluation on this machine, with the bits that any worker would give.
+//! `evogait evaluate`: one evaluation on this machine, with the same bits as on a worker.
 
 use crate::arguments::{Evaluate, EvaluateWhat};
 use crate::client::Client;
@@ -26,9 +26,9 @@ struct View {
     generation: u32,
     candidate: u32,
     question: Option<&'static str>,
-    /// One for an evaluation of the search, one a tree for a question.
+    /// Scores: one for an evaluation of the search, one per tree for an examination.
     scores: Vec<Option<f64>>,
-    /// The scores' bits in hexadecimal digits; "failed" where there is no score.
+    /// Bits of the scores in hexadecimal digits; "failed" if there is no score.
     bits: Vec<String>,
     rollouts: u64,
     nodes: u64,
@@ -36,7 +36,7 @@ struct View {
     seconds: f64,
 }
 
-/// Evaluates and tells.
+/// Evaluates the candidate and prints the result.
 pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
     let (job, poisoned) = match &args.what {
         EvaluateWhat::File(file) => (load::evolving(file)?, None),
@@ -47,7 +47,9 @@ pub fn run(args: Evaluate, quiet: bool) -> Result<(), Error> {
             let job = Job::from_toml(&job_toml).map_err(|source| Error::Invalid { file: label.clone(), source })?;
             load::must_evolve(&job, &label)?;
             if !quiet && job.engine_digest().0.as_slice() != status.engine_digest {
-                console::note("this build has another engine than the job ran on: the bits may differ from a worker's");
+                console::note(
+                    "the engine of this build differs from that of the job: the bits may differ from a worker's",
+                );
             }
             Ok((job, status.poisoned))
         })?,
@@ -82,21 +84,23 @@ fn subject(args: &Evaluate, poisoned: Option<v1::Poisoned>) -> Result<Subject, E
     }
     match (poisoned.map(|poisoned| Subject::of(&poisoned)), &args.what) {
         (Some(Some(subject)), _) => Ok(subject),
-        (Some(None), _) => usage("what failed too often is no evaluation: `evogait show` says how to see it happen"),
+        (Some(None), _) => usage(
+            "the task that failed too often is not an evaluation: `evogait show` prints the command that repeats it",
+        ),
         (None, EvaluateWhat::Stored { .. }) => {
-            usage("this job has no candidate that failed too often: tell one with --genome or --genome-file")
+            usage("this job has no candidate that failed too often: give one with --genome or --genome-file")
         }
-        (None, _) => usage("tell the candidate with --genome or --genome-file"),
+        (None, _) => usage("the candidate is missing: give it with --genome or --genome-file"),
     }
 }
 
-/// Refuses a genotype that no search of the job asks about.
+/// Fails if the search of this job can't produce the genotype.
 fn check(job: &Job, genotype: &Genotype) -> Result<(), Error> {
     let Err(misfit) = job.space().check(genotype) else { return Ok(()) };
     let (index, what) = match misfit {
         Misfit::Length { found, wanted } => {
             let message =
-                format!("the genome has {found} numbers, and a candidate of this job has {wanted} parameters");
+                format!("the genome has {found} numbers, but a candidate of this job has {wanted} parameters");
             return Err(Error::Usage { message });
         }
         Misfit::NotFinite { index, .. } => (index, "is not a finite number"),
@@ -111,7 +115,7 @@ fn check(job: &Job, genotype: &Genotype) -> Result<(), Error> {
     })
 }
 
-/// What a worker does.
+/// Evaluates or examines the candidate as a worker does.
 fn carry_out(job: &Job, Subject { candidate, question }: &Subject) -> Result<(Vec<Option<f64>>, Counts), Error> {
     let never = || false;
     let stopped = |_| Error::Interrupted { hint: String::new() };
@@ -133,14 +137,14 @@ fn text(view: &View, label: &Label) -> String {
         "candidate {} of generation {}{}",
         view.candidate,
         view.generation,
-        view.question.map_or_else(String::new, |q| format!(", asked for {q}"))
+        view.question.map_or_else(String::new, |q| format!(", examination {q}"))
     )];
     for (score, bits) in view.scores.iter().zip(&view.bits) {
         lines.push(match score {
             Some(score) => {
                 format!("  {:<13}  {} (bits {bits})", label.name, console::score_with(Some(*score), &label.unit))
             }
-            None => "  failed         it needs more rollouts than planner.max_rollouts allows, or the job has no reference setting"
+            None => "  failed         more rollouts are needed than planner.max_rollouts allows, or the job has no reference setting"
                 .to_owned(),
         });
     }

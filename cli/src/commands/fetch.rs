@@ -7,7 +7,7 @@ use crate::output::{self, Folder};
 use crate::{console, summary, watch};
 use sim_core::problem::Checked;
 
-/// Fetches and writes, or says why there is no result.
+/// Writes the result of the job. Fails with the reason if there is none.
 pub async fn run(args: Fetch, quiet: bool) -> Result<(), Error> {
     let mut client = Client::connect(&args.on).await?;
     let (status, _) = client.get(&args.id).await?;

@@ -1,4 +1,4 @@
-//! Gaits of a run for jobs that are given them: of a folder, or of a coordinator's job.
+//! Gaits of a finished run for jobs that use them. The run is a folder or a coordinator's job.
 
 use crate::arguments::RunOf;
 use crate::client::Client;
@@ -14,36 +14,36 @@ use sim_core::report::TreeRecord;
 
 /// Job, gaits and best plan of a finished run.
 pub struct Given {
-    /// Its job.
+    /// Job of the run.
     pub job: Checked,
-    /// The winner, or the gaits that it planned with.
+    /// Genotype of the winner, or the gaits that the run planned with.
     pub gaits: Genotype,
-    /// As messages call it.
+    /// Name of the run in messages.
     pub called: String,
-    /// Its best plan: gaits from 1, and where each leads (x, y, z, yaw); `None` where it is not told.
+    /// Best plan: numbers of the gaits, from 1, and the pose after each (x, y, z, yaw); `None` if the run has none.
     plan: Option<Plan>,
 }
 
 type Plan = (Vec<u32>, Vec<[f64; 4]>);
 
 impl Given {
-    /// The gaits as a table of a job.
+    /// Returns the gaits as a table of a job.
     pub fn set(&self) -> Reference<GaitSet> {
         let genome = self.gaits.gaits(self.job.gaits().count as usize).map(<[f64]>::to_vec).collect();
         Reference::Inline(Box::new(GaitSet { joints: self.job.robot().joint_names(), genome }))
     }
 
-    /// The best plan.
+    /// Returns the best plan.
     ///
     /// # Errors
-    /// It has no step.
+    /// If the plan has no step.
     pub fn plan(&self) -> Result<Plan, Error> {
-        let message = || format!("{} has no plan: no gait led anywhere", self.called);
+        let message = || format!("{} has no plan: its best path has no step", self.called);
         self.plan.clone().filter(|(steps, _)| !steps.is_empty()).ok_or_else(|| Error::Usage { message: message() })
     }
 }
 
-/// The gaits of a run that evolved them, or planned with them.
+/// Reads the gaits of a run that evolved them or planned with them.
 pub fn given(of: &RunOf) -> Result<Given, Error> {
     match of {
         RunOf::Folder(folder) => {

@@ -1,4 +1,4 @@
-//! `evogait health`: whether a coordinator serves, as gRPC health tells it; or how a process is, as its `/healthz` does.
+//! `evogait health`: health of a coordinator, from the gRPC health service; or of a process, from its `/healthz`.
 
 use crate::arguments::{Health, HealthOf};
 use crate::client::Client;
@@ -9,20 +9,20 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-/// A process that does not answer within this time is not well.
+/// Time limit for the answer of a process; without an answer it counts as unhealthy.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Longest answer of `/healthz` that is read, in bytes.
+/// Maximum length of an answer of `/healthz`, bytes.
 const MAX_ANSWER: u64 = 4096;
 
 #[derive(Serialize)]
 struct HealthView {
-    /// Whether a coordinator serves, or a process is well.
+    /// True if a coordinator serves, or a process is healthy.
     well: bool,
-    /// In its words.
+    /// Status as text, from the process or the coordinator.
     says: String,
 }
 
-/// Asks; not to be well is an error.
+/// Requests the health and prints it. Returns an error if it is bad.
 pub async fn run(args: Health, quiet: bool) -> Result<(), Error> {
     let (view, unwell) = match args.of {
         HealthOf::Coordinator { on, alive } => {
@@ -51,7 +51,7 @@ pub async fn run(args: Health, quiet: bool) -> Result<(), Error> {
     unwell.map_or(Ok(()), Err)
 }
 
-/// Whether it is well, and what it says.
+/// Returns true if the process is healthy, and the text of its answer.
 fn healthz(address: SocketAddr) -> io::Result<(bool, String)> {
     let mut stream = TcpStream::connect_timeout(&address, PATIENCE)?;
     stream.set_read_timeout(Some(PATIENCE))?;
@@ -59,7 +59,7 @@ fn healthz(address: SocketAddr) -> io::Result<(bool, String)> {
     stream.write_all(request.as_bytes())?;
     let mut answer = String::new();
     stream.take(MAX_ANSWER).read_to_string(&mut answer)?;
-    let no_http = || io::Error::new(ErrorKind::InvalidData, "it is no --metrics address that answers");
+    let no_http = || io::Error::new(ErrorKind::InvalidData, "the answer is not that of a --metrics address");
     let (head, body) = answer.split_once("\r\n\r\n").ok_or_else(no_http)?;
     let code = head.strip_prefix("HTTP/1.1 ").and_then(|h| h.get(..3)).ok_or_else(no_http)?;
     Ok((code == "200", body.trim().to_owned()))

@@ -11,7 +11,7 @@ use std::path::Path;
 pub fn run(out: Option<&Path>, quiet: bool) -> Result<(), Error> {
     let Some(folder) = out else {
         let mut page = Vec::new();
-        Man::new(definition()).render(&mut page).expect("memory takes all that is written");
+        Man::new(definition()).render(&mut page).expect("writing to memory never fails");
         return console::say(&String::from_utf8_lossy(&page));
     };
     fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;

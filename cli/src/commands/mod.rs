@@ -1,4 +1,4 @@
-//! The commands, a file each.
+//! The commands of the program, one file each.
 
 mod bench;
 mod cancel;
@@ -32,10 +32,10 @@ use crate::error::Error;
 use std::time::Duration;
 use tokio::runtime;
 
-/// How long tasks may take to end after the command has.
+/// Time limit for the runtime's tasks to end after the command.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-/// Does what was asked for.
+/// Runs a command.
 pub fn execute(resolved: Resolved) -> Result<(), Error> {
     let quiet = resolved.quiet;
     match resolved.command {

@@ -1,4 +1,4 @@
-//! `evogait pause` and `evogait resume`: a job of a coordinator rests for a while.
+//! `evogait pause` and `evogait resume`: pause a job of a coordinator and continue it.
 
 use crate::arguments::OneJob;
 use crate::client::Client;
@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::view::JobView;
 use crate::watch::standing;
 
-/// Pauses (`true`) or resumes. What was so already stays so.
+/// Pauses the job (`paused`) or resumes it. A job that already has this state does not change.
 pub async fn run(args: OneJob, paused: bool, quiet: bool) -> Result<(), Error> {
     let mut client = Client::connect(&args.on).await?;
     let job = if paused { client.pause(&args.id).await? } else { client.resume(&args.id).await? };
@@ -19,8 +19,11 @@ pub async fn run(args: OneJob, paused: bool, quiet: bool) -> Result<(), Error> {
     }
     let (name, id) = (&job.name, &job.id);
     console::say(&if paused {
-        format!("\"{name}\" ({id}) is paused: what runs may finish\n  next  evogait resume {}", console::quoted(id))
+        format!(
+            "\"{name}\" ({id}) is paused: tasks that already run may finish\n  next  evogait resume {}",
+            console::quoted(id)
+        )
     } else {
-        format!("\"{name}\" ({id}) goes on, it is {}", standing(&job))
+        format!("\"{name}\" ({id}) is resumed: {}", standing(&job))
     })
 }

@@ -14,10 +14,10 @@ use sim_core::job::{JobSpec, Reference};
 use sim_core::plan::PlannerKind;
 use sim_core::problem::{Checked, PLAN, PlanSpec};
 
-/// Trees unless told otherwise.
+/// Default number of trees.
 const SEEDS: u32 = 20;
 
-/// Makes the job and runs it as `evogait run` does.
+/// Creates the job and runs it like `evogait run`.
 pub fn run(args: Plan, quiet: bool) -> Result<(), Error> {
     let given = given(&args.of)?;
     let spec = job(&args, &given)?;
@@ -26,7 +26,7 @@ pub fn run(args: Plan, quiet: bool) -> Result<(), Error> {
     carry_out(&job, args.to, quiet)
 }
 
-/// The job that plans: that of the run but for what was asked for.
+/// Returns the job that plans: the job of the run, changed by the options.
 fn job(args: &Plan, given: &Given) -> Result<JobSpec, Error> {
     let mut spec = given.job.spec().clone();
     if let Some(name) = &args.environment {

@@ -8,10 +8,10 @@ use crate::output::{self, REPORT, Stored, atomic, mode_word};
 use sim_core::report::{self, GaitTrace, PathTrace};
 use sim_core::search::Scored;
 
-/// Simulates, tells facts, writes samples.
+/// Simulates the gait or plan, prints its facts and writes its samples.
 pub fn run(args: Replay) -> Result<(), Error> {
     let stored = Stored::read(&args.folder)?;
-    // All that a replay reads, before anything is simulated.
+    // Recorded before the simulation, so that --out can't overwrite an input.
     inputs::record(&args.folder.join(REPORT));
     if let Some(path) = &args.out {
         inputs::refuse(path)?;
@@ -48,7 +48,7 @@ fn winner(stored: &Stored) -> Result<Scored, Error> {
 }
 
 fn compared(same: bool) -> &'static str {
-    if same { "the same bits as stored" } else { "NOT the bits that are stored: see `evogait verify --full`" }
+    if same { "the same bits as stored" } else { "NOT the stored bits: run `evogait verify --full`" }
 }
 
 fn gait_text(stored: &Stored, gait: usize, trace: &GaitTrace, same: bool) -> String {
@@ -94,7 +94,7 @@ fn replay_plan(stored: &Stored) -> Result<(String, String), Error> {
 fn path_text(path: &PathTrace) -> String {
     let [x, y] = path.way.last().copied().unwrap_or_default();
     format!(
-        "  {:12} ends at ({}, {}) mu, {} mu from where the tree says",
+        "  {:12} ends at ({}, {}) mu, {} mu from the pose in the tree",
         mode_word(path.mode),
         console::score(x),
         console::score(y),

@@ -1,4 +1,4 @@
-//! `evogait restart`: an ended job of a coordinator is done again from one of its generations on.
+//! `evogait restart`: repeats an ended job of a coordinator from one of its generations on.
 
 use crate::arguments::Restart;
 use crate::client::Client;
@@ -10,7 +10,7 @@ use proto::v1;
 use sim_core::base::digest::Digest;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Restarts under a name made of job and generation, so that doing it twice is doing it once.
+/// Restarts the job. The request id depends on job and generation, so a repeated request has no further effect.
 pub async fn run(args: Restart, quiet: bool) -> Result<(), Error> {
     let mut client = Client::connect(&args.job.on).await?;
     let again = args.again.then(|| SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos() as u64);
@@ -29,14 +29,17 @@ pub async fn run(args: Restart, quiet: bool) -> Result<(), Error> {
         let taken_over = job.restarted_from.as_ref().map_or(0, generations);
         console::note(&match created {
             true => format!(
-                "\"{}\" is done again from generation {taken_over} on: {}",
+                "\"{}\" is repeated from generation {taken_over} on: {}",
                 job.name,
                 match taken_over {
                     0 => "nothing is taken over".to_owned(),
                     n => format!("generations 0 to {} are taken over from {}", n - 1, args.job.id),
                 }
             ),
-            false => format!("it was restarted before: that job is {} (`--again` starts another)", word(job.state())),
+            false => format!(
+                "the job was already restarted from there: the state of the new job is {} (`--again` starts another one)",
+                word(job.state())
+            ),
         });
     }
     console::say(&job.id)

@@ -1,4 +1,4 @@
-//! `evogait robot`: what a robot consists of, and what it looks like.
+//! `evogait robot`: facts, picture and export of a robot.
 
 use crate::arguments::{self, PictureFormat, RobotOutput};
 use crate::console;
@@ -16,23 +16,23 @@ use std::collections::BTreeMap;
 struct View {
     name: String,
     description: String,
-    /// 0 where bodies are written out; then what failed are hinges.
+    /// Number of modules; 0 if the file lists bodies, and then `failed_modules` has hinges.
     modules: usize,
     failed_modules: Vec<String>,
     bodies: usize,
-    /// Moving joints, in the order of genotypes.
+    /// Names of the moving joints, in the order of genotypes.
     joints: Vec<String>,
-    /// kg.
+    /// Mass, kg.
     mass: f64,
     /// Length, width and height in the neutral configuration, mu.
     size: [f64; 3],
     pivot: String,
     variants: BTreeMap<String, Vec<String>>,
-    /// Notes of the import, and doubts about the robot.
+    /// Notes of the import, and warnings about the robot.
     notes: Vec<String>,
 }
 
-/// Prints the facts; draws or exports if asked to.
+/// Prints the facts of the robot. Writes a picture or an export if the options require it.
 pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     let load::RobotFile { mut spec, label: file, notes } = load::robot(&args.robot, args.unit)?;
     let invalid = |source| Error::Invalid { file: file.clone(), source };
@@ -77,7 +77,7 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
     console::say(&format!("{}\n{}", text(&view), written.unwrap_or_else(next)))
 }
 
-/// What the robot's file counts: modules, or bodies where they are written out.
+/// Returns the size of the robot in modules, or in bodies if its file lists bodies.
 fn pieces(spec: &RobotSpec, robot: &Robot) -> String {
     match (spec.modules.len(), robot.bodies.len()) {
         (0, 1) => "1 body".to_owned(),
@@ -114,20 +114,20 @@ fn view(spec: &RobotSpec, robot: &Robot, variants: BTreeMap<String, Vec<String>>
     }
 }
 
-/// Notes of an import, and doubts about the robot.
+/// Returns the notes of an import and the warnings about the robot.
 fn remarks(robot: &Robot, mut notes: Vec<String>, file: &str) -> Vec<String> {
     notes.extend(robot.doubts());
     notes.extend(doubts::of_unit(robot, file));
     notes
 }
 
-/// Extent of all parts along the axes of the neutral configuration.
+/// Returns the extent of all parts along the axes of the neutral configuration, mu.
 fn size(robot: &Robot) -> [f64; 3] {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for part in &robot.parts {
         let [x, y, z, w] = part.rotation;
-        // Rows of the rotation matrix: a turned box reaches |row| · half along an axis.
+        // Rows of the rotation matrix: a rotated box extends |row| · half along an axis.
         let rows = [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
             [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
@@ -175,7 +175,7 @@ mod tests {
     use sim_core::physics::Scale;
 
     #[test]
-    fn a_robot_counts_modules_and_an_imported_one_bodies() {
+    fn pieces_are_modules_or_bodies_of_imported_robot() {
         let spec = load::robot("lizard", None).unwrap().spec;
         let robot = Robot::compile(&spec).unwrap();
         assert_eq!(pieces(&spec, &robot), format!("{} modules", spec.modules.len()));

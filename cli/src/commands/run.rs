@@ -1,4 +1,4 @@
-//! `evogait run`: a whole job, here or on a coordinator's workers.
+//! `evogait run`: a whole job on this machine or on a coordinator's workers.
 
 use crate::arguments::{Place, Run, RunTo};
 use crate::client::{Client, Url};
@@ -23,14 +23,14 @@ pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
     carry_out(&load::checked(&args.file)?, args.to, quiet)
 }
 
-/// Runs a job, or says that it is done already.
+/// Runs a job, or reports its result if it is done already.
 pub fn carry_out(job: &Checked, to: RunTo, quiet: bool) -> Result<(), Error> {
     let digest = job.digest();
     let path = to.out.unwrap_or_else(|| Folder::default_path(&job.spec().name, &digest));
     let mut folder = Folder::open(&path, &digest)?;
     let result = if folder.is_done() {
         if !quiet {
-            console::note(&format!("already done, in {}", path.display()));
+            console::note(&format!("this job is already done: its result is in {}", path.display()));
         }
         output::finished(&path, job)?
     } else {
@@ -67,12 +67,12 @@ async fn wait_for(
         Place::There { url, from_environment } => {
             if *from_environment && !quiet {
                 console::note(&format!(
-                    "on the workers of {url}, which EVOGAIT_COORDINATOR names: to run on this machine add --workers N"
+                    "using the workers of {url} from EVOGAIT_COORDINATOR; to run on this machine add --workers N"
                 ));
             }
             finish(job, job_toml, folder, url, quiet, &interrupt).await.map_err(|error| match error {
                 Error::Interrupted { hint } => Error::Interrupted {
-                    hint: format!("{hint}; the job goes on at {url}, the same command comes back to it"),
+                    hint: format!("{hint}; the job continues at {url}, and the same command shows its progress again"),
                 },
                 other => other,
             })
@@ -88,7 +88,7 @@ async fn wait_for(
             let finished = finished.and_then(|result| stopped.map(|()| result));
             finished.map_err(|error| match error {
                 Error::Interrupted { hint } => {
-                    Error::Interrupted { hint: format!("{hint}; the same command goes on from there") }
+                    Error::Interrupted { hint: format!("{hint}; the same command continues from there") }
                 }
                 other => other,
             })
@@ -96,7 +96,7 @@ async fn wait_for(
     }
 }
 
-/// Submits, watches, fetches. Repeating it takes up the same job, which is known by its digest.
+/// Submits the job, watches it and writes its result. A repeated call finds the same job by its digest.
 async fn finish(
     job: &Checked,
     job_toml: String,
@@ -113,7 +113,7 @@ async fn finish(
             (true, Does::Evolve) => "evolving",
             (true, Does::Plan) => "planning",
             (true, Does::Simulate) => "simulating",
-            (false, _) => "going on with",
+            (false, _) => "continuing",
         };
         console::note(&format!(
             "{how} \"{}\" in {}: {} on {} ({})",
@@ -154,7 +154,7 @@ async fn finish(
         Watched::Ended(ended) => {
             let see = ended.poisoned.as_ref().map(|poisoned| {
                 let file = folder.path().join(JOB);
-                format!("to see it happen: {}", poison::command_here(&file, poisoned))
+                format!("to repeat the failure: {}", poison::command_here(&file, poisoned))
             });
             watch::succeeded_or(&ended, see)?;
             let answer = client.result(&ended.id).await?;
@@ -163,7 +163,7 @@ async fn finish(
     }
 }
 
-/// Size of a job, as text for the user.
+/// Returns the size of a job, as text for the user.
 fn amount(job: &Checked) -> String {
     let JobSpec { plan, simulate, planner, .. } = job.spec();
     match (plan, simulate) {
@@ -176,7 +176,7 @@ fn amount(job: &Checked) -> String {
     }
 }
 
-/// Whether a job ended before its robot had settled.
+/// Returns true if a job ended before its robot had settled.
 fn unprepared(job: &v1::Job) -> bool {
     values::progress(job).phase == "preparing"
 }

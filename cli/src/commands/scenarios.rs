@@ -1,4 +1,4 @@
-//! `evogait scenarios`: what ships.
+//! `evogait scenarios`: robots, environments and jobs that ship with the program.
 
 use crate::console::{self, table};
 use crate::error::Error;
@@ -12,7 +12,7 @@ use sim_core::procedure::ProcedureKind;
 struct View {
     kind: &'static str,
     name: &'static str,
-    /// Of a job.
+    /// Procedure of a job; `None` for robots and environments.
     #[serde(skip_serializing_if = "Option::is_none")]
     procedure: Option<String>,
     description: String,
@@ -28,7 +28,7 @@ fn all() -> Vec<(&'static str, &'static Entry)> {
         .collect()
 }
 
-/// Lists, or prints one.
+/// Prints the list of scenarios, or the file of one.
 pub fn run(show: Option<String>, json: bool) -> Result<(), Error> {
     if let Some(name) = show {
         return one(&name);
@@ -61,7 +61,7 @@ pub fn run(show: Option<String>, json: bool) -> Result<(), Error> {
             text += &format!("{}\n\n", table(&[&title, ""], &rows));
         }
     }
-    text += "evogait scenarios show NAME prints one; evogait run JOB and evogait robot ROBOT take the names";
+    text += "`evogait scenarios show NAME` prints one; `evogait run JOB` and `evogait robot ROBOT` accept the names";
     console::say(&text)
 }
 
@@ -77,26 +77,26 @@ fn one(name: &str) -> Result<(), Error> {
         }),
         several => {
             let names: Vec<String> = several.iter().map(|(kind, e)| format!("{kind}/{}", e.name)).collect();
-            let message = format!("\"{name}\" is the name of several: say {}", names.join(" or "));
+            let message = format!("\"{name}\" is the name of several scenarios: use {}", names.join(" or "));
             Err(Error::Usage { message })
         }
     }
 }
 
-/// The procedure of a job's file.
+/// Returns the procedure in a job's file.
 fn procedure(text: &str) -> String {
     let table: toml::Table = text.parse().unwrap_or_default();
     let named = table.get("procedure").and_then(|procedure| procedure.as_str());
     named.unwrap_or(<dyn ProcedureKind>::registry().default().name()).to_owned()
 }
 
-/// The description in a scenario's file; what ships is TOML with one, so nothing is a fine answer otherwise.
+/// Returns the description in a scenario's file, or an empty text. All scenarios that ship have one.
 fn description(text: &str) -> String {
     let table: toml::Table = text.parse().unwrap_or_default();
     table.get("description").and_then(|d| d.as_str()).unwrap_or_default().trim().to_owned()
 }
 
-/// Up to a full stop that a new sentence follows: "Fig. 3" has none.
+/// Returns the text before the first full stop that a capital letter follows, so that "Fig. 3" does not end a sentence.
 fn first_sentence(text: &str) -> String {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let begins_with_capital = |rest: &str| rest.chars().next().is_some_and(char::is_uppercase);
@@ -104,7 +104,7 @@ fn first_sentence(text: &str) -> String {
     end.map_or(line.as_str(), |at| &line[..at]).trim_end_matches('.').to_owned()
 }
 
-/// How many modules and joints a robot has, before its description.
+/// Returns the numbers of modules and joints of a robot as a sentence.
 fn robot_facts(toml: &str) -> Option<String> {
     let spec: RobotSpec = toml::from_str(toml).ok()?;
     let robot = Robot::compile(&spec).ok()?;
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sentence_ends_before_the_next_one() {
+    fn first_sentence_ends_at_full_stop_before_capital() {
         assert_eq!(first_sentence("Robot of\nA (2016), Fig. 3. The figure is lost."), "Robot of A (2016), Fig. 3");
         assert_eq!(first_sentence("Only one."), "Only one");
         assert_eq!(first_sentence(""), "");

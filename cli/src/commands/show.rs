@@ -1,4 +1,4 @@
-//! `evogait show`: one job of a coordinator.
+//! `evogait show`: state and facts of one job of a coordinator.
 
 use crate::arguments::Show;
 use crate::client::Client;
@@ -15,7 +15,7 @@ use serde::Serialize;
 use sim_core::job::JobSpec;
 use study::setting::Setting;
 
-/// A job and, unless it has ended, where it stands.
+/// A job and, unless it has ended, its current tasks.
 #[derive(Serialize)]
 struct ShowView {
     #[serde(flatten)]
@@ -24,7 +24,7 @@ struct ShowView {
     standing: Option<StandingView>,
 }
 
-/// Prints a job's facts, or its file.
+/// Prints the facts of a job, or its job file.
 pub async fn run(args: Show) -> Result<(), Error> {
     let mut client = Client::connect(&args.job.on).await?;
     let (job, job_toml, standing) = client.standing(&args.job.id).await?;
@@ -39,7 +39,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
     }
     let label = Label::of_toml(&job_toml);
     let spec: Option<JobSpec> = toml::from_str(&job_toml).ok();
-    // The text is resolved.
+    // The text is that of a resolved job.
     let setting = spec.as_ref().and_then(|spec| Setting::of_resolved(&spec.physics));
     let optimiser = spec.as_ref().and_then(|spec| spec.optimiser.as_ref());
     let candidates =
@@ -83,13 +83,13 @@ pub async fn run(args: Show) -> Result<(), Error> {
             0 => "nothing of it was taken over".to_owned(),
             n => format!("generations 0 to {} were taken over", n - 1),
         };
-        lines.push(format!("  does again     {}: {what}", origin.job_id));
+        lines.push(format!("  repeats        {}: {what}", origin.job_id));
     }
     lines.extend(job.disputes.iter().map(dispute));
     if let Some(poisoned) = &job.poisoned {
         lines.push(format!("  failed         {}, {} times", poisoned.what, poisoned.attempts));
         lines.extend(Subject::of(poisoned).map(|subject| format!("  genome         {}", subject.genotype())));
-        lines.push(format!("  next           {} does it again here", poison::command_there(&job.id, poisoned)));
+        lines.push(format!("  next           {} repeats it on this machine", poison::command_there(&job.id, poisoned)));
     }
     match job.state() {
         JobState::Tainted => lines.push(format!("  next           evogait restart {}", quoted(&job.id))),
@@ -102,13 +102,13 @@ pub async fn run(args: Show) -> Result<(), Error> {
     console::say(&lines.join("\n"))
 }
 
-/// Who said what about a task, and what became of it.
+/// Returns the line about a dispute: its task, the ruling, and the result of each worker.
 fn dispute(dispute: &v1::Dispute) -> String {
     let claim = |claim: &v1::Claim| {
-        let who = if claim.worker_name.is_empty() { "a worker that has gone" } else { &claim.worker_name };
+        let who = if claim.worker_name.is_empty() { "a worker that has left" } else { &claim.worker_name };
         match claim.what.as_str() {
-            "" => format!("{who} says {}", hex(&claim.digest)),
-            what => format!("{who} says {what}"),
+            "" => format!("{who}: {}", hex(&claim.digest)),
+            what => format!("{who}: {what}"),
         }
     };
     let claims: Vec<String> = dispute.claims.iter().map(claim).collect();

@@ -1,4 +1,4 @@
-//! `evogait simulate`: writes a job that carries a motion out, and runs it.
+//! `evogait simulate`: writes a job that simulates a motion, and runs it.
 
 use super::given::{Given, given};
 use super::run::carry_out;
@@ -11,7 +11,7 @@ use sim_core::physics::{EngineChoice, Physics, PhysicsSpec};
 use sim_core::plan::PlannerSpec;
 use sim_core::problem::{Checked, ReplanSpec, SIMULATE, SimulateSpec};
 
-/// Makes the job and runs it as `evogait run` does.
+/// Creates the job and runs it like `evogait run`.
 pub fn run(args: Simulate, quiet: bool) -> Result<(), Error> {
     let (mut spec, label) = match &args.of {
         GivenBy::Run(of) => of_run(&args, given(of)?)?,
@@ -27,7 +27,7 @@ pub fn run(args: Simulate, quiet: bool) -> Result<(), Error> {
     carry_out(&job, args.to, quiet)
 }
 
-/// A motion of a run's gaits, or of its robot.
+/// Returns the job for a motion of a run's gaits or robot, and its name in messages.
 fn of_run(args: &Simulate, given: Given) -> Result<(JobSpec, String), Error> {
     let mut spec = given.job.spec().clone();
     environment(args, &mut spec)?;
@@ -44,7 +44,7 @@ fn of_run(args: &Simulate, given: Given) -> Result<(JobSpec, String), Error> {
             format!("gait-{gait}")
         }
         SimulateWhat::Plan => {
-            // In another environment the first plan is made there.
+            // In another environment the first plan is made by the job itself.
             if args.environment.is_none() {
                 let (steps, places) = given.plan()?;
                 (simulate.steps, simulate.places) = (Some(steps), Some(places));
@@ -79,7 +79,7 @@ fn of_run(args: &Simulate, given: Given) -> Result<(JobSpec, String), Error> {
     Ok((simulating(spec, simulate), label))
 }
 
-/// The refusal to carry a plan out on a map that it was not made for.
+/// Returns the error for a plan that is requested in an environment that it was not made for.
 fn elsewhere(args: &Simulate, given: &Given) -> Error {
     let environment = args.environment.as_deref().unwrap_or_default();
     let message = format!(
@@ -91,7 +91,7 @@ fn elsewhere(args: &Simulate, given: &Given) -> Error {
     Error::Usage { message }
 }
 
-/// A motion of a robot that no run is about.
+/// Returns the job for a motion of a robot without a run, and its name in messages.
 fn of_robot(args: &Simulate, robot: &str) -> Result<(JobSpec, String), Error> {
     let file = load::robot(robot, None)?;
     let compiled = sim_core::model::Robot::compile(&file.spec);
@@ -113,7 +113,7 @@ fn of_robot(args: &Simulate, robot: &str) -> Result<(JobSpec, String), Error> {
     };
     if args.replan.is_some() {
         return Err(Error::Usage {
-            message: "--replan plans with the gaits of a run: name one instead of --robot".into(),
+            message: "--replan plans with the gaits of a run: give a run instead of --robot".into(),
         });
     }
     let mut spec = JobSpec {
@@ -160,7 +160,7 @@ fn environment(args: &Simulate, spec: &mut JobSpec) -> Result<(), Error> {
     Ok(())
 }
 
-/// The reference setting of the same scale: rapier, in finer steps.
+/// Returns the reference setting of the same scale: rapier with smaller steps.
 fn finer(physics: &PhysicsSpec) -> PhysicsSpec {
     let reference = Physics::reference_of(physics.scale);
     PhysicsSpec {

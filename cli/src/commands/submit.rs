@@ -1,4 +1,4 @@
-//! `evogait submit`: hands a job to a coordinator.
+//! `evogait submit`: submits a job to a coordinator.
 
 use crate::arguments::Submit;
 use crate::client::Client;
@@ -9,7 +9,7 @@ use proto::v1;
 use sim_core::base::digest::Digest;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Submits under the job's digest, so that doing it twice is doing it once.
+/// Submits the job. The request id is the job's digest, so a repeated request has no further effect.
 pub fn run(args: Submit, quiet: bool) -> Result<(), Error> {
     let job = load::checked(&args.file)?;
     let digest = job.digest();
@@ -26,7 +26,7 @@ pub fn run(args: Submit, quiet: bool) -> Result<(), Error> {
         }
         if !quiet && !created {
             console::note(&format!(
-                "the coordinator knows this job: it is {} (`--again` starts it anew)",
+                "the coordinator already has this job: its state is {} (`--again` starts it again)",
                 crate::watch::word(status.state())
             ));
         }
@@ -34,7 +34,7 @@ pub fn run(args: Submit, quiet: bool) -> Result<(), Error> {
     })
 }
 
-/// A request that the coordinator has not seen: the moment makes it unique.
+/// Returns a request id that the coordinator does not have yet: the current time makes it unique.
 fn another_id(digest: &Digest) -> String {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     format!("{}-{}", digest.short(), now.as_nanos())

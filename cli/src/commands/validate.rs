@@ -1,4 +1,4 @@
-//! `evogait validate`: is the job fine, and what will it cost?
+//! `evogait validate`: check of a job file and estimate of its cost.
 
 use crate::arguments::{Validate, cores};
 use crate::console::{self, count, duration};
@@ -15,9 +15,9 @@ use std::time::Duration;
 use study::cost::{self, Budget};
 use study::setting::Setting;
 
-/// Candidates of the first generation are timed for so long …
+/// Measuring time for candidates of the first generation.
 const MEASURE: Duration = Duration::from_secs(3);
-/// … and an evaluation that takes longer than this is given up.
+/// Time limit of an evaluation: if the first one takes longer, it is stopped.
 const GIVE_UP: Duration = Duration::from_secs(20);
 
 #[derive(Serialize)]
@@ -27,12 +27,12 @@ struct View<'a> {
     robot: &'a str,
     environment: &'a str,
     job_digest: Digest,
-    /// The engine that searches, its setting, and why it is this one.
+    /// Engine of the search, with its setting and the reason for its choice.
     engine: String,
     setting: Setting,
-    /// The engine and setting that chooses the winner; `null` without a reference.
+    /// Engine and setting that choose the winner; `null` without a reference.
     reference: Option<Setting>,
-    /// The setting that the robot was settled on; `null` if it is the job's own.
+    /// Setting on which the robot was settled; `null` if it is the job's own.
     settled: Option<String>,
     engine_digest: Digest,
     seed: u64,
@@ -43,43 +43,45 @@ struct View<'a> {
     population: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     generations: Option<u32>,
-    /// The motion of a job that simulates.
+    /// Motion of a job that simulates.
     #[serde(skip_serializing_if = "Option::is_none")]
     motion: Option<String>,
-    /// Of candidates; of a job that plans, its trees; of a job that simulates, its runs.
+    /// Number of candidates of a job that evolves, of trees of a job that plans, of runs of a job that simulates.
     evaluations: u64,
     most_rollouts_per_evaluation: u64,
     estimate: Option<Estimate>,
-    /// Facts that are hardly meant, and a search that would find nothing by the timed evaluations.
+    /// Settings that are probably mistakes, and a warning if the timed evaluations show that the search would find
+    /// nothing.
     warnings: Vec<String>,
-    /// The resolved job as a file.
+    /// Resolved job as a file.
     job_toml: String,
 }
 
-/// What the job would take on this machine.
+/// Cost of the job on this machine.
 #[derive(Serialize)]
 struct Estimate {
-    /// Evaluations timed, one after the other on one core.
+    /// Number of timed evaluations, one after the other on one core.
     measured: u32,
-    /// Mean of these, s; the least it can be if `given_up`.
+    /// Mean time of an evaluation, s; a lower limit if `given_up`.
     seconds_per_evaluation: f64,
-    /// The only evaluation did not end in time.
+    /// True if the first evaluation exceeded the time limit and was stopped.
     given_up: bool,
-    /// s of one core for the whole search.
+    /// Time of the whole search on one core, s.
     core_seconds: f64,
     /// Cores of this machine.
     cores: usize,
-    /// s on this machine with all its cores.
+    /// Time of the whole search on all cores of this machine, s.
     wall_seconds: f64,
     assumptions: &'static str,
 }
 
-const SAME_TREES: &str = "all trees cost as much as those timed; all cores are free; the traces are not counted";
+const SAME_TREES: &str =
+    "all trees cost as much as those timed; all cores are free; the time of the traces is not included";
 const SAME_RUNS: &str = "all runs cost as much as those timed; all cores are free";
 const ASSUMPTIONS: &str = "later generations cost as much as candidates of the first; all cores are free; a generation \
-                           is shared evenly; the finish is not counted";
+                           is shared evenly; the time of the finish is not included";
 
-/// Checks and tells.
+/// Checks the job and prints the result.
 pub fn run(args: Validate) -> Result<(), Error> {
     let job = load::job(&args.file)?;
     let optimiser = job.spec().optimiser.as_ref();
@@ -116,7 +118,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }
 }
 
-/// The cost, and a warning if all timed candidates of the first generation score the same.
+/// Returns the cost, and a warning if all timed candidates of the first generation have the same score.
 fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
     let population = job.spec().optimiser.as_ref().map_or(evaluations as u32, OptimiserSpec::population);
     let budget = Budget { evaluations: population, time: MEASURE, first: GIVE_UP };
@@ -187,12 +189,12 @@ fn text(view: &View) -> String {
         format!("  engine digest  {}", view.engine_digest),
     ];
     if let Some(settled) = &view.settled {
-        lines.push(format!("  settled        {settled}; its rollouts keep the job's own"));
+        lines.push(format!("  settled        {settled}; rollouts use the job's own setting"));
     }
     if let Some(e) = &view.estimate {
         let least = if e.given_up { "more than " } else { "" };
         let each = duration(Duration::from_secs_f64(e.seconds_per_evaluation));
-        let how = if e.given_up { "given up".to_owned() } else { format!("mean of {} timed here", e.measured) };
+        let how = if e.given_up { "stopped".to_owned() } else { format!("mean of {} timed here", e.measured) };
         let what = if view.motion.is_some() { "a run" } else { "an evaluation" };
         lines.push(format!("  cost           {least}{each} {what} ({how})"));
         lines.push(format!(

@@ -1,4 +1,4 @@
-//! `evogait watch`: follows a job on a coordinator.
+//! `evogait watch`: shows the progress of a job on a coordinator.
 
 use crate::arguments::OneJob;
 use crate::client::Client;
@@ -16,7 +16,7 @@ use proto::v1::job_event::Event;
 use serde::Serialize;
 use sim_core::problem::Checked;
 
-/// An event as a line of JSON.
+/// Event as a line of JSON.
 #[derive(Serialize)]
 struct EventView {
     sequence: u64,
@@ -38,7 +38,7 @@ enum What {
     Waits { reason: String },
 }
 
-/// Follows the job to its end.
+/// Shows the progress of the job until it ends.
 pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     let interrupt = Interrupt::listen();
     let mut client = Client::connect(&args.on).await?;
@@ -64,7 +64,10 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
     progress.finish();
     match watched? {
         Watched::Interrupted => Err(Error::Interrupted {
-            hint: format!("; the job goes on, `evogait watch {}` comes back to it", console::quoted(&args.id)),
+            hint: format!(
+                "; the job continues, `evogait watch {}` shows its progress again",
+                console::quoted(&args.id)
+            ),
         }),
         Watched::Ended(job) => {
             if args.json {
@@ -73,7 +76,7 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             let see = job
                 .poisoned
                 .as_ref()
-                .map(|p| format!("to see it happen on this machine: {}", poison::command_there(&job.id, p)));
+                .map(|p| format!("to repeat the failure on this machine: {}", poison::command_there(&job.id, p)));
             watch::succeeded_or(&job, see)?;
             if args.json || quiet {
                 return Ok(());

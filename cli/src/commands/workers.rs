@@ -1,4 +1,4 @@
-//! `evogait workers`: who is connected to a coordinator.
+//! `evogait workers`: workers that are connected to a coordinator.
 
 use crate::client::{Client, Url};
 use crate::console::{self, table};

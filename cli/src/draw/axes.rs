@@ -1,9 +1,9 @@
-//! From numbers to places: ranges, round ticks, and the frame that data is drawn in.
+//! Axes: ranges, round ticks, and the frame that maps data to the sheet.
 
 use super::canvas::{Anchor, Canvas, Type, stroke};
 use super::palette::{FAINT, FRAME, GRID};
 
-/// An interval of finite numbers, low < high.
+/// Interval of finite numbers, low < high.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Range {
     pub low: f64,
@@ -11,7 +11,7 @@ pub(super) struct Range {
 }
 
 impl Range {
-    /// What the finite ones of some values span; `None` without any. Equal values get room to either side.
+    /// Returns the range of the finite values; `None` if there are none. Equal values get room on both sides.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let sane = |v: &f64| v.is_finite() && v.abs() < 1e200;
         let mut range: Option<Self> = None;
@@ -22,7 +22,7 @@ impl Range {
         range.map(Self::widened)
     }
 
-    /// Room around values that are (nearly) the same.
+    /// Adds room around values that are (nearly) equal.
     fn widened(self) -> Self {
         let size = self.low.abs().max(self.high.abs());
         if self.span() > 1e-9 * size {
@@ -36,18 +36,18 @@ impl Range {
         self.high - self.low
     }
 
-    /// With a share of its span added at either end.
+    /// Adds a share of the span at both ends.
     pub fn padded(self, share: f64) -> Self {
         let room = share * self.span();
         Self { low: self.low - room, high: self.high + room }
     }
 
-    /// From 0 if the values are not negative and 0 is not far: heights can then be compared by eye.
+    /// Extends the range to 0 if `low` is positive and below half of `high`, so that heights can be compared by eye.
     pub fn with_near_zero(self) -> Self {
         if self.low > 0.0 && self.low < 0.5 * self.high { Self { low: 0.0, ..self } } else { self }
     }
 
-    /// Round numbers inside the range: multiples of 1, 2 or 5 times a power of ten, at most `most` (at least 2) of them.
+    /// Returns about `most` (at least 2) round numbers inside the range: multiples of 1, 2 or 5 times a power of ten.
     pub fn ticks(self, most: usize) -> Ticks {
         let rough = self.span() / most.max(2) as f64;
         let power = 10f64.powf(rough.log10().floor());
@@ -55,14 +55,14 @@ impl Range {
         self.multiples(step)
     }
 
-    /// Like [`Range::ticks`], whole numbers only.
+    /// Same as [`Range::ticks`], with whole numbers only.
     pub fn whole_ticks(self, most: usize) -> Ticks {
         let ticks = self.ticks(most);
         if ticks.step < 1.0 { self.multiples(1.0) } else { ticks }
     }
 
     fn multiples(self, step: f64) -> Ticks {
-        // A hair of tolerance: 0.3 is not a multiple of 0.1 in binary.
+        // Tolerance for rounding: 0.3 is not a multiple of 0.1 in binary.
         let (first, last) = ((self.low / step - 1e-9).ceil(), (self.high / step + 1e-9).floor());
         let count = if last >= first { (last - first) as usize + 1 } else { 0 };
         Ticks {
@@ -73,17 +73,17 @@ impl Range {
     }
 }
 
-/// Round numbers at equal steps.
+/// Round numbers for the ticks of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ticks {
     pub step: f64,
     pub values: Vec<f64>,
-    /// The values are powers of ten.
+    /// True if the values are exponents of ten.
     pub logarithmic: bool,
 }
 
 impl Ticks {
-    /// A tick as text, with as many decimals as the step needs, and a real minus sign.
+    /// Formats a tick with as many decimals as the step needs, and with the minus sign "−".
     pub fn label(&self, value: f64) -> String {
         if self.logarithmic {
             let number = 10f64.powf(value);
@@ -103,7 +103,7 @@ impl Ticks {
     }
 }
 
-/// A number for people: about three significant digits, a real minus sign.
+/// Formats a number with about three significant digits, and with the minus sign "−".
 pub(super) fn number(value: f64) -> String {
     let decimals = match value.abs() {
         v if v >= 1e6 || (v < 1e-3 && v > 0.0) => return with_minus(format!("{value:.2e}")),
@@ -116,30 +116,32 @@ pub(super) fn number(value: f64) -> String {
 
 fn with_minus(text: String) -> String {
     match text.strip_prefix('-') {
-        // "-0.00" is 0.
+        // "-0.00" becomes "0.00".
         Some(rest) if rest.chars().all(|c| matches!(c, '0' | '.')) => rest.to_owned(),
         Some(_) => text.replace('-', "−"),
         None => text.replace('-', "−"),
     }
 }
 
-/// The rectangle that data is drawn in, and what its sides mean.
+/// Rectangle for the data on the sheet, with the ranges of its axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
-    /// px.
+    /// Left edge, px.
     pub left: f64,
-    /// px.
+    /// Upper edge, px.
     pub top: f64,
-    /// px.
+    /// Width, px.
     pub width: f64,
-    /// px.
+    /// Height, px.
     pub height: f64,
+    /// Range of the x axis.
     pub x: Range,
+    /// Range of the y axis.
     pub y: Range,
 }
 
 impl Frame {
-    /// Where a pair of numbers lies on the sheet, px.
+    /// Returns the place of a pair of numbers on the sheet, px.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
         [
             self.left + (x - self.x.low) / self.x.span() * self.width,
@@ -147,13 +149,14 @@ impl Frame {
         ]
     }
 
-    /// A line of points, px: what is not finite splits it, and points nearer than half a px to the one before are left out.
+    /// Returns a line of points, px. A point that is not finite splits the line. A point closer than 0.5 px to the one
+    /// before is omitted.
     pub fn line(&self, points: impl IntoIterator<Item = [f64; 2]>) -> Vec<Vec<[f64; 2]>> {
         let mut lines: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
         let mut skipped: Option<[f64; 2]> = None;
         for [x, y] in points {
             let place = self.at(x, y);
-            // The second test is for numbers so large that they are no place on any sheet.
+            // The second test excludes finite numbers that are far outside the sheet.
             let usable = x.is_finite() && y.is_finite() && place.iter().all(|v| v.abs() < 1e5);
             let open = lines.len() - 1;
             if !usable {
@@ -177,7 +180,7 @@ impl Frame {
         lines
     }
 
-    /// Grid, ticks, border and titles. `None` leaves an axis without ticks.
+    /// Draws grid, ticks, border and titles. An axis that is `None` gets no ticks.
     pub fn draw(&self, canvas: &mut Canvas, x: Option<(&Ticks, &str)>, y: Option<(&Ticks, &str)>) {
         let (right, bottom) = (self.left + self.width, self.top + self.height);
         let tick = Type::TICK.coloured(FAINT);
@@ -207,7 +210,7 @@ impl Frame {
         canvas.rect(self.left, self.top, self.width, self.height, &format!("fill=\"none\" {}", stroke(FRAME, 1.0)));
     }
 
-    /// Says in the middle of the frame that there is nothing to show.
+    /// Writes a note in the middle of the frame, for a picture without data.
     pub fn say(&self, canvas: &mut Canvas, what: &str) {
         let middle = [self.left + self.width / 2.0, self.top + self.height / 2.0 + 5.0];
         canvas.text(middle, what, Type { size: 15.0, ..Type::LABEL }.coloured(FAINT).anchored(Anchor::Middle).halo());

@@ -1,4 +1,4 @@
-//! How far each gait carries and turns the robot, as in Fig. 7 of the paper.
+//! Box plots of the distance and rotation of each gait, as in Fig. 7 of paper 000.
 
 use super::Picture;
 use super::axes::{Frame, Range};
@@ -10,9 +10,9 @@ use sim_core::report::TreeRecord;
 const WIDTH: f64 = 900.0;
 const HEIGHT: f64 = 470.0;
 
-/// Two panels of box plots over the tree's edges, a box a gait: travelled distance (planar, between the edge's ends, mu)
-/// and rotation (degrees, left is positive). Gaits stand in the order of their median distance, the longest first, labelled
-/// by their number. `gaits` is k, so that one without edges is shown as such.
+/// Draws two panels of box plots over the edges of the tree, with one box per gait: planar distance between the ends of
+/// the edge (mu), and rotation (degrees, left is positive). Gaits are ordered by their median distance, longest first,
+/// and labelled by their number. `gaits` is k: a gait without edges gets an empty place.
 pub fn gait_boxes(tree: &TreeRecord, gaits: usize, title: &str) -> Picture {
     let mut order: Vec<(usize, Vec<Motion>)> = (0..gaits).map(|gait| (gait, motions(tree, gait))).collect();
     let median = |m: &[Motion]| Summary::of(m.iter().map(|m| m.distance)).map_or(f64::NEG_INFINITY, |s| s.median);
@@ -20,16 +20,16 @@ pub fn gait_boxes(tree: &TreeRecord, gaits: usize, title: &str) -> Picture {
 
     let edges: usize = order.iter().map(|(_, m)| m.len()).sum();
     let mut canvas = Canvas::new();
-    let subtitle = format!("over the {edges} edges of the tree; gaits in the order of their median distance");
+    let subtitle = format!("over the {edges} edges of the tree; gaits ordered by median distance");
     let top = heading(&mut canvas, title, &subtitle, WIDTH);
     let keys = [
         Key::new("median", |canvas, [x, y]| canvas.line([x - 11.0, y], [x + 11.0, y], &stroke(INK, 2.2))),
-        Key::area("middle half", box_paint()),
-        Key::new("farthest within 1.5 box heights", |canvas, [x, y]| {
+        Key::area("middle half (quartiles)", box_paint()),
+        Key::new("farthest value within 1.5 box heights", |canvas, [x, y]| {
             canvas.line([x, y - 7.0], [x, y + 7.0], &stroke(INK, 1.2));
             canvas.line([x - 5.0, y - 7.0], [x + 5.0, y - 7.0], &stroke(INK, 1.2));
         }),
-        Key::new("beyond", |canvas, at| canvas.circle(at, 2.6, &outlier_paint())),
+        Key::new("outlier", |canvas, at| canvas.circle(at, 2.6, &outlier_paint())),
     ];
     let top = legend(&mut canvas, &keys, top, WIDTH) + 6.0;
     panel(&mut canvas, 78.0, top, &order, "travelled distance, mu", true, |m| m.distance);
@@ -37,12 +37,12 @@ pub fn gait_boxes(tree: &TreeRecord, gaits: usize, title: &str) -> Picture {
     Picture::new(canvas.finish(WIDTH, HEIGHT), WIDTH as u32, HEIGHT as u32)
 }
 
-/// What an edge of the tree did.
+/// Distance and rotation along an edge of the tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Motion {
-    /// mu.
+    /// Planar distance between the ends, mu.
     distance: f64,
-    /// Degrees, in ±180.
+    /// Change of heading, degrees, in ±180.
     rotation: f64,
 }
 
@@ -56,7 +56,7 @@ fn motions(tree: &TreeRecord, gait: usize) -> Vec<Motion> {
     tree.nodes.iter().filter(|n| n.gait == Some(gait)).filter_map(motion).collect()
 }
 
-/// A box plot's numbers: quartiles by linear interpolation, whiskers to the farthest value within 1.5 box heights.
+/// Numbers of a box plot: quartiles by linear interpolation, whiskers to the farthest value within 1.5 box heights.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Summary {
     pub lower_whisker: f64,
@@ -68,7 +68,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// `None` without values. Values must be finite.
+    /// Computes the numbers of finite values; `None` without values.
     pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = values.collect();
         sorted.sort_by(f64::total_cmp);
@@ -123,7 +123,7 @@ fn panel(
     let bottom = frame.top + frame.height;
     let slot = frame.width / x.span();
     let half = (0.28 * slot).min(28.0);
-    // Where slots are narrow only the numbers fit below them.
+    // Below narrow slots there is room for the gait numbers only.
     let roomy = slot >= 52.0;
     for (place, (gait, motions)) in gaits.iter().enumerate() {
         let middle = frame.at(place as f64, y.low)[0];

@@ -1,12 +1,12 @@
-//! A sheet to draw on: collects shapes as SVG source.
+//! Canvas: collects shapes as SVG source.
 //!
-//! Attributes are written in SVG's own words, so what a picture looks like can be read where it is drawn. Coordinates are
-//! in px, y down, and must be finite: pictures filter their data before they map it here.
+//! Callers pass SVG attributes as text, so the look of a picture is visible in its own file. Coordinates are in px,
+//! with y downwards, and must be finite: each picture removes other values before it maps its data.
 
 use super::palette::INK;
 use std::fmt::Write as _;
 
-/// Where a text sits relative to its point.
+/// Position of a text relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Anchor {
     Start,
@@ -14,7 +14,7 @@ pub(super) enum Anchor {
     End,
 }
 
-/// How a text looks.
+/// Style of a text.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Type {
     /// Font size, px.
@@ -22,15 +22,15 @@ pub(super) struct Type {
     pub bold: bool,
     pub colour: &'static str,
     pub anchor: Anchor,
-    /// Turned a quarter to the left, to be read from the right: for titles of y axes.
+    /// Rotated by 90° to the left: for titles of y axes.
     pub upright: bool,
-    /// Drawn over a white outline, so that it stays readable on top of data.
+    /// Drawn with a white outline, so that it is readable on top of data.
     pub halo: bool,
 }
 
 impl Type {
     pub const TITLE: Self = Self { size: 17.0, bold: true, ..Self::LABEL };
-    /// What stands under a title, beside a mark, in a legend.
+    /// Style of subtitles, axis titles and labels of marks.
     pub const LABEL: Self =
         Self { size: 13.0, bold: false, colour: INK, anchor: Anchor::Start, upright: false, halo: false };
     pub const TICK: Self = Self { size: 12.0, ..Self::LABEL };
@@ -56,7 +56,7 @@ impl Type {
     }
 }
 
-/// SVG source in the making.
+/// SVG source under construction.
 pub(super) struct Canvas {
     body: String,
 }
@@ -66,7 +66,7 @@ impl Canvas {
         Self { body: String::new() }
     }
 
-    /// The whole document, on white.
+    /// Returns the whole document, on white.
     pub fn finish(self, width: f64, height: f64) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
@@ -76,7 +76,7 @@ impl Canvas {
         )
     }
 
-    /// Source that is no shape: definitions, groups.
+    /// Adds source that is not a shape: definitions, groups.
     pub fn raw(&mut self, source: &str) {
         self.body.push_str(source);
     }
@@ -96,7 +96,7 @@ impl Canvas {
         self.polylines(&[vec![from, to]], attributes);
     }
 
-    /// Several open lines as one shape: where one crosses another, a translucent stroke does not darken.
+    /// Adds several open lines as one shape, so that a translucent stroke is not darker where lines cross.
     pub fn polylines(&mut self, lines: &[Vec<[f64; 2]>], attributes: &str) {
         self.path(lines, false, attributes);
     }
@@ -125,7 +125,7 @@ impl Canvas {
         let _ = write!(self.body, "<circle cx=\"{}\" cy=\"{}\" r=\"{}\" {attributes}/>", px(x), px(y), px(radius));
     }
 
-    /// A text whose baseline's anchor lies at the point.
+    /// Adds a text with the anchor of its baseline at the point.
     pub fn text(&mut self, [x, y]: [f64; 2], text: &str, style: Type) {
         let anchor = match style.anchor {
             Anchor::Start => "start",
@@ -150,7 +150,7 @@ impl Canvas {
         );
     }
 
-    /// An arrow whose tip lies at `to`. `width` is the shaft's.
+    /// Adds an arrow with its tip at `to`. `width` is the width of the shaft, px.
     pub fn arrow(&mut self, from: [f64; 2], to: [f64; 2], width: f64, colour: &str) {
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
         let length = dx.hypot(dy);
@@ -169,23 +169,23 @@ impl Canvas {
     }
 }
 
-/// `fill="…"`
+/// Returns the attribute `fill="…"`.
 pub(super) fn fill(colour: &str) -> String {
     format!("fill=\"{colour}\"")
 }
 
-/// A stroke of a colour and a width in px.
+/// Returns the attributes of a stroke with a colour and a width in px.
 pub(super) fn stroke(colour: &str, width: f64) -> String {
     format!("stroke=\"{colour}\" stroke-width=\"{width}\"")
 }
 
-/// A coordinate, to the hundredth of a px: finer can't be seen, coarser shows in thin lines.
+/// Rounds a coordinate to 0.01 px: a coarser step is visible in thin lines, a finer one is not.
 fn px(value: f64) -> f64 {
-    // Adding 0 turns −0 into 0.
+    // Adding 0 converts −0 to 0.
     (value * 100.0).round() / 100.0 + 0.0
 }
 
-/// Text as XML wants it. Control characters, which no XML may hold, become spaces.
+/// Escapes a text for XML. Control characters, which XML does not allow, become spaces.
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

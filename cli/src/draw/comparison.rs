@@ -1,4 +1,4 @@
-//! How several searches went, side by side: the best so far of each.
+//! Comparison of several searches: the best score so far of each.
 
 use super::axes::{Frame, Range, number};
 use super::canvas::{Canvas, Type, fill, stroke};
@@ -10,7 +10,8 @@ use super::{HistoryRow, Picture};
 const WIDTH: f64 = 880.0;
 const HEIGHT: f64 = 500.0;
 
-/// The best so far over generations, a line a run. `label` names the score with its unit, such as "coverage, %".
+/// Draws the best score so far over generations, with one line per run. `label` is the name and unit of the score, such
+/// as "coverage, %".
 pub fn comparison(runs: &[(String, Vec<HistoryRow>)], title: &str, label: &str) -> Picture {
     let mut canvas = Canvas::new();
     let paint = |i: usize| format!("{}{}", stroke(series(i), 2.25), dashes(i));
@@ -37,7 +38,7 @@ pub fn comparison(runs: &[(String, Vec<HistoryRow>)], title: &str, label: &str) 
         }
     }
     if found.is_none() {
-        frame.say(&mut canvas, "no data: nothing could be scored");
+        frame.say(&mut canvas, "no data: all evaluations failed");
     }
     Picture::new(canvas.finish(WIDTH, HEIGHT), WIDTH as u32, HEIGHT as u32)
 }

@@ -1,4 +1,4 @@
-//! How a search went: the scores of each generation, and the best so far.
+//! Convergence of a search: the scores of each generation, and the best so far.
 
 use super::axes::{Frame, Range, number};
 use super::canvas::{Canvas, Type, fill, stroke};
@@ -8,12 +8,12 @@ use super::{HistoryRow, Picture};
 
 const WIDTH: f64 = 880.0;
 const HEIGHT: f64 = 500.0;
-/// More generations than this are thinned out before drawing: a sheet has no more columns.
+/// Limit on the number of generations drawn: the sheet has no more columns of pixels. Longer histories are thinned.
 const MOST_ROWS: usize = 1500;
 
-/// Best so far, median, quartile band and range of the scores over generations. `audited` are (generation, score without
-/// reuse) of the global bests, drawn as crosses. `label` names the score with its unit,
-/// such as "coverage, %". Values that are not finite are left out, and interrupt lines and bands.
+/// Draws the best score so far, and the median, quartile band and range of the scores over generations. `audited` has
+/// (generation, score without reuse) of each new best of the search; they are drawn as crosses. `label` is the name and
+/// unit of the score, such as "coverage, %". Values that are not finite are omitted, and interrupt lines and bands.
 pub fn convergence(history: &[HistoryRow], audited: &[[f64; 2]], title: &str, label: &str) -> Picture {
     let rows = thinned(history);
     let mut canvas = Canvas::new();
@@ -26,13 +26,13 @@ pub fn convergence(history: &[HistoryRow], audited: &[[f64; 2]], title: &str, la
     let mut keys = vec![
         Key::line("best so far", best_paint.clone()),
         Key::line("median of the generation", median_paint.clone()),
-        Key::area("its middle half (quartiles)", quartile_paint.clone()),
-        Key::area("all of it (min to max)", range_paint.clone()),
+        Key::area("middle half of the generation (quartiles)", quartile_paint.clone()),
+        Key::area("range of the generation (min to max)", range_paint.clone()),
     ];
     if !audited.is_empty() {
         let paint = cross_paint.clone();
         let sample = move |canvas: &mut Canvas, at| canvas.polylines(&cross(at), &paint);
-        keys.insert(1, Key::new("a new best, scored without reuse", sample));
+        keys.insert(1, Key::new("new best, scored without reuse", sample));
     }
     let top = legend(&mut canvas, &keys, top, WIDTH) + 6.0;
 
@@ -52,7 +52,7 @@ pub fn convergence(history: &[HistoryRow], audited: &[[f64; 2]], title: &str, la
     };
     let frame = Frame { left: 84.0, top, width: WIDTH - 84.0 - 84.0, height: HEIGHT - top - 60.0, x, y };
     let mut generations = x.whole_ticks(10);
-    // The room around a lone generation is no place for others.
+    // A single generation gets no ticks for its neighbours.
     generations.values.retain(|v| rows.len() != 1 || *v == generation(rows[0]));
     frame.draw(&mut canvas, Some((&generations, "generation")), Some((&y.ticks(7), label)));
 
@@ -73,34 +73,34 @@ pub fn convergence(history: &[HistoryRow], audited: &[[f64; 2]], title: &str, la
     if found.is_none() {
         frame.say(
             &mut canvas,
-            if rows.is_empty() { "no data: no generation is done" } else { "no data: nothing could be scored" },
+            if rows.is_empty() { "no data: no generation has finished" } else { "no data: all evaluations failed" },
         );
     }
     Picture::new(canvas.finish(WIDTH, HEIGHT), WIDTH as u32, HEIGHT as u32)
 }
 
-/// The axis of scores that span so much.
+/// Returns the range of the axis for scores with the given range.
 pub(super) fn scores_axis(found: Option<Range>) -> Range {
     found.map_or(Range { low: 0.0, high: 1.0 }, |r| {
         let padded = r.with_near_zero().padded(0.05);
-        // Scores that can't be negative need no room below 0.
+        // An axis of scores that are not negative ends at 0.
         if r.low >= 0.0 { Range { low: padded.low.max(0.0), ..padded } } else { padded }
     })
 }
 
-/// Every n-th row, and the last.
+/// Returns every n-th row and the last, at most about [`MOST_ROWS`].
 fn thinned(history: &[HistoryRow]) -> Vec<&HistoryRow> {
     let every = history.len().div_ceil(MOST_ROWS).max(1);
     history.iter().enumerate().filter(|(i, _)| i % every == 0 || i + 1 == history.len()).map(|(_, r)| r).collect()
 }
 
-/// A small cross around a place on the sheet.
+/// Returns the lines of a small cross around a place on the sheet.
 fn cross([x, y]: [f64; 2]) -> [Vec<[f64; 2]>; 2] {
     let r = 4.0;
     [vec![[x - r, y - r], [x + r, y + r]], vec![[x - r, y + r], [x + r, y - r]]]
 }
 
-/// A value holds until the next one: a staircase.
+/// Converts points to a staircase: a value holds until the next one.
 pub(super) fn steps(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let mut stairs: Vec<[f64; 2]> = Vec::new();
     for [x, y] in points {
@@ -112,7 +112,7 @@ pub(super) fn steps(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     stairs
 }
 
-/// A line; what stands alone becomes a dot.
+/// Draws a line; a point without finite neighbours becomes a dot.
 fn series(canvas: &mut Canvas, frame: &Frame, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, paint: &str) {
     let lines = frame.line(points);
     canvas.polylines(&lines, paint);
@@ -121,7 +121,7 @@ fn series(canvas: &mut Canvas, frame: &Frame, points: impl IntoIterator<Item = [
     }
 }
 
-/// The area between two values, piece by piece where both are finite; a piece of one generation becomes a bar.
+/// Draws the area between two values, in pieces where both are finite. A piece of one generation becomes a bar.
 fn band(
     canvas: &mut Canvas,
     frame: &Frame,

@@ -1,4 +1,4 @@
-//! What speed costs: engine settings by speed against rank correlation and error.
+//! Trade-off of engine settings: speed against rank correlation and error.
 
 use super::Picture;
 use super::axes::{Frame, Range, Ticks};
@@ -9,41 +9,42 @@ use super::picture::width;
 
 const WIDTH: f64 = 1080.0;
 const HEIGHT: f64 = 520.0;
-/// Between the two frames, room for the second one's ticks and title.
+/// Gap between the two frames, with room for the ticks and the title of the second one, px.
 const GAP: f64 = 96.0;
-/// Of a point, px.
+/// Radius of a point, px.
 const RADIUS: f64 = 5.0;
 
-/// An engine setting. Triples are the lower end of an interval, the value, the upper end.
+/// Engine setting. Triples are (lower end of the interval, value, upper end).
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrontierPoint {
-    /// Such as "30x8".
+    /// Name, such as "30x8".
     pub name: String,
-    /// Simulated s a CPU s.
+    /// Simulated seconds per CPU second.
     pub speed: f64,
-    /// Rank correlation with the reference.
+    /// Rank correlation with the reference setting.
     pub correlation: Option<[f64; 3]>,
-    /// Median error, mu.
+    /// Median position error, mu.
     pub error: Option<[f64; 3]>,
 }
 
-/// The settings on one kind of gaits.
+/// Engine settings, measured on one kind of gaits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrontierSet {
-    /// Such as "evolved gaits".
+    /// Kind of gaits, such as "evolved gaits".
     pub name: String,
-    /// The settings.
+    /// Settings with their measurements.
     pub points: Vec<FrontierPoint>,
-    /// Simulated s a CPU s.
+    /// Speed of the reference setting, simulated seconds per CPU second.
     pub reference_speed: f64,
-    /// What the reference reaches against itself.
+    /// Rank correlation of the reference setting with itself from a disturbed start.
     pub ceiling_correlation: f64,
-    /// What the reference reaches against itself, mu.
+    /// Median position error of the reference setting against itself from a disturbed start, mu.
     pub ceiling_error: f64,
 }
 
-/// Two frames over speed (logarithmic): rank correlation, and median error (logarithmic). The reference's speed is an
-/// upright line, the ceiling of each kind of gaits a level one. Values that are not finite are left out.
+/// Draws two frames over speed (logarithmic): rank correlation, and median error (logarithmic). The speed of the
+/// reference is a vertical line, the ceiling of each kind of gaits a horizontal one. Values that are not finite are
+/// omitted.
 pub fn frontier(sets: &[FrontierSet], title: &str, subtitle: &str) -> Picture {
     let mut canvas = Canvas::new();
     let top = heading(&mut canvas, title, subtitle, WIDTH);
@@ -51,7 +52,7 @@ pub fn frontier(sets: &[FrontierSet], title: &str, subtitle: &str) -> Picture {
     for (i, set) in sets.iter().enumerate() {
         let paint = fill(series(i));
         keys.push(Key::new(set.name.clone(), move |canvas, at| canvas.circle(at, 5.0, &paint)));
-        keys.push(Key::line(format!("{}: the ceiling", set.name), ceiling_paint(i)));
+        keys.push(Key::line(format!("{}: ceiling", set.name), ceiling_paint(i)));
     }
     keys.push(Key::line("speed of the reference", reference_paint()));
     let top = legend(&mut canvas, &keys, top, WIDTH) + 10.0;
@@ -77,7 +78,7 @@ pub fn frontier(sets: &[FrontierSet], title: &str, subtitle: &str) -> Picture {
     let across = speed.powers_of_ten(8);
     let titles = ["Spearman's rank correlation of distance", "median position error, mu"];
     for (frame, (y, name)) in frames.iter().zip([correlation.ticks(7), error.powers_of_ten(8)].iter().zip(titles)) {
-        frame.draw(&mut canvas, Some((&across, "simulated s a CPU s")), Some((y, name)));
+        frame.draw(&mut canvas, Some((&across, "simulated seconds per CPU second")), Some((y, name)));
     }
     for (i, set) in sets.iter().enumerate() {
         let at = log10(set.reference_speed);
@@ -96,7 +97,7 @@ pub fn frontier(sets: &[FrontierSet], title: &str, subtitle: &str) -> Picture {
             for point in &set.points {
                 let (x, triple) = place(point);
                 mark(&mut canvas, frame, x, triple, series(i));
-                // Sets of the same setting have nearly the same speed: only the first is named.
+                // The points of a setting have nearly the same speed in all sets: only the first one gets a name.
                 let name = if i == 0 { point.name.as_str() } else { "" };
                 let at = frame.line(triple.map(|[_, value, _]| [x, value])).concat();
                 named.extend(at.first().map(|at| (*at, name)));
@@ -118,7 +119,7 @@ fn reference_paint() -> String {
     format!("{} stroke-dasharray=\"2 4\"", stroke(INK, 1.5))
 }
 
-/// What is not positive has no place on a logarithmic axis.
+/// Returns the logarithm; NaN for a value that is not positive, which a logarithmic axis can't show.
 fn log10(value: f64) -> f64 {
     if value > 0.0 { value.log10() } else { f64::NAN }
 }
@@ -134,14 +135,14 @@ fn upright(canvas: &mut Canvas, frame: &Frame, x: f64, paint: &str) {
 fn mark(canvas: &mut Canvas, frame: &Frame, x: f64, triple: Option<[f64; 3]>, colour: &str) {
     let Some([low, value, high]) = triple else { return };
     canvas.polylines(&frame.line([[x, low.max(frame.y.low)], [x, high]]), &stroke(colour, 1.75));
-    // A point that has no place on the sheet gives no line either.
+    // `line` is empty for a point that has no place on the sheet.
     for at in frame.line([[x, value]]).concat() {
         canvas.circle(at, RADIUS, &format!("{} stroke=\"#ffffff\" stroke-width=\"1\"", fill(colour)));
     }
 }
 
-/// Writes names beside their points, each on the first side where it covers no name and no point; if there is none, where it
-/// covers no name.
+/// Writes names beside their points. Each name gets the first side on which it covers no other name and no point; if
+/// there is none, the first on which it covers no other name.
 fn names(canvas: &mut Canvas, frame: &Frame, points: &[([f64; 2], &str)]) {
     let style = Type::TICK.coloured(FAINT).halo();
     let around = |[x, y]: [f64; 2], half: [f64; 2]| [x - half[0], y - half[1], x + half[0], y + half[1]];
@@ -162,7 +163,8 @@ fn names(canvas: &mut Canvas, frame: &Frame, points: &[([f64; 2], &str)]) {
 }
 
 impl Range {
-    /// Round numbers of a logarithmic axis, whose range is one of powers of ten: 1, 2 and 5 times each, or each alone.
+    /// Returns at most `most` ticks of a logarithmic axis. The range has exponents of ten; the ticks are 1, 2 and 5
+    /// times each power of ten, or only the powers if those are too many.
     pub(super) fn powers_of_ten(self, most: usize) -> Ticks {
         let powers = || self.low.floor().max(-300.0) as i32..=self.high.ceil().min(300.0) as i32;
         let of = |steps: &[f64]| -> Vec<f64> {

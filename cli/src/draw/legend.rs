@@ -1,4 +1,4 @@
-//! Headings and legends. Both stand above the data, never on it.
+//! Headings and legends. Both are above the data, never on it.
 
 use super::canvas::{Canvas, Type};
 use super::palette::FAINT;
@@ -6,15 +6,15 @@ use super::picture::{fitted, width};
 
 /// Left and right margin of headings and legends, px.
 pub(super) const MARGIN: f64 = 24.0;
-/// Height of a legend's row, px.
+/// Height of a row of the legend, px.
 const ROW: f64 = 22.0;
-/// Width of a legend's sample, px.
+/// Width of a sample in the legend, px.
 const SAMPLE: f64 = 26.0;
 
-/// Draws a sample around a point, in a box of 26 × 12 px.
+/// Function that draws a sample around a point, in a box of 26 × 12 px.
 type Sample = Box<dyn Fn(&mut Canvas, [f64; 2])>;
 
-/// A sample of a mark and what it means.
+/// Entry of a legend: a sample of a mark, and its meaning.
 pub(super) struct Key {
     label: String,
     sample: Sample,
@@ -25,18 +25,18 @@ impl Key {
         Self { label: label.into(), sample: Box::new(sample) }
     }
 
-    /// A short line.
+    /// Creates a key with a short line as its sample.
     pub fn line(label: impl Into<String>, attributes: String) -> Self {
         Self::new(label, move |canvas, [x, y]| canvas.line([x - 12.0, y], [x + 12.0, y], &attributes))
     }
 
-    /// A small filled rectangle.
+    /// Creates a key with a small filled rectangle as its sample.
     pub fn area(label: impl Into<String>, attributes: String) -> Self {
         Self::new(label, move |canvas, [x, y]| canvas.rect(x - 11.0, y - 6.0, 22.0, 12.0, &attributes))
     }
 }
 
-/// Writes the title and, if not empty, a line below it. Returns where the next thing may begin, px from the top.
+/// Writes the title and, if not empty, the subtitle below it. Returns the y of the free space below, px.
 pub(super) fn heading(canvas: &mut Canvas, title: &str, subtitle: &str, sheet: f64) -> f64 {
     let room = sheet - 2.0 * MARGIN;
     canvas.text([MARGIN, 32.0], &fitted(title, Type::TITLE, room), Type::TITLE);
@@ -47,7 +47,7 @@ pub(super) fn heading(canvas: &mut Canvas, title: &str, subtitle: &str, sheet: f
     64.0
 }
 
-/// Lays the keys out in rows from `top`. Returns where the next thing may begin.
+/// Draws the keys in rows from `top`. Returns the y of the free space below, px.
 pub(super) fn legend(canvas: &mut Canvas, keys: &[Key], top: f64, sheet: f64) -> f64 {
     let (mut x, mut y) = (MARGIN, top + ROW / 2.0);
     for key in keys {

@@ -1,4 +1,4 @@
-//! A planner's tree on its map, as in Figs. 6 and 10 of the paper.
+//! Map with the tree of a planner, as in Figs. 6 and 10 of paper 000.
 
 use super::Picture;
 use super::axes::{Frame, Range, number};
@@ -11,21 +11,20 @@ use std::collections::BTreeSet;
 
 const WIDTH: f64 = 920.0;
 const LEFT: f64 = 76.0;
-/// Room for the map, px.
+/// Largest size of the map, px.
 const MOST: [f64; 2] = [WIDTH - LEFT - MARGIN, 640.0];
-/// A map far longer than wide still gets a frame of this size, px.
+/// Least width and height of the frame, for maps that are very long and thin, px.
 const LEAST: f64 = 140.0;
 
-/// Obstacles, terrain, start, goal, the tree's edges and the pivot's ways coloured by gait,
-/// nodes, and the best path. x and y have the same
-/// scale. `fitness_label` stands below the title, such as "coverage 32.3 %".
+/// Draws obstacles, terrain, start, goal, nodes and the best path, and the tree's edges and the pivot's paths coloured
+/// by gait. x and y have the same scale. `fitness_label` is the subtitle, such as "coverage 32.3 %".
 pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_label: &str) -> Picture {
     let mut canvas = Canvas::new();
-    // A straight edge may cross an obstacle that the robot went around.
+    // An edge is drawn straight, and may cross an obstacle that the robot walked around.
     let note = match tree.nodes.len() {
         0 => "no data: the tree is empty",
-        1 => "no gait led anywhere",
-        _ => "edges and best path drawn straight from node to node",
+        1 => "the tree has only the start: no gait added a node",
+        _ => "edges and best path are drawn straight from node to node",
     };
     let said: Vec<&str> = [fitness_label, note].into_iter().filter(|s| !s.is_empty()).collect();
     let frame = ground(&mut canvas, environment, title, &said.join(" · "), &keys(environment, tree));
@@ -35,7 +34,8 @@ pub fn map(environment: &Environment, tree: &TreeRecord, title: &str, fitness_la
     finish(canvas, environment, &frame)
 }
 
-/// Draws title, keys, axes, obstacles and terrain of a map. All that is drawn later is cut off at the frame.
+/// Draws title, keys, axes, obstacles and terrain of a map. Shapes drawn later are clipped at the frame, until
+/// [`finish`].
 pub(super) fn ground(canvas: &mut Canvas, environment: &Environment, title: &str, said: &str, keys: &[Key]) -> Frame {
     let top = heading(canvas, title, said, WIDTH);
     let top = legend(canvas, keys, top, WIDTH) + 6.0;
@@ -63,7 +63,7 @@ pub(super) fn ground(canvas: &mut Canvas, environment: &Environment, title: &str
     frame
 }
 
-/// Goal and start on top of all else, and the sheet's end.
+/// Draws goal and start on top, and completes the picture.
 pub(super) fn finish(mut canvas: Canvas, environment: &Environment, frame: &Frame) -> Picture {
     let height = (frame.top + frame.height + 56.0).ceil();
     canvas.raw("</g>");
@@ -78,7 +78,7 @@ pub(super) fn finish(mut canvas: Canvas, environment: &Environment, frame: &Fram
     Picture::new(canvas.finish(WIDTH, height), WIDTH as u32, height as u32)
 }
 
-/// The largest frame with equal scales in which the map fits; wider than the map where that is very long and thin.
+/// Returns the largest frame with equal scales that holds the map. It is larger than a map that is very long and thin.
 fn frame(environment: &Environment, top: f64) -> Frame {
     let [w, h] = environment.size;
     let scale = (MOST[0] / w).min(MOST[1] / h);
@@ -88,7 +88,7 @@ fn frame(environment: &Environment, top: f64) -> Frame {
     Frame { left: LEFT + (MOST[0] - width) / 2.0, top, width, height, x: around(width), y: around(height) }
 }
 
-/// Keys of start and goal, which stand before all others.
+/// Returns the first keys of the legend: start and goal.
 pub(super) fn first_keys(environment: &Environment) -> Vec<Key> {
     let mut keys = vec![Key::new("start", |canvas, [x, y]| start_mark(canvas, [x - 6.0, y], 0.0))];
     if environment.goal.is_some() {
@@ -97,7 +97,7 @@ pub(super) fn first_keys(environment: &Environment) -> Vec<Key> {
     keys
 }
 
-/// Keys of obstacles and terrain, which stand behind all others.
+/// Returns the last keys of the legend: obstacles and terrain.
 pub(super) fn last_keys(environment: &Environment) -> Vec<Key> {
     let mut keys = Vec::new();
     if !environment.obstacles.is_empty() {
@@ -105,7 +105,7 @@ pub(super) fn last_keys(environment: &Environment) -> Vec<Key> {
     }
     if !environment.terrain.is_empty() {
         let label =
-            format!("terrain, may be touched (up to {} mu high; darker is higher)", number(highest(environment)));
+            format!("terrain: may be touched (up to {} mu high; darker is higher)", number(highest(environment)));
         keys.push(Key::area(label, terrain_paint(0.6)));
     }
     keys
@@ -116,10 +116,10 @@ fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
     let gaits: BTreeSet<usize> = tree.nodes.iter().filter_map(|n| n.gait).collect();
     keys.extend(gaits.iter().map(|&g| Key::line(format!("gait {}", g + 1), edge_paint(g))));
     if tree.nodes.iter().any(|n| n.way.len() > 2) {
-        keys.push(Key::line("the pivot's ways", stroke(FRAME, 0.7)));
+        keys.push(Key::line("path of the pivot", stroke(FRAME, 0.7)));
     }
     if !tree.nodes.is_empty() {
-        keys.push(Key::new(format!("node ({} in all)", tree.nodes.len()), |canvas, at| {
+        keys.push(Key::new(format!("node ({} in total)", tree.nodes.len()), |canvas, at| {
             canvas.circle(at, 2.2, &fill(INK));
         }));
     }
@@ -130,12 +130,12 @@ fn keys(environment: &Environment, tree: &TreeRecord) -> Vec<Key> {
     keys
 }
 
-/// `height`: as a share of the highest terrain's.
+/// Returns the paint of terrain; `height` is a fraction of the highest terrain.
 fn terrain_paint(height: f64) -> String {
     format!("{} fill-opacity=\"{:.2}\" {}", fill(TERRAIN), 0.15 + 0.85 * height, stroke(FRAME, 0.75))
 }
 
-/// Upper face of the highest terrain, mu.
+/// Returns the height of the highest terrain, mu.
 fn highest(environment: &Environment) -> f64 {
     environment.terrain.iter().map(|b| b.top).fold(f64::MIN_POSITIVE, f64::max)
 }
@@ -148,17 +148,18 @@ fn footprint(block: &Block, frame: &Frame) -> Vec<[f64; 2]> {
         .to_vec()
 }
 
-/// An edge, straight between its nodes: how the tree hangs together.
+/// Returns the paint of an edge, which is straight between its nodes and shows the structure of the tree.
 fn edge_paint(gait: usize) -> String {
     format!("stroke-opacity=\"0.9\" {}{}", stroke(series(gait), 1.6), dashes(gait))
 }
 
-/// The pivot's way along an edge. Robots sway and stagger, so ways fill the sheet: they stay in the background.
+/// Returns the paint of the pivot's path along an edge. Robots sway, so the paths fill the sheet: they are drawn
+/// faintly.
 fn way_paint(gait: usize) -> String {
     format!("stroke-opacity=\"0.35\" {}", stroke(series(gait), 0.7))
 }
 
-/// From a node's parent to the node.
+/// Returns the straight line from a node's parent to the node.
 fn chord(tree: &TreeRecord, node: &NodeRecord) -> Option<[[f64; 2]; 2]> {
     let parent = tree.nodes.get(node.parent?)?;
     Some([[parent.x, parent.y], [node.x, node.y]])
@@ -178,7 +179,7 @@ fn edges(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
 }
 
 fn nodes(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
-    // Dots shrink as trees grow, so that a large one does not become a blot.
+    // Dots are smaller in larger trees, so that they do not overlap too much.
     let radius = (40.0 / (tree.nodes.len() as f64).sqrt()).clamp(1.0, 2.4);
     for node in tree.nodes.iter().filter(|n| n.x.is_finite() && n.y.is_finite()) {
         canvas.circle(frame.at(node.x, node.y), radius, &format!("{} fill-opacity=\"0.75\"", fill(INK)));
@@ -196,7 +197,7 @@ fn path(canvas: &mut Canvas, frame: &Frame, tree: &TreeRecord) {
     }
 }
 
-/// A dot with an arrow that shows the heading.
+/// Draws a dot with an arrow in the direction of the heading.
 pub(super) fn start_mark(canvas: &mut Canvas, at: [f64; 2], yaw: f64) {
     let (sin, cos) = yaw.sin_cos();
     canvas.circle(at, 7.0, &fill("#ffffff"));

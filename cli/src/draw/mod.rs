@@ -1,11 +1,11 @@
-//! The pictures of a report.
+//! Pictures of results.
 //!
-//! Each is a function from data to a [`Picture`], which gives SVG and PNG. Fonts are embedded and text becomes outlines,
-//! so a picture is the same on every machine. Whatever the data (none, one point, all equal, NaN), there is a readable
-//! picture that says so.
+//! Each picture is a function from data to a [`Picture`], which has an SVG and a PNG form. Fonts are embedded and text
+//! becomes outlines, so a picture is the same on every machine. A picture without usable data (none, or NaN only) is
+//! readable and has a note in its frame. One point and equal values are drawn, too.
 //!
-//! `canvas` writes SVG, `axes` turns numbers into places, `legend` writes what stands above the data; every other file is
-//! one picture.
+//! `canvas` writes SVG, `axes` maps numbers to the sheet, `legend` writes titles and keys above the data. Every other
+//! file draws one picture.
 
 mod axes;
 mod boxes;
@@ -35,26 +35,26 @@ pub use robot::{DrawnBox, robot};
 pub use scatter::{ScatterSet, scatter};
 pub use traces::gait_traces;
 
-/// A generation of a search, as `history.csv` has it. Scores in the fitness's unit.
+/// Generation of a search: a row of `history.csv`. Scores are in the unit of the fitness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HistoryRow {
-    /// From 0.
+    /// Index of the generation, from 0.
     pub generation: u32,
     /// Least score.
     pub min: f64,
-    /// A quarter of the scores is not greater.
+    /// First quartile.
     pub lower_quartile: f64,
-    /// The middle score.
+    /// Median score.
     pub median: f64,
-    /// A quarter of the scores is not less.
+    /// Third quartile.
     pub upper_quartile: f64,
     /// Greatest score.
     pub max: f64,
-    /// Best score of this and all earlier generations; `None` while all have failed.
+    /// Best score of this and all earlier generations; `None` while all evaluations have failed.
     pub best_so_far: Option<f64>,
 }
 
-/// The turn from one heading to another, rad, in ±π.
+/// Returns the turn from one heading to another, rad, in ±π.
 fn turn(from: f64, to: f64) -> f64 {
     let full = std::f64::consts::TAU;
     let turn = (to - from).rem_euclid(full);

@@ -1,4 +1,4 @@
-//! Paths of one motion on its map, run after run.
+//! Map with the paths of all runs of one motion.
 
 use super::Picture;
 use super::canvas::{Canvas, fill, stroke};
@@ -7,17 +7,17 @@ use super::map::{finish, first_keys, ground, last_keys};
 use super::palette::{ACCENT, BASE, INK};
 use sim_core::model::environment::Environment;
 
-/// A run's path.
+/// Path of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnPath {
-    /// The pivot's way, (x, y), mu.
+    /// Path of the pivot, (x, y), mu.
     pub points: Vec<[f64; 2]>,
-    /// Whether the run succeeded.
+    /// True if the run succeeded.
     pub good: bool,
 }
 
-/// Paths of repeats by their success, that of the motion with nothing varied on top, and where a plan says that its steps lead.
-/// x and y have the same scale. `said` stands below the title.
+/// Draws the paths of the repeats, coloured by success, and on top the path with nothing varied and the planned ends of
+/// the plan's steps. x and y have the same scale. `said` is the subtitle.
 pub fn paths(
     environment: &Environment,
     planned: &[[f64; 2]],
@@ -30,7 +30,7 @@ pub fn paths(
     let (good, bad): (Vec<&DrawnPath>, Vec<&DrawnPath>) = repeats.iter().partition(|path| path.good);
     let mut keys = first_keys(environment);
     if !planned.is_empty() {
-        keys.push(Key::new("step of the plan", planned_mark));
+        keys.push(Key::new("planned end of a step", planned_mark));
     }
     keys.push(Key::line("nothing varied", stroke(INK, 2.4)));
     for (label, paths, colour) in [("success", &good, BASE), ("no success", &bad, ACCENT)] {

@@ -1,13 +1,13 @@
-//! From SVG source to what is stored: an SVG without text, and a PNG. Only the embedded fonts are used.
+//! Conversion of SVG source to the stored files: an SVG with text as outlines, and a PNG. Only embedded fonts are used.
 
 use super::canvas::Type;
 use resvg::{tiny_skia, usvg};
 use std::sync::{Arc, LazyLock};
 
-/// Pixels of a PNG for a px of the SVG, so that it is sharp on dense screens and in print.
+/// Pixels of the PNG per px of the SVG. 2 makes the PNG sharp on dense screens and in print.
 pub const PNG_SCALE: u32 = 2;
 
-/// A finished picture.
+/// Finished picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     source: String,
@@ -15,22 +15,22 @@ pub struct Picture {
     height: u32,
 }
 
-/// A picture that could not be turned into pixels.
+/// Error of a picture that could not be converted.
 #[derive(Debug, thiserror::Error)]
 pub enum DrawError {
-    /// The source is no SVG: a bug of the drawing code.
-    #[error("the picture is no valid SVG: {0}")]
+    /// The source is not valid SVG: a bug of the drawing code.
+    #[error("the picture is not valid SVG (a bug of the drawing code): {0}")]
     Svg(#[from] usvg::Error),
-    /// No memory for the pixels.
+    /// There is not enough memory for the pixels.
     #[error("a picture of {width} × {height} pixels is too large to draw")]
     TooLarge {
-        /// Pixels.
+        /// Width, pixels.
         width: u32,
-        /// Pixels.
+        /// Height, pixels.
         height: u32,
     },
-    /// The encoder refused.
-    #[error("the picture can't be written as PNG: {0}")]
+    /// The PNG encoder failed.
+    #[error("the picture can't be encoded as PNG: {0}")]
     Png(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
@@ -39,12 +39,12 @@ impl Picture {
         Self { source, width, height }
     }
 
-    /// Width and height, px.
+    /// Returns width and height, px.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// As SVG, with all text turned into outlines, so that it looks the same wherever it is opened.
+    /// Returns the SVG. All text is converted to outlines, so that it looks the same in every viewer.
     pub fn svg(&self) -> String {
         let options = usvg::WriteOptions {
             coordinates_precision: 3,
@@ -52,11 +52,11 @@ impl Picture {
             indent: usvg::Indent::None,
             ..Default::default()
         };
-        // The source itself is an SVG too: what remains if it can't be resolved, which would be a bug.
+        // If the conversion fails, which would be a bug, the source is returned: it is an SVG, too.
         self.tree().map_or_else(|_| self.source.clone(), |tree| tree.to_string(&options))
     }
 
-    /// As PNG, [`PNG_SCALE`] pixels a px.
+    /// Returns the PNG, with [`PNG_SCALE`] pixels per px.
     pub fn png(&self) -> Result<Vec<u8>, DrawError> {
         let tree = self.tree()?;
         let (width, height) = (self.width * PNG_SCALE, self.height * PNG_SCALE);
@@ -71,7 +71,7 @@ impl Picture {
     }
 }
 
-/// How wide a text will be, px.
+/// Returns the drawn width of a text, px.
 pub(super) fn width(text: &str, style: Type) -> f64 {
     let mut canvas = super::canvas::Canvas::new();
     canvas.text(
@@ -81,11 +81,11 @@ pub(super) fn width(text: &str, style: Type) -> f64 {
     );
     let source = canvas.finish(1.0, 1.0);
     let Ok(tree) = usvg::Tree::from_str(&source, &OPTIONS) else { return 0.0 };
-    // The background is the first child, the text, if any of it can be seen, the second.
+    // The first child is the background, the second is the text; it is missing if nothing of the text is visible.
     tree.root().children().get(1).map_or(0.0, |text| f64::from(text.bounding_box().right()))
 }
 
-/// The text, cut with an ellipsis to be no wider than `room` px.
+/// Returns the text, cut with an ellipsis if it is wider than `room` px.
 pub(super) fn fitted(text: &str, style: Type, room: f64) -> String {
     if width(text, style) <= room {
         return text.to_owned();

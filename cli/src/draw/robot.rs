@@ -1,6 +1,6 @@
-//! A robot's shape, seen from its right front, from above.
+//! Isometric view of a robot from above, from its front right.
 //!
-//! An isometric view: a mu is as long along x as along y and z, so one scale serves all three.
+//! 1 mu has the same length along x, y and z, so one scale is enough.
 
 use super::Picture;
 use super::canvas::{Anchor, Canvas, Type, fill, stroke};
@@ -9,29 +9,29 @@ use super::palette::{FAINT, GRID, INK, series};
 use super::picture::{fitted, width};
 
 const WIDTH: f64 = 760.0;
-/// Room for the robot, px.
+/// Largest size of the robot, px.
 const ROOM: [f64; 2] = [WIDTH - 100.0, 430.0];
-/// Largest scale, px a mu: a robot of one module need not fill the sheet.
+/// Largest scale, px per mu, so that a robot of one module does not fill the sheet.
 const MOST_SCALE: f64 = 110.0;
 const FAILED: &str = "#b3001b";
 
-/// A box of a robot, to be drawn.
+/// Box-shaped part of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnBox {
-    /// Centre x, y, z, mu.
+    /// Centre (x, y, z), mu.
     pub center: [f64; 3],
-    /// Rotation as a unit quaternion x, y, z, w.
+    /// Rotation as a unit quaternion (x, y, z, w).
     pub rotation: [f64; 4],
-    /// Half of the side lengths along its own axes, mu.
+    /// Half side lengths along its own axes, mu.
     pub half: [f64; 3],
-    /// The module, or body where bodies are written out, that the box is a part of; boxes of one have one colour.
+    /// Name of the box's module, or of its body for robots made of bodies. Boxes with the same name have one colour.
     pub module: String,
-    /// Whether the module has failed.
+    /// True if the module has failed.
     pub failed: bool,
 }
 
-/// The boxes in their place: a colour a module, failed ones hatched in red, names beside them, arrows for the axes that
-/// give the scale. The subtitle says how many of what there are.
+/// Draws the boxes at their places, with one colour per module, names on the modules, and failed modules hatched in
+/// red. Arrows along the axes show the scale.
 pub fn robot(boxes: &[DrawnBox], title: &str, subtitle: &str) -> Picture {
     let mut canvas = Canvas::new();
     let mut modules: Vec<&str> = Vec::new();
@@ -56,7 +56,7 @@ pub fn robot(boxes: &[DrawnBox], title: &str, subtitle: &str) -> Picture {
     let ground = Ground::below(&solids);
     let view = View::fitting(&solids, top);
     if let Some(ground) = &ground {
-        // The corners of the grid may lie outside of the sheet's room.
+        // Clips the grid: its corners may lie outside the drawing area.
         canvas.raw(&format!(
             "<clipPath id=\"ground\"><rect x=\"24\" y=\"{top}\" width=\"{}\" height=\"{}\"/></clipPath>\
              <g clip-path=\"url(#ground)\">",
@@ -84,26 +84,26 @@ pub fn robot(boxes: &[DrawnBox], title: &str, subtitle: &str) -> Picture {
 
 type Point = [f64; 3];
 
-/// Towards the viewer; its length does not matter.
+/// Direction to the viewer; its length does not matter.
 const TO_VIEWER: Point = [1.0, -1.0, 1.0];
-/// Towards the light.
+/// Direction to the light.
 const TO_LIGHT: Point = [0.35, -0.6, 0.72];
 
 fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// A box with its faces worked out.
+/// Box with its axes scaled by its sizes.
 struct Solid {
     center: Point,
-    /// Its own axes, each as long as half a side.
+    /// Axes of the box, each with the length of half a side.
     axes: [Point; 3],
     module: usize,
     failed: bool,
 }
 
 impl Solid {
-    /// `None` for boxes that are nowhere.
+    /// Converts a box; `None` if a number is not finite or too large, or if a size is not positive.
     fn of(b: &DrawnBox, module: usize) -> Option<Self> {
         let numbers = b.center.iter().chain(&b.rotation).chain(&b.half);
         if numbers.clone().any(|v| !v.is_finite() || v.abs() > 1e6) || b.half.iter().any(|h| *h <= 0.0) {
@@ -121,7 +121,7 @@ impl Solid {
         Some(Self { center: b.center, axes: [scaled(0), scaled(1), scaled(2)], module, failed: b.failed })
     }
 
-    /// The point at (u, v, w) in units of half sides.
+    /// Returns the point at (u, v, w) in units of half sides.
     fn point(&self, uvw: Point) -> Point {
         let along = |k: usize| self.center[k] + (0..3).map(|i| uvw[i] * self.axes[i][k]).sum::<f64>();
         [along(0), along(1), along(2)]
@@ -132,7 +132,7 @@ impl Solid {
         std::array::from_fn(|i| self.point([sign(i, 0), sign(i, 1), sign(i, 2)]))
     }
 
-    /// Outward normals of the six faces, as long as half a side, with four corners each, in order around the face.
+    /// Returns the six faces: outward normal with the length of half a side, and four corners in order around the face.
     fn faces(&self) -> impl Iterator<Item = (Point, [Point; 4])> {
         (0..6).map(|f| {
             let (axis, sign) = (f / 2, if f % 2 == 0 { 1.0 } else { -1.0 });
@@ -146,7 +146,8 @@ impl Solid {
         })
     }
 
-    /// Whether a face of this box proves that the other lies in front of it (`Some(true)`) or behind it (`Some(false)`).
+    /// Returns `Some(true)` if a face of this box proves that the other box is in front of it, `Some(false)` if a face
+    /// proves that the other box is behind it.
     fn tells(&self, other: &Self) -> Option<bool> {
         self.faces().find_map(|(normal, corners)| {
             let length = dot(normal, normal).sqrt();
@@ -161,13 +162,13 @@ impl Solid {
     }
 }
 
-/// The painter's order: nobody is drawn before those that it may hide. Where boxes hide each other in a circle, or share
-/// space, the farther one is first.
+/// Returns the painter's order: each box comes after the boxes that it may hide. If boxes hide each other in a cycle,
+/// or overlap in space, the farthest one comes first.
 fn back_to_front(solids: &[Solid]) -> Vec<usize> {
     let flat: Vec<[f64; 4]> = solids.iter().map(|s| bounds(s.corners().into_iter().map(project))).collect();
     let apart = |a: &[f64; 4], b: &[f64; 4]| a[1] <= b[0] || b[1] <= a[0] || a[3] <= b[2] || b[3] <= a[2];
     let hidden_by = |i: usize, j: usize| i != j && !apart(&flat[i], &flat[j]) && solids[i].hides(&solids[j]);
-    // behind[i]: what has to be drawn before i.
+    // behind[i]: boxes to be drawn before box i.
     let mut behind: Vec<Vec<usize>> =
         (0..solids.len()).map(|i| (0..solids.len()).filter(|&j| hidden_by(i, j)).collect()).collect();
     let mut left: Vec<usize> = (0..solids.len()).collect();
@@ -181,19 +182,19 @@ fn back_to_front(solids: &[Solid]) -> Vec<usize> {
     order
 }
 
-/// Isometric coordinates in mu: right, down.
+/// Projects a point to isometric coordinates in mu: (right, down).
 fn project([x, y, z]: Point) -> [f64; 2] {
     let (half, sixth) = (0.5f64.sqrt(), (1.0f64 / 6.0).sqrt());
     [(x + y) * half, (x - y - 2.0 * z) * sixth]
 }
 
-/// Least x, greatest x, least y, greatest y.
+/// Returns least x, greatest x, least y, greatest y.
 fn bounds(points: impl Iterator<Item = [f64; 2]>) -> [f64; 4] {
     let none = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     points.fold(none, |b, [x, y]| [b[0].min(x), b[1].max(x), b[2].min(y), b[3].max(y)])
 }
 
-/// Where the robot stands, in whole mu around it.
+/// Ground below the robot, extended to whole mu.
 struct Ground {
     x: (f64, f64),
     y: (f64, f64),
@@ -201,7 +202,7 @@ struct Ground {
 }
 
 impl Ground {
-    /// `None` without a robot, and for one so large that a grid of 1 mu would be a grey area.
+    /// Returns the ground; `None` without a robot, or if the robot is so large that a grid of 1 mu would look grey.
     fn below(solids: &[Solid]) -> Option<Self> {
         let corners = || solids.iter().flat_map(Solid::corners);
         let [x0, x1, y0, y1] = bounds(corners().map(|c| [c[0], c[1]]));
@@ -212,7 +213,7 @@ impl Ground {
     }
 }
 
-/// From mu to px.
+/// Mapping from mu to px.
 struct View {
     scale: f64,
     offset: [f64; 2],
@@ -235,7 +236,7 @@ impl View {
     }
 }
 
-/// A grid of 1 mu below the robot.
+/// Draws a grid of 1 mu below the robot.
 fn draw_ground(canvas: &mut Canvas, view: &View, ground: &Ground) {
     let Ground { x: (x0, x1), y: (y0, y1), floor } = *ground;
     let steps = |from: f64, to: f64| (0..=(to - from) as usize).map(move |i| from + i as f64);
@@ -258,7 +259,7 @@ fn draw(canvas: &mut Canvas, view: &View, solid: &Solid) {
     }
 }
 
-/// A colour, paler than it is named so that edges and names show, brighter where light falls on it.
+/// Returns a paler shade of a colour, so that edges and names are visible; more light makes it brighter.
 fn lit(colour: &str, light: f64) -> String {
     let channel = |i: usize| u8::from_str_radix(&colour[i..i + 2], 16).map_or(128.0, f64::from);
     let shade = 0.62 + 0.38 * light;
@@ -266,7 +267,7 @@ fn lit(colour: &str, light: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", mixed(channel(1)), mixed(channel(3)), mixed(channel(5)))
 }
 
-/// Names on top of the modules, nearest first; one that would lie on another is left out.
+/// Writes names on top of the modules, nearest first. A name that would overlap another is omitted.
 fn names(canvas: &mut Canvas, view: &View, solids: &[Solid], modules: &[&str]) {
     let style = Type { size: 12.0, ..Type::LABEL }.bold().anchored(Anchor::Middle).halo();
     let mut places: Vec<(f64, usize, [f64; 2])> = Vec::new();
@@ -293,7 +294,7 @@ fn names(canvas: &mut Canvas, view: &View, solids: &[Solid], modules: &[&str]) {
     }
 }
 
-/// Arrows along x, y and z of a round length in mu, which is said beside them.
+/// Draws arrows along x, y and z. Their length is a round number of mu, which is written beside them.
 fn axes_hint(canvas: &mut Canvas, scale: f64, origin: [f64; 2]) {
     let foreshortening = (2.0f64 / 3.0).sqrt();
     let long_enough = |l: &f64| l * scale * foreshortening >= 30.0;
@@ -323,7 +324,7 @@ mod tests {
         Solid::of(&DrawnBox { center, rotation, half, module: String::new(), failed: false }, 0).unwrap()
     }
 
-    /// A block of cubes in shuffled order: nobody is drawn before one that stands behind, below or to the left.
+    /// In a block of cubes in shuffled order, each cube is drawn after the cubes behind, below and to the left of it.
     #[test]
     fn cubes_are_drawn_from_back_to_front() {
         let places: Vec<Point> =
@@ -334,7 +335,7 @@ mod tests {
         for (i, a) in places.iter().enumerate() {
             for (j, b) in places.iter().enumerate() {
                 if i != j && a[0] <= b[0] && a[1] >= b[1] && a[2] <= b[2] {
-                    assert!(turn(i) < turn(j), "{a:?} comes before {b:?}");
+                    assert!(turn(i) < turn(j), "{a:?} must be drawn before {b:?}");
                 }
             }
         }
@@ -348,9 +349,10 @@ mod tests {
         );
     }
 
-    /// Centres alone would get this wrong: the plate's is nearer to the viewer than that of the cube that stands on it.
+    /// An order by centres would be wrong: the plate's centre is nearer to the viewer than the centre of the cube on
+    /// it.
     #[test]
-    fn a_cube_on_a_long_plate_is_drawn_after_it() {
+    fn cube_on_long_plate_is_drawn_after_plate() {
         let (plate, cube) = (solid([0.0, 0.0, 0.0], [5.0, 5.0, 0.1]), solid([-4.0, 4.0, 0.6], [0.5; 3]));
         assert!(dot(plate.center, TO_VIEWER) > dot(cube.center, TO_VIEWER));
         assert_eq!(back_to_front(&[plate, cube]), [0, 1]);
@@ -358,9 +360,9 @@ mod tests {
         assert_eq!(back_to_front(&[cube, plate]), [1, 0]);
     }
 
-    /// A mu is as long along each axis, and up is up.
+    /// 1 mu has the same drawn length along each axis, and z points up.
     #[test]
-    fn the_view_is_isometric() {
+    fn projection_is_isometric() {
         let length = |p: Point| project(p)[0].hypot(project(p)[1]);
         let lengths = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(length);
         assert!(lengths.iter().all(|l| (l - (2.0f64 / 3.0).sqrt()).abs() < 1e-12));

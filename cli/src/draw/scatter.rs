@@ -1,4 +1,4 @@
-//! Pairs of numbers that ought to be equal, against the line on which they would be.
+//! Scatter plot of pairs of numbers that should be equal.
 
 use super::Picture;
 use super::axes::{Frame, Range};
@@ -9,17 +9,16 @@ use super::palette::{FAINT, series};
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 680.0;
 
-/// Pairs of one kind.
+/// Pairs of one kind, with one colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScatterSet {
-    /// Such as "random genotypes".
+    /// Name, such as "random genotypes".
     pub name: String,
-    /// (x, y), in the same unit.
+    /// Pairs (x, y), both in the same unit.
     pub points: Vec<[f64; 2]>,
 }
 
-/// A square of points over the same range in both directions, with the line of equals. Values that are not finite are
-/// left out.
+/// Draws points over the same range of x and y, with the line x = y. Values that are not finite are omitted.
 pub fn scatter(sets: &[ScatterSet], title: &str, subtitle: &str, x: &str, y: &str) -> Picture {
     let mut canvas = Canvas::new();
     let equals = format!("{} stroke-dasharray=\"7 4\"", stroke(FAINT, 1.5));
@@ -29,7 +28,7 @@ pub fn scatter(sets: &[ScatterSet], title: &str, subtitle: &str, x: &str, y: &st
         let paint = paint(i);
         Key::new(set.name.clone(), move |canvas, at| canvas.circle(at, 4.0, &paint))
     });
-    let keys: Vec<Key> = keys.chain([Key::line("equal", equals.clone())]).collect();
+    let keys: Vec<Key> = keys.chain([Key::line("equal values", equals.clone())]).collect();
     let top = legend(&mut canvas, &keys, top, WIDTH) + 8.0;
 
     let values = sets.iter().flat_map(|s| s.points.iter().flatten().copied());
@@ -41,14 +40,14 @@ pub fn scatter(sets: &[ScatterSet], title: &str, subtitle: &str, x: &str, y: &st
     canvas.polylines(&frame.line([[range.low, range.low], [range.high, range.high]]), &equals);
     for (i, set) in sets.iter().enumerate() {
         for &point in &set.points {
-            // A point that has no place on the sheet gives no line either.
+            // `line` is empty for a point that has no place on the sheet.
             for at in frame.line([point]).concat() {
                 canvas.circle(at, 4.0, &paint(i));
             }
         }
     }
     if found.is_none() {
-        frame.say(&mut canvas, "no data: nothing was scored");
+        frame.say(&mut canvas, "no data: there are no scores");
     }
     Picture::new(canvas.finish(WIDTH, HEIGHT), WIDTH as u32, HEIGHT as u32)
 }

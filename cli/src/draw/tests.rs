@@ -1,4 +1,4 @@
-//! Laws of the pictures. What they look like is for eyes: `cargo run -p cli --example draw -- FOLDER`.
+//! Tests of the pictures. `cargo run -p cli --example draw -- FOLDER` draws all of them for inspection by eye.
 
 use super::axes::{Frame, Range, number};
 use super::boxes::Summary;
@@ -68,7 +68,7 @@ fn frontier_set(speeds: &[f64]) -> FrontierSet {
     FrontierSet { name, points, reference_speed, ceiling_correlation: 0.999, ceiling_error: 1e-4 }
 }
 
-/// Every picture from sound data, none, one point, equal points, and numbers that are none.
+/// Draws every picture from valid data, no data, one point, equal points, and NaN, infinite and huge numbers.
 fn all() -> Vec<Picture> {
     let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 1e-300, -0.0];
     let odd_marks: Vec<[f64; 2]> = odd.iter().map(|v| [0.0, *v]).collect();
@@ -135,7 +135,7 @@ fn all() -> Vec<Picture> {
 }
 
 #[test]
-fn every_svg_is_one_without_text_or_odd_numbers() {
+fn every_svg_is_valid_without_text_or_nan() {
     for picture in all() {
         let svg = picture.svg();
         let tree = usvg::Tree::from_str(&svg, &usvg::Options::default()).unwrap();
@@ -146,18 +146,18 @@ fn every_svg_is_one_without_text_or_odd_numbers() {
 }
 
 #[test]
-fn every_png_has_the_promised_size_and_something_on_it() {
+fn every_png_has_expected_size_and_dark_pixels() {
     for picture in all() {
         let pixels = tiny_skia::Pixmap::decode_png(&picture.png().unwrap()).unwrap();
         let (width, height) = picture.size();
         assert_eq!((pixels.width(), pixels.height()), (width * PNG_SCALE, height * PNG_SCALE));
         let dark = pixels.pixels().iter().filter(|p| p.red() < 100 && p.alpha() == 255).count();
-        assert!(dark > 100, "{dark} dark pixels");
+        assert!(dark > 100, "only {dark} dark pixels");
     }
 }
 
 #[test]
-fn the_same_data_gives_the_same_bytes() {
+fn same_data_gives_same_bytes() {
     for (first, second) in all().into_iter().zip(all()) {
         assert_eq!(first, second);
         assert_eq!(first.svg(), second.svg());
@@ -165,19 +165,19 @@ fn the_same_data_gives_the_same_bytes() {
     }
 }
 
-/// The goal's star stands where the axes say (3, −5) is.
+/// The goal's star is drawn at the place of (3, −5) on the axes.
 #[test]
-fn a_place_on_the_map_is_where_the_axes_say() {
+fn goal_is_drawn_at_its_axis_coordinates() {
     let goal = Some(Goal::at(3.0, -5.0, 0.01));
     let environment = Environment { goal, obstacles: Vec::new(), terrain: Vec::new(), ..environment() };
     let picture = map(&environment, &TreeRecord::default(), "title", "subtitle");
     let pixels = tiny_skia::Pixmap::decode_png(&picture.png().unwrap()).unwrap();
     let scale = f64::from(PNG_SCALE);
-    // From the bottom up: 56 px of labels, then the frame, 27 of 48 times as high as its 820 px are wide.
+    // From the bottom upwards: 56 px of labels, then the frame, which is 820 px wide and 820 · 27 / 48 px high.
     let bottom = f64::from(picture.size().1) - 56.0;
     let top = bottom - 820.0 * 27.0 / 48.0;
     let expected = [76.0 + (3.0 + 24.0) / 48.0 * 820.0, top + (13.5 + 5.0) / 27.0 * (bottom - top)];
-    // Pixels of the accent inside the frame: there is another star in the legend.
+    // Pixels with the accent colour inside the frame: the legend has another star.
     let accent = (0xd5, 0x5e, 0x00);
     let star: Vec<(u32, u32)> = (top as u32 * PNG_SCALE..pixels.height())
         .flat_map(|y| (0..pixels.width()).map(move |x| (x, y)))
@@ -188,15 +188,15 @@ fn a_place_on_the_map_is_where_the_axes_say() {
         f64::from(low + high + 1) / 2.0 / scale
     };
     let found = [middle(|p| p.0), middle(|p| p.1)];
-    // A star's middle is a little above the middle of its outline's extent.
+    // The centre of a star is slightly above the middle of its vertical extent.
     assert!(
         (found[0] - expected[0]).abs() < 1.0 && (found[1] - expected[1]).abs() < 2.0,
-        "{found:?}, not {expected:?}"
+        "star at {found:?}, expected at {expected:?}"
     );
 }
 
 #[test]
-fn a_frame_maps_corners_to_corners_and_keeps_ratios() {
+fn frame_maps_ranges_linearly_to_the_sheet() {
     let (x, y) = (Range { low: -2.0, high: 6.0 }, Range { low: 10.0, high: 20.0 });
     let frame = Frame { left: 50.0, top: 20.0, width: 400.0, height: 100.0, x, y };
     assert_eq!(frame.at(-2.0, 20.0), [50.0, 20.0]);
@@ -207,7 +207,7 @@ fn a_frame_maps_corners_to_corners_and_keeps_ratios() {
 }
 
 #[test]
-fn ticks_are_round_inside_the_range_and_neither_few_nor_many() {
+fn ticks_are_round_numbers_inside_the_range() {
     for low in [-1e5, -31.4, -1.0, -0.003, 0.0, 1e-6, 0.7, 12.0, 98765.4] {
         for span in [1e-3, 0.013, 0.5, 1.0, 3.3, 27.0, 48.0, 150.0, 99_999.0] {
             let range = Range { low, high: low + span };
@@ -232,7 +232,7 @@ fn ticks_are_round_inside_the_range_and_neither_few_nor_many() {
 }
 
 #[test]
-fn numbers_read_well() {
+fn numbers_are_formatted_with_minus_signs() {
     let ticks = Range { low: -1.0, high: 1.0 }.ticks(8);
     assert_eq!(ticks.label(-0.5), "−0.5");
     assert_eq!(ticks.label(-0.0), "0.0");
@@ -241,7 +241,7 @@ fn numbers_read_well() {
 }
 
 #[test]
-fn quartiles_are_those_of_the_textbook() {
+fn box_plot_numbers_match_hand_computed_values() {
     let summary = Summary::of([1.0, 2.0, 3.0, 4.0, 100.0].into_iter()).unwrap();
     assert_eq!((summary.lower_quartile, summary.median, summary.upper_quartile), (2.0, 3.0, 4.0));
     assert_eq!((summary.lower_whisker, summary.upper_whisker), (1.0, 4.0));
@@ -251,14 +251,14 @@ fn quartiles_are_those_of_the_textbook() {
 }
 
 #[test]
-fn a_turn_is_the_short_way_round() {
+fn turn_takes_the_shorter_direction() {
     for (from, to, expected) in [(0.0, 1.0, 1.0), (3.0, -3.0, std::f64::consts::TAU - 6.0), (1.0, 0.5, -0.5)] {
         assert!((turn(from, to) - expected).abs() < 1e-12);
     }
 }
 
 #[test]
-fn a_text_is_cut_to_its_room() {
+fn long_text_is_cut_to_fit() {
     let long = "a-robot-with-a-very-long-name ".repeat(8);
     let cut = fitted(&long, Type::TITLE, 300.0);
     assert!(cut.ends_with('…') && width(&cut, Type::TITLE) <= 300.0);
@@ -267,7 +267,7 @@ fn a_text_is_cut_to_its_room() {
 }
 
 #[test]
-fn ticks_of_a_logarithmic_axis_are_round_numbers() {
+fn logarithmic_ticks_are_round_numbers() {
     let labels = |low: f64, high: f64| {
         let ticks = Range { low: low.log10(), high: high.log10() }.powers_of_ten(8);
         ticks.values.iter().map(|v| ticks.label(*v)).collect::<Vec<_>>()

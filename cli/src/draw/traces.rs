@@ -1,4 +1,4 @@
-//! How each gait moves the robot's pivot, from above, as in Figs. 4, 5 and 8 of the paper.
+//! Top view of the pivot's path under each gait, as in Figs. 4, 5 and 8 of paper 000.
 
 use super::Picture;
 use super::axes::{Frame, Range, number};
@@ -12,8 +12,8 @@ const WIDTH: f64 = 760.0;
 const SIDE: f64 = 580.0;
 const LEFT: f64 = 84.0;
 
-/// The pivot's way from the start, one line a gait, ends labelled 1, 2, 3, … and an arrow for the heading at the start and
-/// at each end. x and y, in mu from the start, have the same scale.
+/// Draws the path of the pivot from the start, with one line per gait. The ends are labelled 1, 2, 3, …; arrows show
+/// the heading at the start and at each end. x and y, in mu from the start, have the same scale.
 pub fn gait_traces(gaits: &[GaitTrace], title: &str) -> Picture {
     let mut canvas = Canvas::new();
     let top = heading(&mut canvas, title, "top view; the arrows show the heading at the start and at the ends", WIDTH);
@@ -27,17 +27,17 @@ pub fn gait_traces(gaits: &[GaitTrace], title: &str) -> Picture {
     let ways: Vec<Vec<[f64; 2]>> = gaits.iter().map(from_start).collect();
     let every = || ways.iter().flatten();
     let found = Range::of(every().map(|p| p[0])).zip(Range::of(every().map(|p| p[1])));
-    // The start belongs on the sheet, and a robot that hardly moves must not look as if it did.
+    // The sheet includes the start and at least 0.5 mu around it, so that small motions look small.
     let with_start = |r: Range| Range { low: r.low.min(-0.5), high: r.high.max(0.5) };
     let (x, y) = found
         .map_or((with_start(Range { low: 0.0, high: 1.0 }), with_start(Range { low: 0.0, high: 1.0 })), |(x, y)| {
             (with_start(x).padded(0.08), with_start(y).padded(0.08))
         });
     let (width, height) = (WIDTH - LEFT - 30.0, SIDE);
-    // Equal scales: the axis with room to spare shows more.
+    // Equal scales: the axis with spare room gets a larger range.
     let scale = (width / x.span()).min(height / y.span());
     let grown = |r: Range, px: f64| r.padded((px / scale / r.span() - 1.0) / 2.0);
-    // A way that is long but narrow gets a frame to match, not a square with nothing in it.
+    // Paths along x get a lower frame, without empty space.
     let height = (y.span() * scale).clamp(220.0, height);
     let frame = Frame { left: LEFT, top, width, height, x: grown(x, width), y: grown(y, height) };
     frame.draw(
@@ -69,7 +69,7 @@ fn from_start(gait: &GaitTrace) -> Vec<[f64; 2]> {
     gait.samples.iter().map(|s| [s.position[0] - start.position[0], s.position[1] - start.position[1]]).collect()
 }
 
-/// Distance and rotation between the ends, such as "5.31 mu, −12°".
+/// Formats distance and rotation between the ends, such as "5.31 mu, −12°".
 fn summary(gait: &GaitTrace) -> String {
     let (Some(first), Some(last)) = (gait.samples.first(), gait.samples.last()) else { return "no data".into() };
     let distance = (last.position[0] - first.position[0]).hypot(last.position[1] - first.position[1]);
@@ -82,7 +82,7 @@ fn summary(gait: &GaitTrace) -> String {
     format!("{} mu, {sign}{}°{unstable}", number(distance), format!("{:.0}", rotation.round() + 0.0).replace('-', "−"))
 }
 
-/// Numbers beside the ends, moved apart where ends are close, with a line to what they name.
+/// Writes numbers beside the ends. Where ends are close, numbers are moved apart and get a line to their end.
 fn label_ends(canvas: &mut Canvas, frame: &Frame, gaits: &[GaitTrace], ways: &[Vec<[f64; 2]>]) {
     let lines: Vec<Vec<[f64; 2]>> = ways.iter().map(|way| frame.line(way.iter().copied()).concat()).collect();
     let start = frame.at(0.0, 0.0);
@@ -111,19 +111,19 @@ fn label_ends(canvas: &mut Canvas, frame: &Frame, gaits: &[GaitTrace], ways: &[V
     }
 }
 
-/// What is on the sheet already when a label looks for its place; all in px.
+/// Occupied places on the sheet, for the placement of labels; all in px.
 struct Labels<'a> {
     frame: &'a Frame,
     start: [f64; 2],
-    /// Points of all traces: better not written on.
+    /// Points of all traces: labels avoid them if they can.
     traces: Vec<[f64; 2]>,
-    /// Never written on: a point and how far to keep from it.
+    /// Points with the distance that labels must keep from them.
     taken: Vec<([f64; 2], f64)>,
 }
 
 impl Labels<'_> {
-    /// A place near `end`, the nearest that is free, and of those at one distance the one farthest ahead as seen from the
-    /// start. Places on traces are the second choice, those on other things the last.
+    /// Returns the nearest free place to `end`. Among places at the same distance, the one nearest to the direction
+    /// from the start to `end` comes first. Places on traces are the second choice, places on other marks the last.
     fn place(&self, end: [f64; 2]) -> [f64; 2] {
         let ahead = (end[1] - self.start[1]).atan2(end[0] - self.start[0]);
         let turns = [0.0, 0.7, -0.7, 1.4, -1.4, 2.1, -2.1, 2.8];

@@ -1,4 +1,4 @@
-//! Files appear whole or not at all: written under a temporary name, flushed to the disk, then renamed.
+//! Atomic writing of files: each file is written under a temporary name, flushed to the disk, then renamed.
 
 use crate::error::Error;
 use crate::inputs;
@@ -6,20 +6,20 @@ use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-/// Files of one folder that appear together: none of them is visible before all are on the disk.
+/// Files of one folder that become visible together, after all of them are on the disk.
 pub struct Batch {
     folder: PathBuf,
-    /// (temporary, final)
+    /// (temporary path, final path) of each file.
     staged: Vec<(PathBuf, PathBuf)>,
 }
 
 impl Batch {
-    /// Files for a folder that exists.
+    /// Creates an empty batch for an existing folder.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), staged: Vec::new() }
     }
 
-    /// Adds a file; `name` may lead into a subfolder.
+    /// Adds a file; `name` may include a subfolder, which is created.
     pub fn add(&mut self, name: &str, content: &[u8]) -> Result<(), Error> {
         let path = self.folder.join(name);
         inputs::refuse(&path)?;
@@ -44,21 +44,21 @@ impl Batch {
 impl Drop for Batch {
     fn drop(&mut self) {
         for (temporary, path) in &self.staged {
-            // Best effort: what can't be removed is a hidden file that the next run replaces.
+            // Best effort: a file that can't be removed is hidden, and the next run replaces it.
             let _ = fs::remove_file(temporary);
             if let Some(parent) = path.parent().filter(|parent| *parent != self.folder) {
-                // Only succeeds on a folder that is empty, which is one that we made for nothing.
+                // Succeeds only for an empty folder, which this batch created without use.
                 let _ = fs::remove_dir(parent);
             }
         }
     }
 }
 
-/// Writes one file, whole or not at all. Devices and pipes are written to, not replaced.
+/// Writes one file atomically. A device or pipe is written to, not replaced.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
     let failed = |e| Error::write(path, e);
     inputs::refuse(path)?;
-    // Behind a link, the file is replaced, not the link.
+    // For a link, the file behind it is replaced, not the link.
     let path = &fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => return Err(failed(io::ErrorKind::IsADirectory.into())),
@@ -88,7 +88,7 @@ fn write_through(path: &Path, content: &[u8]) -> io::Result<()> {
     file.sync_all()
 }
 
-/// Makes renames survive a power failure, where the system can open a folder.
+/// Flushes a folder on Unix, so that renames survive a power failure.
 fn flush_folder(folder: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_batch_appears_together_or_not_at_all() {
+    fn batch_files_appear_together_or_not_at_all() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("a"), "old").unwrap();
         let mut batch = Batch::new(folder.path());
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_write_leaves_nothing() {
+    fn failed_write_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("taken");
         fs::create_dir(&path).unwrap();

@@ -1,11 +1,12 @@
-//! Tables for pandas, spreadsheets and hardware. Numbers are written so that they read back to the same bits.
+//! CSV tables for pandas, spreadsheets and hardware. Numbers read back to the same bits.
 
 use super::result::{ArchiveRow, AuditRow};
 use crate::values::Generation;
 use sim_core::report::{GaitTrace, PathMode, PathTrace, TraceSample};
 use std::fmt::Write as _;
 
-/// history.csv: a row a generation. Statistics are NaN where all evaluations failed; `best_so_far` is empty then.
+/// Formats history.csv, with a row per generation. If all evaluations of a generation failed, its statistics are NaN.
+/// `best_so_far` is empty while no evaluation has succeeded.
 pub fn history(history: &[Generation]) -> String {
     let mut out = "generation,min,lower_quartile,median,upper_quartile,max,mean,best_so_far,failed\n".to_owned();
     for g in history {
@@ -17,8 +18,8 @@ pub fn history(history: &[Generation]) -> String {
     out
 }
 
-/// archive.csv: a row a genotype, best on the reference setting first. `reference` is empty where it could not be
-/// scored.
+/// Formats archive.csv, with a row per genotype, best on the reference setting first. `reference` is empty if its
+/// evaluation failed.
 pub fn archive(rows: &[ArchiveRow]) -> String {
     let mut out = "rank,generation,candidate,search,reference\n".to_owned();
     for ArchiveRow { rank, generation, candidate, search, reference } in rows {
@@ -27,7 +28,7 @@ pub fn archive(rows: &[ArchiveRow]) -> String {
     out
 }
 
-/// audits.csv: a row a global best of the search, scored with reuse of transitions and without.
+/// Formats audits.csv, with a row per new best of the search: scores with and without reuse of transitions.
 pub fn audits(rows: &[AuditRow]) -> String {
     let mut out = "generation,candidate,with_reuse,without_reuse,gap\n".to_owned();
     for AuditRow { generation, candidate, with_reuse, without_reuse, gap } in rows {
@@ -36,17 +37,18 @@ pub fn audits(rows: &[AuditRow]) -> String {
     out
 }
 
-/// Empty where there is no number.
+/// Formats a cell; empty for `None`.
 fn cell(value: Option<f64>) -> String {
     value.map_or_else(String::new, |v| v.to_string())
 }
 
-/// A gait's samples: time (s), joint targets and angles (rad), pivot position (mu), rotation (unit quaternion), yaw (rad).
+/// Formats the samples of a gait: time (s), joint targets and angles (rad), pivot position (mu), rotation (unit
+/// quaternion), yaw (rad).
 pub fn gait(trace: &GaitTrace) -> String {
     samples(&trace.joints, &trace.samples)
 }
 
-/// The same of any motion of these joints.
+/// Formats the samples of any motion, with the same columns as [`gait`].
 pub fn samples(joints: &[String], samples: &[TraceSample]) -> String {
     let mut head = vec!["time".to_owned()];
     for what in ["target", "angle"] {
@@ -64,7 +66,7 @@ pub fn samples(joints: &[String], samples: &[TraceSample]) -> String {
     out
 }
 
-/// A path's ways: how it was run, point by point, mu.
+/// Formats paths.csv, with a row per point (mu) of the path in each mode.
 pub fn paths(paths: &[PathTrace]) -> String {
     let mut out = "mode,point,x,y\n".to_owned();
     for path in paths {
@@ -75,7 +77,7 @@ pub fn paths(paths: &[PathTrace]) -> String {
     out
 }
 
-/// The word for a way to run a path.
+/// Returns the name of a mode of running a path.
 pub fn mode(mode: PathMode) -> &'static str {
     match mode {
         PathMode::Tree => "tree",
@@ -90,7 +92,7 @@ mod tests {
     use proto::v1::{Row, Value};
 
     #[test]
-    fn every_number_reads_back_to_its_bits() {
+    fn numbers_read_back_to_same_bits() {
         let values = [0.1, -0.0, 1.0 / 3.0, f64::MIN_POSITIVE, 1e300];
         let sample = TraceSample {
             time: values[0],
@@ -114,10 +116,10 @@ mod tests {
     }
 
     #[test]
-    fn a_generation_without_a_score_leaves_its_best_empty() {
+    fn generation_without_score_has_empty_best() {
         let failed = Value { name: "failed".to_owned(), unit: String::new(), value: Some(20.0) };
         let row = Row { series: "generations".to_owned(), index: 0, values: vec![failed] };
-        let failed = Generation::of(&row).expect("a generation");
+        let failed = Generation::of(&row).expect("the row is a generation");
         assert!(history(&[failed]).ends_with("\n0,NaN,NaN,NaN,NaN,NaN,NaN,,20\n"));
     }
 }

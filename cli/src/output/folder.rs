@@ -1,4 +1,4 @@
-//! The output folder: one job's, one process's at a time.
+//! Output folder: it belongs to one job, and to one process at a time.
 
 use super::{JOB, RESULT, ResultFile, STORE, atomic};
 use crate::error::Error;
@@ -11,23 +11,23 @@ use std::path::{Path, PathBuf};
 
 const LOCK: &str = ".lock";
 
-/// An output folder that is ours: it holds this job or nothing, and no other process works in it.
+/// Locked output folder: it holds this job or nothing, and no other process uses it.
 pub struct Folder {
     path: PathBuf,
-    /// The job as it stands in the folder; the same job as ours, perhaps under another name.
+    /// Text of the job in the folder. It is the same job, but may have another name.
     job_toml: Option<String>,
-    /// The folder was made for this run.
+    /// True if this run created the folder.
     made: bool,
     _lock: File,
 }
 
 impl Folder {
-    /// Where a job goes unless told otherwise: `runs/NAME-DIGEST`.
+    /// Returns the default folder of a job: `runs/NAME-DIGEST`.
     pub fn default_path(name: &str, digest: &Digest) -> PathBuf {
         Path::new("runs").join(format!("{name}-{}", digest.short()))
     }
 
-    /// Takes a folder for a job, making it if there is none.
+    /// Opens and locks a folder for a job; creates it if needed.
     pub fn open(path: &Path, digest: &Digest) -> Result<Self, Error> {
         if path.exists() && !path.is_dir() {
             return Err(Error::write(path, io::ErrorKind::NotADirectory.into()));
@@ -47,31 +47,31 @@ impl Folder {
             Err(TryLockError::WouldBlock) => return Err(Error::Busy { folder: path.to_owned() }),
             Err(TryLockError::Error(e)) => return Err(Error::write(&lock_path, e)),
         }
-        // Another process may have written it before it gave the lock up.
+        // Another process may have written the job before it released the lock.
         let job_toml = if job_toml.is_none() { own_job(path, digest)? } else { job_toml };
         Ok(Self { path: path.to_owned(), job_toml, made, _lock: lock })
     }
 
-    /// Its path.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether the folder has its job.toml: it is never written again.
+    /// Returns true if the folder already has its job.toml, which must not be written again.
     pub fn has_job(&self) -> bool {
         self.job_toml.is_some()
     }
 
-    /// Whether the result is there: it is written last.
+    /// Returns true if the folder has a result, which is written last.
     pub fn is_done(&self) -> bool {
         self.path.join(RESULT).is_file()
     }
 
-    /// Removes what a run of a job has left that can't be prepared, so that the corrected job can take its place.
+    /// Removes the files of a run after its job could not be prepared, so that the corrected job can use the folder.
     pub fn discard(self) {
         let store = |ending: &str| format!("{STORE}{ending}");
         for name in [JOB.to_owned(), store(""), store("-wal"), store("-shm"), LOCK.to_owned()] {
-            // A file that is not there, or stays, does no harm.
+            // Errors are ignored: a missing or remaining file does no harm.
             let _ = fs::remove_file(self.path.join(name));
         }
         if self.made {
@@ -79,8 +79,8 @@ impl Folder {
         }
     }
 
-    /// The job's text as the folder has it, written there now if it has none. A job file that differs in name or
-    /// description only is the same job and keeps its first text.
+    /// Returns the text of the folder's job file; writes `text` if there is none. A job file that differs only in name
+    /// or description is the same job and stays unchanged.
     pub fn keep_job(&mut self, text: String) -> Result<&str, Error> {
         if self.job_toml.is_none() {
             atomic::write_file(&self.path.join(JOB), text.as_bytes())?;
@@ -94,10 +94,11 @@ fn existing_job(path: &Path) -> Result<Option<(Checked, String)>, Error> {
     if file.exists() { load::resolved(&file, Checked::from_toml).map(Some) } else { Ok(None) }
 }
 
-/// The text of the folder's job.toml if there is one: of this job, as a run writes it. What a user wrote is refused.
+/// Returns the text of the folder's job.toml, if there is one. Fails if it is of another job, or if no run wrote it.
 fn own_job(path: &Path, digest: &Digest) -> Result<Option<String>, Error> {
     let file = path.join(JOB);
-    // A file that the user gave need not be a resolved job: that it can't be read says less than that it would be lost.
+    // An input file need not be a resolved job. The error about its replacement is more useful than one about its
+    // content.
     let found = match (existing_job(path), inputs::replaced_by(&file)) {
         (Err(Error::Invalid { .. }), Some(input)) => return Err(Error::ReplacesInput { path: file, input }),
         (found, _) => found?,
@@ -107,7 +108,7 @@ fn own_job(path: &Path, digest: &Digest) -> Result<Option<String>, Error> {
         let (name, digest) = (job.spec().name.clone(), job.digest());
         return Err(Error::OtherJob { folder: path.to_owned(), name, digest });
     }
-    // Another version may have written out a finished job otherwise.
+    // Another version may have formatted the job of a finished run differently.
     if text != job.to_toml() && !is_result_of(path, digest) {
         return Err(match inputs::replaced_by(&file) {
             Some(input) => Error::ReplacesInput { path: file, input },
@@ -117,14 +118,14 @@ fn own_job(path: &Path, digest: &Digest) -> Result<Option<String>, Error> {
     Ok(Some(text))
 }
 
-/// Whether the folder holds a result of this job.
+/// Returns true if the folder holds a result of this job.
 fn is_result_of(path: &Path, digest: &Digest) -> bool {
     let result = fs::read(path.join(RESULT)).ok().and_then(|bytes| serde_json::from_slice::<ResultFile>(&bytes).ok());
     result.is_some_and(|result| result.job_digest == *digest)
 }
 
-/// Refuses a folder with inputs of this command in it, which a run's files could replace. The folder's own job.toml stays
-/// as it is.
+/// Fails if the folder contains inputs of this command, because files of the run could replace them. The folder's own
+/// job.toml is allowed: a run does not change it.
 fn refuse_inputs(folder: &Path) -> Result<(), Error> {
     let mut open = vec![folder.to_owned()];
     while let Some(next) = open.pop() {
@@ -140,10 +141,11 @@ fn refuse_inputs(folder: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses a folder that has files of others: no job, or a job alone among files that no run of it left there.
+/// Fails if the folder has files that no run of this job wrote. Files of a run are recognised by the lock or the result
+/// beside the job file; without these, only the job file and hidden files are allowed.
 fn check_owner(path: &Path, digest: &Digest) -> Result<(), Error> {
     let has_job = path.join(JOB).exists();
-    // A run makes its lock first; copies of its folder may lack it.
+    // A run creates its lock first. A copy of a folder may lack the lock, so a result is accepted, too.
     if has_job && (path.join(LOCK).exists() || is_result_of(path, digest)) {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! gaits.json: the gaits of a winner or of a plan, each with its parameters by name and where it leads.
+//! gaits.json: the gaits of a winner or of a plan, each with its named parameters and its displacement.
 
 use serde::Serialize;
 use sim_core::base::registry::Chosen;
@@ -7,48 +7,49 @@ use sim_core::problem::Checked;
 use sim_core::report::GaitTrace;
 use std::collections::BTreeMap;
 
+/// Content of gaits.json.
 #[derive(Serialize)]
 pub struct GaitFile {
-    /// What generates the joint targets.
+    /// Controller that generates the joint targets.
     controller: Chosen<dyn Controller>,
-    /// s.
+    /// Duration of a gait, s.
     duration: f64,
     gaits: Vec<Gait>,
 }
 
 #[derive(Serialize)]
 struct Gait {
-    /// From 1, as in file names and parameter names.
+    /// Number of the gait, from 1, as in file names and parameter names.
     gait: usize,
-    /// The file with its samples.
+    /// Path of the file with its samples.
     trajectory: String,
-    /// By name, such as `hip-front.omega1`.
+    /// Parameters by name, such as `hip-front.omega1`.
     parameters: BTreeMap<String, f64>,
-    /// From the settled start to its end.
+    /// Displacement from the settled start to the end.
     displacement: Option<Displacement>,
-    /// `null` if it completed.
+    /// Reason why its simulation ended early; `null` if it completed.
     unstable: Option<String>,
 }
 
-/// In the frame of the start: x ahead, y to the left.
+/// Displacement in the frame of the start: x ahead, y to the left.
 #[derive(Serialize)]
 pub struct Displacement {
-    /// mu.
+    /// Displacement ahead, mu.
     pub x: f64,
-    /// mu.
+    /// Displacement to the left, mu.
     pub y: f64,
     /// Change of heading, rad, in (−π, π].
     pub yaw: f64,
-    /// mu.
+    /// Planar distance, mu.
     pub distance: f64,
 }
 
-/// The file of a gait's samples, counted from 0.
+/// Returns the path of the file with a gait's samples; `gait` counts from 0.
 pub fn trajectory_name(gait: usize) -> String {
     format!("trajectories/gait-{}.csv", gait + 1)
 }
 
-/// The gaits of a report.
+/// Creates the content of gaits.json from the traces of a report.
 pub fn file(job: &Checked, traces: &[GaitTrace]) -> GaitFile {
     let names = job.space().names();
     let mut names = names.iter();
@@ -70,7 +71,7 @@ pub fn file(job: &Checked, traces: &[GaitTrace]) -> GaitFile {
     GaitFile { controller: job.gaits().controller, duration: job.gaits().duration, gaits }
 }
 
-/// Where a gait leads; nothing if it has no samples.
+/// Returns the displacement of a gait; `None` if it has no samples.
 pub fn displacement(trace: &GaitTrace) -> Option<Displacement> {
     let (start, end) = (trace.samples.first()?, trace.samples.last()?);
     let (dx, dy) = (end.position[0] - start.position[0], end.position[1] - start.position[1]);
@@ -91,7 +92,7 @@ mod tests {
     use std::f64::consts::FRAC_PI_2;
 
     #[test]
-    fn a_displacement_is_told_in_the_frame_of_the_start() {
+    fn displacement_is_in_frame_of_start() {
         let at = |x, y, yaw| TraceSample {
             time: 0.0,
             targets: vec![],
@@ -100,7 +101,7 @@ mod tests {
             rotation: [0.0, 0.0, 0.0, 1.0],
             yaw,
         };
-        // Heading north, three north and one west: three ahead, one to the left; and a turn that passes π.
+        // From heading north, 3 mu north and 1 mu west: 3 mu ahead and 1 mu to the left. The turn passes π.
         let samples = vec![at(5.0, 5.0, FRAC_PI_2), at(4.0, 8.0, FRAC_PI_2 + 3.5)];
         let d = displacement(&GaitTrace { parameters: vec![], joints: vec![], samples, unstable: None }).unwrap();
         assert!((d.x - 3.0).abs() < 1e-12 && (d.y - 1.0).abs() < 1e-12, "{} {}", d.x, d.y);

@@ -1,4 +1,4 @@
-//! The output folder: what is in it, how it gets there, how it is read back.
+//! Output folder of a job: its files, and how they are written and read back.
 
 pub mod atomic;
 mod csv;
@@ -23,27 +23,27 @@ pub use write::write;
 
 use serde::Serialize;
 
-/// The summary of all that was found; written last, so where it is, the rest is.
+/// Summary of the result. It is written last: if it exists, all other files exist, too.
 pub const RESULT: &str = "result.json";
-/// The resolved job.
+/// Resolved job.
 pub const JOB: &str = "job.toml";
-/// The report as the worker made it.
+/// Report of a job that evolved, as the worker made it.
 pub const REPORT: &str = "report.json";
-/// The report of a job that planned, as the coordinator put it together.
+/// Report of a job that planned, as the coordinator assembled it.
 pub const PLANS: &str = "plans.json";
-/// The report of a job that simulated, likewise.
+/// Report of a job that simulated, as the coordinator assembled it.
 pub const SIMULATION: &str = "simulation.json";
-/// The store of a run on this machine.
+/// Store of the coordinator of a run on this machine.
 pub const STORE: &str = "store.sqlite";
 
 /// Content of a result.json, by procedure.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Finished {
-    /// A gait set.
+    /// Result of a job that evolved a gait set.
     Evolved(Box<ResultFile>),
-    /// Plans with a gait set.
+    /// Result of a job that planned with a gait set.
     Planned(Box<PlanFile>),
-    /// Runs of a motion.
+    /// Result of a job that simulated a motion.
     Simulated(Box<SimulationFile>),
 }

@@ -1,4 +1,4 @@
-//! The pictures of a result, each as SVG and PNG.
+//! Pictures of a result, each as SVG and PNG.
 
 use crate::draw::{self, DrawnPath, HistoryRow, Picture};
 use crate::error::Error;
@@ -10,7 +10,7 @@ use sim_core::procedure::evolve::report::{Audit, Report};
 use sim_core::procedure::plan::PlanReport;
 use sim_core::procedure::simulate::{Recorded, Run, SimulationReport};
 
-/// (file name, content) of every picture that a job has: without a report only that of its history.
+/// Returns (file name, content) of the pictures of a job that evolved. Without a report, only its history is drawn.
 pub fn all(job: &Checked, history: &[Generation], report: Option<&Report>) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let name = &job.spec().name;
     let Label { name: score, unit } = Label::of_job(job);
@@ -26,7 +26,7 @@ pub fn all(job: &Checked, history: &[Generation], report: Option<&Report>) -> Re
     files(&pictures)
 }
 
-/// The same of a job that planned: the best tree on its map, and the gaits.
+/// Returns the pictures of a job that planned: the best tree on its map, and the gaits.
 pub fn of_plans(job: &Checked, report: &PlanReport) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let name = &job.spec().name;
     let score = report.plans.get(report.best as usize).and_then(|grown| Some(grown.as_ref()?.score));
@@ -38,7 +38,7 @@ pub fn of_plans(job: &Checked, report: &PlanReport) -> Result<Vec<(String, Vec<u
     ])
 }
 
-/// The same of a job that simulated: the paths of all runs on the map, a picture a way.
+/// Returns the pictures of a job that simulated: the paths of all runs on the map, with a picture per way.
 pub fn of_simulation(job: &Checked, report: &SimulationReport) -> Result<Vec<(String, Vec<u8>)>, Error> {
     let mut pictures = Vec::new();
     for (i, Recorded { run: unvaried, .. }) in report.unvaried.iter().enumerate() {
@@ -68,12 +68,12 @@ fn files(pictures: &[(&str, Picture)]) -> Result<Vec<(String, Vec<u8>)>, Error> 
     Ok(files)
 }
 
-/// A picture's PNG.
+/// Returns a picture as PNG; `what` is its name in an error.
 pub fn png(what: &str, picture: &Picture) -> Result<Vec<u8>, Error> {
     picture.png().map_err(|e| Error::Draw { what: what.to_owned(), reason: e.to_string() })
 }
 
-/// (generation, score without reuse) of the global bests.
+/// Returns (generation, score without reuse) of each new best of the search.
 fn audited(report: &Report) -> Vec<[f64; 2]> {
     let mark = |audit: &Audit| Some([f64::from(audit.candidate.generation), mean(&audit.without_reuse)?]);
     report.audits.iter().filter_map(mark).collect()

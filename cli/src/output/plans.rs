@@ -1,4 +1,4 @@
-//! What a job that planned leaves: result.json, and tables of its plans.
+//! Files of a job that planned: result.json, and tables of its plans.
 
 use super::result::{Counts, Digests, Versions, deviation, wall_seconds};
 use crate::values;
@@ -12,25 +12,25 @@ use sim_core::procedure::plan::{Grown, PlanReport, PlanStep};
 use std::fmt::Write as _;
 use study::setting::Setting;
 
-/// Version of the file's layout.
+/// Version of the layout of the file.
 const FORMAT: u32 = 1;
 
-/// Result of a job that planned. Lengths in mu, times in s. Numbers keep their bits.
+/// Result of a job that planned. Lengths in mu, times in s. Numbers read back to the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlanFile {
-    /// Version of this layout.
+    /// Version of the layout.
     pub format: u32,
-    /// "plan".
+    /// Always "plan".
     pub procedure: String,
-    /// The job's name.
+    /// Name of the job.
     pub name: String,
-    /// The job's seed.
+    /// Seed of the job.
     pub seed: u64,
-    /// The job digest.
+    /// Digest of the job.
     pub job_digest: Digest,
-    /// The result digest: bits of all trees and of the traces.
+    /// Digest of the result, over the bits of all trees and of the traces.
     pub result_digest: Digest,
-    /// Digest of the engine that made it.
+    /// Digest of the engine that computed the result.
     pub engine_digest: Digest,
     /// Engine and its setting, such as `200x2-lockstep`.
     pub engine: String,
@@ -38,27 +38,27 @@ pub struct PlanFile {
     pub environment: String,
     /// Name of the planner.
     pub algorithm: String,
-    /// K_max.
+    /// Largest number of iterations of a tree, K_max.
     pub iterations: u32,
-    /// Whether a tree's growth ended at the goal.
+    /// True if the growth of a tree ends at the goal.
     pub stop_at_goal: bool,
-    /// Trees, each with random numbers of its own.
+    /// Number of trees, each with its own random numbers.
     pub trees: u32,
-    /// Of these, those with a node within the goal's radius; `null` without a goal.
+    /// Number of trees with a node within the goal's radius; `null` without a goal.
     pub reached: Option<u32>,
     /// Least planar distance of a tree's nodes to the goal, mu; `null` without a goal.
     pub distance: Option<Spread>,
-    /// Share of the map's cells that hold a node of the tree, percent.
+    /// Fraction of the map's cells with a node of the tree, %.
     pub coverage: Option<Spread>,
-    /// Gaits of a plan.
+    /// Number of gaits of a plan.
     pub plan_gaits: Option<Spread>,
-    /// Length of a plan: the planar distances between consecutive nodes, mu.
+    /// Length of a plan, mu: sum of the planar distances between consecutive nodes.
     pub plan_length: Option<Spread>,
-    /// The tree with the best score.
+    /// Plan of the tree with the best score.
     pub best: Option<BestPlan>,
-    /// Sums over the trees.
+    /// Sums of the counts over the trees.
     pub counts: Counts,
-    /// s from the first task handed out to the end, pauses included.
+    /// Time from the first lease of a task to the end, s; pauses included.
     pub wall_seconds: f64,
     /// Versions of the program and crates that wrote the file.
     pub versions: Versions,
@@ -67,31 +67,31 @@ pub struct PlanFile {
 /// Mean and spread over the trees that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// Mean.
+    /// Mean over the trees.
     pub mean: f64,
     /// Sample standard deviation; `null` for one tree.
     pub deviation: Option<f64>,
 }
 
-/// A plan.
+/// Plan of one tree.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BestPlan {
-    /// Which tree, from 0.
+    /// Index of the tree, from 0.
     pub tree: u32,
-    /// Its score by the job's fitness.
+    /// Score of the tree by the job's fitness.
     pub score: f64,
-    /// Whether it reached the goal.
+    /// True if the tree reached the goal.
     pub reached: bool,
-    /// Distance of its end to the goal, mu; `null` without a goal.
+    /// Distance from the end of the plan to the goal, mu; `null` without a goal.
     pub distance: Option<f64>,
-    /// Its gaits in turn, counted from 1.
+    /// Gaits of the plan in order, counted from 1.
     pub gaits: Vec<u32>,
-    /// s that each is applied.
+    /// Duration of each gait, s.
     pub gait_seconds: f64,
 }
 
 impl PlanFile {
-    /// Puts a coordinator's answer into words.
+    /// Creates the content of result.json from a coordinator's answer.
     pub(super) fn new(job: &Checked, status: &v1::Job, digests: &Digests, report: &PlanReport) -> Self {
         let over = |value: &dyn Fn(&Grown) -> Option<f64>| {
             let values: Vec<Option<f64>> = report.plans.iter().map(|grown| value(grown.as_ref()?)).collect();
@@ -135,7 +135,7 @@ impl PlanFile {
     }
 }
 
-/// Length of a plan, mu: the planar distances between consecutive nodes, from the start on.
+/// Returns the length of a plan, mu: sum of the planar distances between consecutive nodes, from the start on.
 fn length(job: &Checked, plan: &[PlanStep]) -> f64 {
     let start = &job.environment().start;
     let mut at = Place { x: start.x, y: start.y, ..Place::ORIGIN };
@@ -148,7 +148,7 @@ fn length(job: &Checked, plan: &[PlanStep]) -> f64 {
     sum
 }
 
-/// plans.csv: a row a tree. Cells are empty where it failed, or has no such number.
+/// Formats plans.csv, with a row per tree. Cells are empty if the tree failed or has no such number.
 pub(super) fn table(job: &Checked, report: &PlanReport) -> String {
     let mut out = "tree,score,reached,distance,coverage,gaits,seconds,length\n".to_owned();
     let cell = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
@@ -172,7 +172,8 @@ pub(super) fn table(job: &Checked, report: &PlanReport) -> String {
     out
 }
 
-/// plan.csv: the best plan, a row a gait: which one (from 1), from when to when (s), and where the pivot arrives (mu, rad).
+/// Formats plan.csv, with a row per gait of the best plan: number of the gait (from 1), start and end (s), and pose of
+/// the pivot at its end (mu, rad).
 pub(super) fn best(job: &Checked, report: &PlanReport) -> String {
     let mut out = "step,gait,start,end,x,y,z,yaw\n".to_owned();
     let each = job.gaits().duration;

@@ -1,4 +1,4 @@
-//! result.json: the summary of a job's result.
+//! result.json: summary of the result of a job that evolved.
 
 use crate::progress::Label;
 use crate::values;
@@ -14,144 +14,144 @@ use sim_core::search::Scored;
 use std::collections::BTreeMap;
 use study::setting::Setting;
 
-/// Version of the file's layout.
+/// Version of the layout of the file.
 const FORMAT: u32 = 3;
 
-/// What a job found, in a file. Numbers are written so that they read back to the same bits.
+/// Result of a job that evolved. Numbers read back to the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ResultFile {
-    /// Version of this layout.
+    /// Version of the layout.
     pub format: u32,
-    /// The job's name.
+    /// Name of the job.
     pub name: String,
-    /// The job's seed.
+    /// Seed of the job.
     pub seed: u64,
-    /// The job digest.
+    /// Digest of the job.
     pub job_digest: Digest,
-    /// The result digest: bits of all scores, of search and finish, and the winner.
+    /// Digest of the result, over the bits of all scores of search and finish, and the winner.
     pub result_digest: Digest,
-    /// Digest of the engine that made it, or of both.
+    /// Digest of the engine, or of both engines, that computed the result.
     pub engine_digest: Digest,
-    /// What it was made on.
+    /// Engine settings that computed the result.
     pub engines: Engines,
-    /// What the score is.
+    /// Name, unit and direction of the score.
     pub score: Score,
     /// Best score of the search; `null` if every evaluation failed.
     pub best_fitness: Option<f64>,
-    /// The published winner; `null` if every evaluation failed.
+    /// Published winner; `null` if every evaluation failed.
     pub winner: Option<Candidate>,
-    /// The best of the first generation.
+    /// Best candidate of the first generation.
     pub first: Option<Candidate>,
-    /// The winner's mean on fresh seeds, divided by that of the first generation's best.
+    /// Winner's mean score on fresh seeds, divided by that of the first generation's best.
     pub fresh_ratio: Option<f64>,
-    /// The same on the reference setting; `null` if the job's finish has none.
+    /// Same ratio on the reference setting; `null` if the job's finish has none.
     pub reference_ratio: Option<f64>,
-    /// The archive, best on the reference setting first; empty if the job's finish has none.
+    /// Archive, best on the reference setting first; empty if the job's finish has none.
     pub archive: Vec<ArchiveRow>,
-    /// The global bests of the search, scored again without reuse; `null` if the job's finish has no audits.
+    /// New bests of the search, scored again without reuse; `null` if the job's finish has no audits.
     pub audits: Option<Audits>,
-    /// Sums over the search.
+    /// Sums of the counts over the search.
     pub counts: Counts,
-    /// Examinations of the finish, and sums over them.
+    /// Sums of the counts over the finish.
     pub finish: FinishCounts,
-    /// s from the first evaluation handed out to the end, pauses included.
+    /// Time from the first lease of an evaluation to the end, s; pauses included.
     pub wall_seconds: f64,
-    /// What wrote this.
+    /// Versions of the program and crates that wrote the file.
     pub versions: Versions,
 }
 
-/// Engine settings as words, such as `200x2-lockstep`.
+/// Names of engine settings, such as `200x2-lockstep`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Engines {
-    /// Of the search, and of the finish's scores on fresh seeds and without reuse.
+    /// Setting of the search, and of the finish's scores on fresh seeds and without reuse.
     pub search: String,
-    /// Of the reference setting, and of the scores with other friction; `null` if the job's finish has none.
+    /// Setting of the reference scores and of the scores with other friction; `null` if the job's finish has none.
     pub reference: Option<String>,
 }
 
-/// What a job's score is.
+/// Name, unit and direction of a job's score.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// Such as "coverage".
+    /// Name, such as "coverage".
     pub name: String,
-    /// Such as "%".
+    /// Unit, such as "%".
     pub unit: String,
-    /// Whether more or less is better.
+    /// Direction: more or less is better.
     pub direction: Direction,
 }
 
-/// A candidate with its scores.
+/// Candidate with its scores.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
     /// Generation, from 0.
     pub generation: u32,
     /// Index in its generation, from 0.
     pub candidate: u32,
-    /// Its score in the search.
+    /// Score in the search.
     pub fitness: f64,
-    /// Its scores on fresh seeds of the planner; `null` where an evaluation failed.
+    /// Scores on fresh seeds of the planner; `null` for a failed evaluation.
     pub fresh: Vec<Option<f64>>,
-    /// Mean of those that did not fail.
+    /// Mean of the fresh scores that did not fail.
     pub fresh_mean: Option<f64>,
-    /// Their standard deviation.
+    /// Sample standard deviation of the fresh scores.
     pub fresh_deviation: Option<f64>,
     /// Mean score on fresh seeds on the reference setting; `null` if the job's finish has none.
     pub reference: Option<f64>,
-    /// Their standard deviation.
+    /// Sample standard deviation of the scores on the reference setting.
     pub reference_deviation: Option<f64>,
-    /// The score of the same trees with every expansion simulated, none reused; `null` where it was not asked for.
+    /// Score of the same trees with every expansion simulated and none reused; `null` if it was not computed.
     pub without_reuse: Option<f64>,
-    /// As on the reference setting, with friction × 0.9; of the winner only.
+    /// Mean score on the reference setting with friction × 0.9; of the winner only.
     pub less_friction: Option<f64>,
-    /// As on the reference setting, with friction × 1.1; of the winner only.
+    /// Mean score on the reference setting with friction × 1.1; of the winner only.
     pub more_friction: Option<f64>,
-    /// Its parameters.
+    /// Parameters of the genotype.
     #[serde(rename = "genome")]
     pub genotype: Vec<Parameter>,
 }
 
-/// A genotype of the archive; `report.json` has its parameters.
+/// Genotype of the archive; `report.json` has its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArchiveRow {
-    /// From 1, by `reference`.
+    /// Rank by `reference`, from 1.
     pub rank: usize,
     /// Generation, from 0.
     pub generation: u32,
     /// Index in its generation, from 0.
     pub candidate: u32,
-    /// Its score in the search.
+    /// Score in the search.
     pub search: f64,
-    /// Its mean score on the reference setting.
+    /// Mean score on the reference setting.
     pub reference: Option<f64>,
 }
 
-/// How far reuse of transitions flattered the search.
+/// Error of the search's scores by reuse of transitions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Audits {
-    /// The gap that flatters most: the greatest where more is better, the least where less is better.
+    /// Gap that favours the score with reuse most: the greatest if more is better, the least if less is better.
     pub worst_gap: Option<f64>,
-    /// The middle gap.
+    /// Median of the gaps.
     pub median_gap: Option<f64>,
-    /// Every global best, as they came.
+    /// Every new best of the search, in order.
     pub bests: Vec<AuditRow>,
 }
 
-/// A global best of the search.
+/// New best of the search, scored with and without reuse.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AuditRow {
     /// Generation, from 0.
     pub generation: u32,
     /// Index in its generation, from 0.
     pub candidate: u32,
-    /// Its score in the search, with reuse.
+    /// Score in the search, with reuse.
     pub with_reuse: f64,
-    /// The mean of the same trees without.
+    /// Mean score of the same trees without reuse.
     pub without_reuse: Option<f64>,
-    /// With minus without.
+    /// Score with reuse minus score without.
     pub gap: Option<f64>,
 }
 
-/// What the finish took.
+/// Counts of the finish.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FinishCounts {
     /// Rollouts simulated.
@@ -160,21 +160,21 @@ pub struct FinishCounts {
     pub simulated_seconds: f64,
 }
 
-/// A number of a genotype.
+/// Parameter of a genotype.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
-    /// Such as `gait1.hip-front.omega1`.
+    /// Name, such as `gait1.hip-front.omega1`.
     pub name: String,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f64,
 }
 
-/// What the job took.
+/// Counts of a job's work.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counts {
     /// Candidates scored.
     pub evaluations: u64,
-    /// Of these, those that failed and count as worst.
+    /// Evaluations that failed; they count as the worst score.
     pub failed_evaluations: u64,
     /// Rollouts simulated.
     pub rollouts: u64,
@@ -184,14 +184,14 @@ pub struct Counts {
     pub simulated_seconds: f64,
     /// Edges tried by the planner, simulated or reused.
     pub edges: u64,
-    /// Edges rejected: obstacle, border of the map, unstable.
+    /// Edges rejected because of an obstacle, the border of the map or an unstable rollout.
     pub rejected: u64,
     /// Nodes of all trees.
     pub nodes: u64,
 }
 
 impl Counts {
-    /// As the coordinator tells them with the job.
+    /// Reads the counts from the coordinator's values of a job.
     pub(super) fn told(told: &[v1::Value]) -> Self {
         let counts = values::counts(told);
         Self {
@@ -208,7 +208,7 @@ impl Counts {
 }
 
 impl Versions {
-    /// Those of this build.
+    /// Returns the versions of this build.
     pub(super) fn here() -> Self {
         Self {
             evogait: env!("CARGO_PKG_VERSION").to_owned(),
@@ -217,7 +217,7 @@ impl Versions {
     }
 }
 
-/// s from the first task handed out to the end, pauses included.
+/// Returns the time from the first lease of a task to the end, s; pauses included.
 pub(super) fn wall_seconds(status: &v1::Job) -> f64 {
     (status.ended_at_ms - status.started_at_ms).max(0) as f64 / 1000.0
 }
@@ -225,24 +225,24 @@ pub(super) fn wall_seconds(status: &v1::Job) -> f64 {
 /// Versions that the result may depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Versions {
-    /// evogait's.
+    /// Version of evogait.
     pub evogait: String,
-    /// Of the crates whose arithmetic enters results.
+    /// Versions of the crates that compute the numbers of results.
     pub crates: BTreeMap<String, String>,
 }
 
-/// What identifies a job and its result, as the coordinator tells it.
+/// Digests of a job and its result, from the coordinator's answer.
 pub struct Digests {
-    /// Of the job.
+    /// Digest of the job.
     pub job: Digest,
-    /// Of its result.
+    /// Digest of the result.
     pub result: Digest,
-    /// Of the engine that computed it.
+    /// Digest of the engine that computed the result.
     pub engine: Digest,
 }
 
 impl ResultFile {
-    /// Puts a coordinator's answer into words; the report has the scores on fresh seeds.
+    /// Creates the content of result.json from a coordinator's answer and its report.
     pub fn new(
         job: &Checked,
         status: &v1::Job,
@@ -305,7 +305,7 @@ impl ResultFile {
 }
 
 impl Candidate {
-    /// The candidate as sim-core knows it.
+    /// Converts the candidate to the type of sim-core.
     pub fn scored(&self) -> Scored {
         Scored {
             generation: self.generation,
@@ -349,7 +349,7 @@ fn finish(counts: sim_core::base::score::Counts) -> FinishCounts {
     FinishCounts { rollouts: counts.rollouts, simulated_seconds: counts.simulated_ms as f64 / 1000.0 }
 }
 
-/// Sample standard deviation.
+/// Returns the sample standard deviation of the scores that did not fail; `None` for fewer than two.
 pub(super) fn deviation(scores: &[Option<f64>]) -> Option<f64> {
     let mean = mean(scores)?;
     let present: Vec<f64> = scores.iter().flatten().copied().collect();
@@ -362,7 +362,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn failed_evaluations_take_no_part_in_mean_and_deviation() {
+    fn mean_and_deviation_ignore_failed_evaluations() {
         let scores = [Some(1.0), None, Some(3.0)];
         assert_eq!(mean(&scores), Some(2.0));
         assert_eq!(deviation(&scores), Some(2.0f64.sqrt()));

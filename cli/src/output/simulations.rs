@@ -1,4 +1,4 @@
-//! What a job that simulated leaves: result.json, and tables of its runs.
+//! Files of a job that simulated: result.json, and tables of its runs.
 
 use super::result::{Counts, Digests, Versions, wall_seconds};
 use crate::values;
@@ -11,164 +11,165 @@ use sim_core::procedure::simulate::{Ended, Recorded, Run, SimulationReport};
 use std::fmt::Write as _;
 use study::setting::Setting;
 
-/// Version of the file's layout.
+/// Version of the layout of the file.
 const FORMAT: u32 = 1;
 
-/// Result of a job that simulated. Lengths in mu, angles in rad, times in s. Numbers keep their bits.
+/// Result of a job that simulated. Lengths in mu, angles in rad, times in s. Numbers read back to the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimulationFile {
-    /// Version of this layout.
+    /// Version of the layout.
     pub format: u32,
-    /// "simulate".
+    /// Always "simulate".
     pub procedure: String,
-    /// The job's name.
+    /// Name of the job.
     pub name: String,
-    /// The job's seed.
+    /// Seed of the job.
     pub seed: u64,
-    /// The job digest.
+    /// Digest of the job.
     pub job_digest: Digest,
-    /// The result digest: bits of all runs.
+    /// Digest of the result, over the bits of all runs.
     pub result_digest: Digest,
-    /// Digest of the engine that made it.
+    /// Digest of the engine that computed the result.
     pub engine_digest: Digest,
     /// Engine and its setting, such as `200x2-lockstep`.
     pub engine: String,
-    /// Engine and setting on which plans were made anew.
+    /// Engine and setting of replanning; absent for a job without replanning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planning: Option<String>,
     /// Name of the robot.
     pub robot: String,
     /// Name of the environment.
     pub environment: String,
-    /// The motion once in each way, and what came of the repeats.
+    /// Runs of each way: the motion with nothing varied, and statistics of the repeats.
     pub ways: Vec<OfWay>,
-    /// Sums over all runs.
+    /// Sums of the counts over all runs.
     pub counts: Counts,
-    /// s from the first task handed out to the end, pauses included.
+    /// Time from the first lease of a task to the end, s; pauses included.
     pub wall_seconds: f64,
     /// Versions of the program and crates that wrote the file.
     pub versions: Versions,
 }
 
-/// The runs of a way.
+/// Runs of the motion in one way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OfWay {
-    /// "resimulated": every gait from rest; "continuous": without a stop.
+    /// Way: "resimulated" (every gait starts from rest) or "continuous" (without stops).
     pub way: Way,
-    /// The run with nothing varied.
+    /// Numbers of the run with nothing varied.
     pub unvaried: Told,
-    /// Statistics over the repeats; `null` without any.
+    /// Statistics over the repeats; `null` without repeats.
     pub repeats: Option<Statistics>,
 }
 
 /// Numbers of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Told {
-    /// "completed", or why it broke or could not start.
+    /// "completed", or the reason why the run did not complete or could not start.
     pub ended: String,
-    /// Whether it ended soundly, on the map, without touching an obstacle, and within the goal's radius if there is a goal.
+    /// True if the run completed on the map without touching an obstacle, and ended within the goal's radius if there
+    /// is a goal.
     pub success: bool,
-    /// How far it got ahead, in the frame of its start.
+    /// Displacement ahead, in the frame of the start.
     pub ahead: f64,
-    /// How far to the left.
+    /// Displacement to the left, in the frame of the start.
     pub left: f64,
-    /// By how much it turned, in (−π, π].
+    /// Change of heading, in (−π, π].
     pub turned: f64,
-    /// Planar distance of its end from its start.
+    /// Planar distance from the start to the end.
     pub displacement: f64,
-    /// Length of the pivot's way in the plane.
+    /// Length of the pivot's path in the plane.
     pub travelled: f64,
-    /// Planar distance of its end from the goal; `null` without a goal.
+    /// Planar distance from the end to the goal; `null` without a goal.
     pub distance: Option<f64>,
-    /// Planar distance of its end from where the plan says; `null` where it says nothing.
+    /// Planar distance from the end to the planned end; `null` for a motion without a plan.
     pub deviation: Option<f64>,
-    /// When it first touched an obstacle; `null` if it did not.
+    /// Time of the first contact with an obstacle; `null` if there was none.
     pub touched: Option<f64>,
-    /// Whether the pivot left the map.
+    /// True if the pivot left the map.
     pub left_map: bool,
-    /// Simulated time until it ended.
+    /// Simulated time until the end.
     pub seconds: f64,
     /// Mechanical work of the motors, kg·mu²/s².
     pub work: f64,
-    /// The same without signs.
+    /// Sum of the absolute mechanical work of the motors, kg·mu²/s².
     pub turnover: f64,
-    /// Mean share of the bodies that touch the ground or terrain.
+    /// Mean fraction of the bodies that touch the ground or terrain, from 0 to 1.
     pub contact: f64,
-    /// Gaits that were carried out.
+    /// Number of gaits executed.
     pub gaits: u32,
-    /// Plans that were made anew.
+    /// Number of new plans made during the run.
     pub replans: u32,
 }
 
-/// Statistics over repeats. Those of numbers are over repeats that did not break.
+/// Statistics over repeats. Statistics of numbers are over the repeats that completed; units are those of [`Told`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
-    /// Repeats.
+    /// Number of repeats.
     pub repeats: u32,
-    /// Share of those that succeeded.
+    /// Fraction of repeats that succeeded.
     pub success: Share,
-    /// Those whose simulation broke.
+    /// Repeats that did not complete.
     pub broken: u32,
-    /// Those that could not start where they were drawn.
+    /// Repeats that could not start at their varied start.
     pub without_start: u32,
-    /// Those that touched an obstacle.
+    /// Repeats that touched an obstacle.
     pub touched: u32,
-    /// Those that left the map.
+    /// Repeats that left the map.
     pub left_map: u32,
-    /// See [`Told`]; so for the others.
+    /// Displacement ahead.
     pub ahead: Option<Values>,
-    /// To the left.
+    /// Displacement to the left.
     pub left: Option<Values>,
-    /// Turned.
+    /// Change of heading.
     pub turned: Option<Values>,
-    /// From start to end.
+    /// Planar distance from the start to the end.
     pub displacement: Option<Values>,
-    /// Along the way.
+    /// Length of the pivot's path.
     pub travelled: Option<Values>,
-    /// To the goal.
+    /// Distance from the end to the goal.
     pub distance: Option<Values>,
-    /// From the plan's end.
+    /// Distance from the end to the planned end.
     pub deviation: Option<Values>,
-    /// Until it ended.
+    /// Simulated time until the end.
     pub seconds: Option<Values>,
-    /// Of the motors.
+    /// Mechanical work of the motors.
     pub work: Option<Values>,
-    /// Without signs.
+    /// Sum of the absolute mechanical work of the motors.
     pub turnover: Option<Values>,
-    /// Share of bodies.
+    /// Mean fraction of bodies in contact.
     pub contact: Option<Values>,
-    /// Plans made anew.
+    /// Number of new plans made during a run.
     pub replans: Option<Values>,
 }
 
-/// A share and its interval.
+/// Fraction and its confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Share {
-    /// So many …
+    /// Number of successes.
     pub count: u32,
-    /// … of so many.
+    /// Number of trials.
     pub of: u32,
-    /// The 95 % score interval of the share (Wilson 1927), from 0 to 1.
+    /// 95 % score interval of the fraction (Wilson 1927), from 0 to 1.
     pub interval: [f64; 2],
 }
 
 /// Mean, spread and order statistics.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Values {
-    /// Mean.
+    /// Mean of the values.
     pub mean: f64,
     /// Sample standard deviation; `null` for one value.
     pub deviation: Option<f64>,
-    /// Least.
+    /// Least value.
     pub least: f64,
-    /// Median.
+    /// Median of the values.
     pub median: f64,
-    /// Greatest.
+    /// Greatest value.
     pub greatest: f64,
 }
 
 impl SimulationFile {
-    /// Puts a coordinator's answer into words.
+    /// Creates the content of result.json from a coordinator's answer.
     pub(super) fn new(job: &Checked, status: &v1::Job, digests: &Digests, report: &SimulationReport) -> Self {
         let of_way = |(i, recorded): (usize, &Recorded)| {
             let runs: Vec<&Run> = report.repeats.iter().filter_map(|runs| runs.get(i)).collect();
@@ -260,7 +261,7 @@ impl Statistics {
 }
 
 impl Values {
-    /// `None` without values.
+    /// Computes the statistics; `None` without values.
     fn of(values: &[f64]) -> Option<Self> {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
@@ -275,7 +276,8 @@ impl Values {
     }
 }
 
-/// runs.csv: a row a run. `repeat` is empty for that with nothing varied, other cells where there is no such number.
+/// Formats runs.csv, with a row per run. `repeat` is empty for a run with nothing varied. Other cells are empty if the
+/// run has no such number.
 pub(super) fn table(job: &Checked, report: &SimulationReport) -> String {
     let mut head = "repeat,way,friction,motor_strength,start_x,start_y,start_yaw,dead_joints,success,ended,seconds,\
                     end_x,end_y,end_z,end_yaw,ahead,left,turned,displacement,travelled,distance,deviation,touched,\
@@ -329,8 +331,9 @@ pub(super) fn table(job: &Checked, report: &SimulationReport) -> String {
     out
 }
 
-/// motion-WAY.csv: a row a sample of the run with nothing varied: time (s), joint targets and angles (rad), the pivot's position
-/// (mu), rotation (unit quaternion) and yaw (rad), and of each body whether it touches the ground or terrain (0 or 1).
+/// Formats motion-WAY.csv, with a row per sample of the run with nothing varied: time (s), joint targets and angles
+/// (rad), the pivot's position (mu), rotation (unit quaternion) and yaw (rad), and for each body 1 if it touches the
+/// ground or terrain, else 0.
 pub(super) fn motion(report: &SimulationReport, recorded: &Recorded) -> String {
     let samples = super::csv::samples(&report.joints, &recorded.samples);
     let heads = std::iter::once(report.bodies.iter().map(|body| format!("touch_{body}")).collect::<Vec<_>>());
@@ -339,7 +342,8 @@ pub(super) fn motion(report: &SimulationReport, recorded: &Recorded) -> String {
     joined.collect()
 }
 
-/// paths.csv: the pivot's path in every run, point by point, mu. `repeat` is empty for that with nothing varied.
+/// Formats paths.csv, with a row per point (mu) of the pivot's path in every run. `repeat` is empty for a run with
+/// nothing varied.
 pub(super) fn paths(report: &SimulationReport) -> String {
     let mut out = "repeat,way,point,x,y\n".to_owned();
     let unvaried = report.unvaried.iter().map(|recorded| (String::new(), &recorded.run));

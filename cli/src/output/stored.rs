@@ -1,4 +1,4 @@
-//! Finished output folders, read back.
+//! Reader of finished output folders.
 
 use super::{Finished, JOB, PLANS, PlanFile, REPORT, RESULT, ResultFile, SIMULATION, SimulationFile};
 use crate::error::Error;
@@ -12,18 +12,18 @@ use sim_core::procedure::simulate::SimulationReport;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Job and result of a finished run that evolved.
+/// Job and result of a finished run of a job that evolved.
 pub struct Stored {
-    /// The folder.
+    /// Path of the folder.
     pub folder: PathBuf,
-    /// The job, compiled and settled by this build.
+    /// Job, compiled and settled by this build.
     pub job: Job,
-    /// The result as it is stored.
+    /// Stored result.
     pub result: ResultFile,
 }
 
 impl Stored {
-    /// Reads job.toml and result.json and checks that they fit each other.
+    /// Reads job.toml and result.json, and checks that they match.
     pub fn read(folder: &Path) -> Result<Self, Error> {
         let result_path = folder.join(RESULT);
         if folder.join(JOB).is_file() && !result_path.exists() {
@@ -42,7 +42,7 @@ impl Stored {
         Ok(Self { folder: folder.to_owned(), job, result })
     }
 
-    /// The report; there is none if every evaluation failed.
+    /// Reads the report. Fails if every evaluation failed: there is no report then.
     pub fn report(&self) -> Result<Report, Error> {
         if self.result.winner.is_none() {
             return Err(Error::NoWinner { folder: self.folder.clone() });
@@ -59,11 +59,13 @@ impl Stored {
     }
 }
 
-/// The fault of the first length that no genotype of the job has.
+/// Returns the fault of the first length that is not a valid length of the job's genotypes.
 fn wrong_genotype(job: &Job, lengths: impl IntoIterator<Item = usize>) -> Option<String> {
     let misfit = lengths.into_iter().find_map(|found| job.space().check_length(found).err())?;
     Some(match misfit {
-        Misfit::Length { found, wanted } => format!("a genome has {found} parameters, those of {JOB} have {wanted}"),
+        Misfit::Length { found, wanted } => {
+            format!("a genome has {found} parameters, but the genomes of {JOB} have {wanted}")
+        }
         other => other.to_string(),
     })
 }
@@ -82,18 +84,18 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
     parse(path, &read_text(path)?)
 }
 
-/// Job, result and report of a finished run that planned.
+/// Job, result and report of a finished run of a job that planned.
 pub struct StoredPlans {
-    /// The job, compiled and settled by this build.
+    /// Job, compiled and settled by this build.
     pub job: Job,
-    /// The result as it is stored.
+    /// Stored result.
     pub result: PlanFile,
-    /// The report as it is stored.
+    /// Stored report.
     pub report: PlanReport,
 }
 
 impl StoredPlans {
-    /// Those of a folder; `None` if its job does something else.
+    /// Reads a folder; `None` if its job has another procedure.
     pub fn read(folder: &Path) -> Result<Option<Self>, Error> {
         let Some(job) = job_that(folder, Does::Plan)? else { return Ok(None) };
         let (result, report) = (read_json(&folder.join(RESULT))?, read_json(&folder.join(PLANS))?);
@@ -101,18 +103,18 @@ impl StoredPlans {
     }
 }
 
-/// Job, result and report of a finished run that simulated.
+/// Job, result and report of a finished run of a job that simulated.
 pub struct StoredSimulation {
-    /// The job, compiled and settled by this build.
+    /// Job, compiled and settled by this build.
     pub job: Job,
-    /// The result as it is stored.
+    /// Stored result.
     pub result: SimulationFile,
-    /// The report as it is stored.
+    /// Stored report.
     pub report: SimulationReport,
 }
 
 impl StoredSimulation {
-    /// Those of a folder; `None` if its job does something else.
+    /// Reads a folder; `None` if its job has another procedure.
     pub fn read(folder: &Path) -> Result<Option<Self>, Error> {
         let Some(job) = job_that(folder, Does::Simulate)? else { return Ok(None) };
         let (result, report) = (read_json(&folder.join(RESULT))?, read_json(&folder.join(SIMULATION))?);
@@ -120,7 +122,7 @@ impl StoredSimulation {
     }
 }
 
-/// The job of a folder with a finished run, if it does this.
+/// Returns the job of a folder with a finished run; `None` if it has another procedure.
 fn job_that(folder: &Path, does: Does) -> Result<Option<Job>, Error> {
     let path = folder.join(JOB);
     if !path.is_file() || !load::resolved(&path, Checked::from_toml).is_ok_and(|(job, _)| job.does() == does) {

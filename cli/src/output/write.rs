@@ -1,4 +1,4 @@
-//! Everything that a finished job leaves behind, derived from the coordinator's answer alone.
+//! Writer of all files of a finished job, from the coordinator's answer alone.
 
 use super::result::Digests;
 use super::{
@@ -17,15 +17,15 @@ use sim_core::procedure::plan::PlanReport;
 use sim_core::procedure::simulate::SimulationReport;
 use sim_core::report::GaitTrace;
 
-/// Writes a result to its folder: all files or none, `result.json` last.
+/// Writes a result to its folder: all files or none, with `result.json` as the last one.
 pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, from: &Url) -> Result<Finished, Error> {
     let unreadable = |reason: String| Error::Answer { url: from.to_string(), reason };
-    let status = answer.job.as_ref().ok_or_else(|| unreadable("a result without its job".to_owned()))?;
+    let status = answer.job.as_ref().ok_or_else(|| unreadable("the result has no job".to_owned()))?;
     let wrong = |e: ConvertError| unreadable(e.to_string());
     let digests = Digests {
         job: proto::digest("the job digest", &status.job_digest).map_err(wrong)?,
         result: proto::digest("the result digest", &answer.result_digest).map_err(wrong)?,
-        // That of the build that computed it, which need not be this one.
+        // Digest of the engine that computed the result, which may be another build.
         engine: proto::digest("the engine digest", &status.engine_digest).map_err(wrong)?,
     };
     let artefact = |name: &str| answer.artefacts.iter().find(|a| a.name == name).map(|a| a.content.as_slice());
@@ -33,8 +33,8 @@ pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, fro
     if !folder.has_job() {
         batch.add(JOB, answer.job_toml.as_bytes())?;
     }
-    let no_report = || unreadable("a result without its report".to_owned());
-    let damaged = |e: serde_json::Error| unreadable(format!("the report: {e}"));
+    let no_report = || unreadable("the result has no report".to_owned());
+    let damaged = |e: serde_json::Error| unreadable(format!("the report is invalid: {e}"));
     let finished = match job.does() {
         Does::Plan => {
             let json = artefact("plans").ok_or_else(no_report)?;
@@ -62,7 +62,7 @@ pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, fro
     Ok(finished)
 }
 
-/// The files of a job that evolved, but for its result.json.
+/// Adds the files of a job that evolved, except result.json.
 fn evolved(
     batch: &mut Batch,
     job: &Checked,
@@ -88,7 +88,7 @@ fn evolved(
     Ok(())
 }
 
-/// The files of a job that planned, but for its result.json.
+/// Adds the files of a job that planned, except result.json.
 fn planned(batch: &mut Batch, job: &Checked, report: &PlanReport, json: &[u8]) -> Result<(), Error> {
     batch.add(PLANS, json)?;
     batch.add("plans.csv", plans::table(job, report).as_bytes())?;
@@ -102,7 +102,7 @@ fn planned(batch: &mut Batch, job: &Checked, report: &PlanReport, json: &[u8]) -
     Ok(())
 }
 
-/// The files of a job that simulated, but for its result.json.
+/// Adds the files of a job that simulated, except result.json.
 fn simulated(batch: &mut Batch, job: &Checked, report: &SimulationReport, json: &[u8]) -> Result<(), Error> {
     batch.add(SIMULATION, json)?;
     batch.add("runs.csv", simulations::table(job, report).as_bytes())?;
@@ -117,7 +117,7 @@ fn simulated(batch: &mut Batch, job: &Checked, report: &SimulationReport, json: 
     Ok(())
 }
 
-/// gaits.json, and the trajectory of each gait.
+/// Adds gaits.json and the trajectory of each gait.
 fn gaits(batch: &mut Batch, job: &Checked, traces: &[GaitTrace]) -> Result<(), Error> {
     batch.add(GAITS, console::json(&gaits::file(job, traces))?.as_bytes())?;
     for (i, gait) in traces.iter().enumerate() {

@@ -1,10 +1,10 @@
-//! Runs the built command and looks at what a user would see.
-#![allow(dead_code)] // each test file uses a part of it
+//! Helpers that run the built command and check its output.
+#![allow(dead_code)] // each test file uses only a part
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-/// The command with a clean environment, in a folder.
+/// Returns the command, in a folder and without environment variables that change its output.
 pub fn evogait(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_evogait"));
     command.args(arguments).current_dir(folder).stdin(Stdio::null());
@@ -14,9 +14,9 @@ pub fn evogait(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// What came of it, as text. Panics (and so fails the test) if the command did.
+/// Exit code and output of a command.
 pub struct Seen {
-    /// The exit code.
+    /// Exit code.
     pub code: i32,
     /// Standard output.
     pub out: String,
@@ -25,11 +25,11 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// Of a command that has ended.
+    /// Converts the output of an ended command. Fails the test if the command panicked.
     pub fn of(output: Output) -> Self {
-        let text = |bytes| String::from_utf8(bytes).expect("all output is UTF-8");
+        let text = |bytes| String::from_utf8(bytes).expect("all output must be UTF-8");
         let seen = Self {
-            code: output.status.code().expect("the command ends by itself"),
+            code: output.status.code().expect("the command must end with an exit code, not by a signal"),
             out: text(output.stdout),
             err: text(output.stderr),
         };
@@ -38,24 +38,24 @@ impl Seen {
         seen
     }
 
-    /// Standard output of a command that succeeded.
+    /// Returns standard output; fails the test if the command failed.
     pub fn success(self) -> String {
         assert_eq!(self.code, 0, "{}{}", self.err, self.out);
         self.out
     }
 
-    /// Standard output as JSON.
+    /// Parses standard output as JSON.
     pub fn json(&self) -> serde_json::Value {
         serde_json::from_str(&self.out).unwrap_or_else(|e| panic!("{e}: {}{}", self.out, self.err))
     }
 }
 
-/// Runs to the end.
+/// Runs a command to its end.
 pub fn run(folder: &Path, arguments: &[&str]) -> Seen {
-    Seen::of(evogait(folder, arguments).output().expect("the command starts"))
+    Seen::of(evogait(folder, arguments).output().expect("the command must start"))
 }
 
-/// Names of all files and folders below a folder, sorted; hidden ones too.
+/// Returns the paths of all files and folders below a folder, sorted, including hidden ones.
 pub fn listing(folder: &Path) -> Vec<String> {
     let mut found = Vec::new();
     let mut open = vec![folder.to_owned()];
@@ -72,7 +72,7 @@ pub fn listing(folder: &Path) -> Vec<String> {
     found
 }
 
-/// A job that takes about a second: three seconds a gait, four iterations, two generations of three.
+/// Job that takes about one second: gaits of 3 s, 4 iterations, 2 generations of 3 candidates.
 pub const SMALL_JOB: &str = r#"
 name = "small"
 seed = 1

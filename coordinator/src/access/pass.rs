@@ -11,7 +11,7 @@ use std::task::{Context, Poll, ready};
 use tokio_stream::Stream;
 use tonic::{Extensions, Status};
 
-/// Permission of a call. A call without a token, on a coordinator that requires none, keeps it for ever.
+/// Permission of a call. A call without a token, on a coordinator that requires none, stays permitted.
 #[derive(Clone, Default)]
 pub(crate) struct Pass(Option<Held>);
 
@@ -119,7 +119,7 @@ mod tests {
             [(AUTHORIZATION, "Bearer old-token-0123456789".parse().unwrap())].into_iter().collect();
         match admit(Some(access), "/evogait.v1.WorkerService/Session", &headers) {
             Ok(Caller::Holder(pass)) => pass,
-            _ => panic!("the token has role worker"),
+            _ => panic!("the token must have role worker"),
         }
     }
 

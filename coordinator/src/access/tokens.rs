@@ -1,7 +1,7 @@
 //! Token file: one role and one token per line.
 //!
 //! ```text
-//! # role   token, or sha256: and the digest of one in hexadecimal
+//! # role   token, or sha256: and the token's digest in hexadecimal
 //! client   3f1c…
 //! worker   sha256:9f86…
 //! ```
@@ -71,7 +71,7 @@ pub enum TokensError {
         reason: String,
     },
     /// The file has no token, so that no call would be permitted.
-    #[error("{file} has no token: write one role (client, worker or admin) and one token per line", file = .file.display())]
+    #[error("{file} has no token: write a role (client, worker or admin) and a token per line", file = .file.display())]
     Empty {
         /// Path of the file.
         file: PathBuf,

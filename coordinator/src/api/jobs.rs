@@ -156,7 +156,7 @@ pub(super) fn read(request: SubmitJobRequest, priority: u32, request_digest: Dig
     })
 }
 
-/// Refuses a repeated request that asks for another priority than the job that its request id belongs to.
+/// Refuses a repeated request if its priority differs from that of the job of its request id.
 fn same_priority(request_id: &str, record: &JobRecord, asked: Option<u32>) -> Result<(), Status> {
     match asked.filter(|priority| *priority != record.priority) {
         Some(_) => Err(other_body(request_id, &record.id)),
@@ -227,7 +227,7 @@ impl JobService for Api {
         let below = match request.page_token.as_str() {
             "" => u64::MAX,
             token => token.parse().map_err(|_| {
-                Status::invalid_argument("page_token is not from an earlier response: leave it empty for the first page")
+                Status::invalid_argument("page_token is not from an earlier response: leave it empty to start")
             })?,
         };
         if request.states.len() > MAX_STATES {

@@ -83,7 +83,7 @@ fn id(field: &str, value: &str) -> Result<(), Status> {
 fn printable(field: &str, value: &str) -> Result<(), Status> {
     match value.chars().find(|c| c.is_control()) {
         None => Ok(()),
-        Some(c) => Err(Status::invalid_argument(format!("{field} has a control character, {}: remove it", c.escape_default()))),
+        Some(c) => Err(Status::invalid_argument(format!("{field} has a control character, {}", c.escape_default()))),
     }
 }
 

@@ -28,7 +28,7 @@ impl Api {
             let from = new.procedure.round().number;
             let limit = ROUNDS_AT_ONCE.min(first - from);
             let rounds = self.store.rounds(&record.id, from, limit).await.map_err(store_failed)?;
-            let failed = |_| Status::internal("taking rounds over failed; this is a bug: please report it with both job ids");
+            let failed = |_| Status::internal("taking rounds over failed; this is a bug: please report it");
             let told = tokio::task::spawn_blocking(move || {
                 let told = rounds.into_iter().try_for_each(|sealed| carried.tell(&mut *new.procedure, sealed));
                 (told, new, carried)
@@ -84,7 +84,7 @@ fn first_doubtful(record: &JobRecord) -> Option<(u32, &'static str)> {
     let doubtful = |d: &Dispute| match d.ruling {
         Some(Ruling::Tainted) => Some((d.round, "is wrong")),
         None if d.round < record.rounds_sealed => {
-            Some((d.round, "is disputed (the job ended before a decision)"))
+            Some((d.round, "is disputed (the job ended before the dispute was decided)"))
         }
         _ => None,
     };

@@ -148,7 +148,7 @@ impl ExternalScaler for Scaler {
     ) -> Result<Response<Self::StreamIsActiveStream>, Status> {
         let room = self.streams.clone().try_acquire_owned();
         let room =
-            room.map_err(|_| Status::resource_exhausted(format!("{MAX_SCALERS} streams are open, which is the limit: try again later")))?;
+            room.map_err(|_| Status::resource_exhausted(format!("{MAX_SCALERS} streams are open: try again later")))?;
         let pulse = self.pulse.clone();
         let (out, stream) = mpsc::channel(1);
         tokio::spawn(async move {
@@ -179,7 +179,7 @@ impl ExternalScaler for Scaler {
         let slots: u32 = match request.into_inner().scaler_metadata.get(SLOTS_PER_WORKER) {
             None => 1,
             Some(text) => text.parse().ok().filter(|slots| *slots > 0).ok_or_else(|| {
-                Status::invalid_argument(format!("{SLOTS_PER_WORKER} = \"{text}\" must be a whole number of at least 1"))
+                Status::invalid_argument(format!("{SLOTS_PER_WORKER} = \"{text}\" must be an integer of at least 1"))
             })?,
         };
         let spec = MetricSpec {

@@ -1,18 +1,19 @@
-//! Crashes and failures that are held against tasks.
+//! Crashes and failures that are charged to tasks.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A crash or failure while tasks of the round at hand were worked on: they are suspects, and each is worked on alone.
+/// Crash or failure during the lease of tasks of the current round. The tasks become suspects, and each is leased
+/// alone.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Charge {
-    /// Index of the first of them.
+    /// Index of the first task.
     pub first: u32,
-    /// How many, at least 1.
+    /// Number of tasks, at least 1.
     pub count: u32,
-    /// Nothing else can be to blame: it is an attempt of the one task.
+    /// True if the only task of the lease caused it: it counts as an attempt of that task.
     pub attempt: bool,
-    /// The worker that was taken for crashed; should it come back, the charge is withdrawn. `None` of a failure that a
-    /// worker reported.
+    /// Worker that was considered crashed; the charge is withdrawn if the worker reconnects. `None` for a failure that
+    /// a worker reported.
     pub lost: Option<Arc<str>>,
 }

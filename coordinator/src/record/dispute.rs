@@ -5,41 +5,41 @@ use sim_core::base::digest::Digest;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// The worker that delivered a result, and its host.
+/// Worker that delivered a result, and its host.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Finder {
-    /// Id of the worker; empty if it is not known.
+    /// Id of the worker; empty if unknown.
     pub worker: Arc<str>,
-    /// The host it called from; empty if it is not known.
+    /// Source address of the worker; empty if unknown.
     pub host: Arc<str>,
 }
 
-/// The source of a claim.
+/// Source of a claim.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Source {
     /// Id and host of the worker.
     pub finder: Finder,
-    /// The worker's name, for people.
+    /// Name of the worker.
     pub name: Arc<str>,
 }
 
-/// A result that a worker delivered for a disputed task.
+/// Result that a worker delivered for a disputed task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Claim {
-    /// The worker.
+    /// Worker that delivered the result.
     pub source: Source,
     /// Digest of the result.
     pub digest: Digest,
-    /// The result for people; empty where only its digest was kept.
+    /// Description of the result; empty if only its digest was kept.
     pub what: String,
-    /// The result, while its round is at hand.
+    /// Encoded result, until its round is sealed.
     #[serde(with = "serde_bytes")]
     pub result: Option<Vec<u8>>,
-    /// The worker is quarantined: others may confirm the claim, by itself it counts for nothing.
+    /// True if the worker is quarantined. The claim then counts only if another worker confirms it.
     pub distrusted: bool,
 }
 
-/// How a dispute ended.
+/// Outcome of a dispute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Ruling {
     /// The committed result stands.
@@ -51,7 +51,7 @@ pub enum Ruling {
 }
 
 impl Ruling {
-    /// The ruling in a word.
+    /// Returns the ruling's name.
     pub fn word(self) -> &'static str {
         match self {
             Self::Upheld => "upheld",
@@ -61,30 +61,30 @@ impl Ruling {
     }
 }
 
-/// A task of which workers gave different bits, or that only a quarantined worker computed.
+/// Task with different results from different workers, or with results of quarantined workers only.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dispute {
-    /// The round.
+    /// Round of the task.
     pub round: u32,
-    /// The task's index in it.
+    /// Index of the task in its round.
     pub index: u32,
-    /// The task, for people.
+    /// Description of the task.
     pub what: String,
-    /// The task, to be handed out again.
+    /// Encoded task, for a new lease.
     #[serde(with = "serde_bytes")]
     pub task: Vec<u8>,
-    /// Results that were delivered; the committed one comes first.
+    /// Delivered results; the committed one comes first.
     pub claims: Vec<Claim>,
-    /// `None` while it is open.
+    /// Ruling; `None` while the dispute is open.
     pub ruling: Option<Ruling>,
     /// Unix time of the newest claim, ms.
     pub at_ms: i64,
 }
 
 impl Dispute {
-    /// The digest that two workers agree on, at least one of them trusted, if there is one. Where hosts differ it takes two
-    /// hosts: one that computes wrongly may have many workers. A worker that delivered different results does not vote, nor
-    /// does a claim without a worker id.
+    /// Returns the digest that two workers agree on, if at least one of them is not quarantined. If the workers run on
+    /// different hosts, two hosts must agree, since one faulty host may run many workers. A worker that delivered
+    /// different results does not vote, nor does a claim without a worker id.
     pub fn agreed(&self) -> Option<Digest> {
         let hosts_differ = self.hosts().len() >= 2;
         self.claims.iter().map(|c| c.digest).find(|digest| {
@@ -94,7 +94,7 @@ impl Dispute {
         })
     }
 
-    /// The known hosts of the claims that vote, claim by claim.
+    /// Returns the known host of each claim that votes.
     fn voting_hosts(&self) -> impl Iterator<Item = &Arc<str>> {
         self.claims.iter().filter(|c| self.votes(c)).map(|c| &c.source.finder.host).filter(|host| !host.is_empty())
     }
@@ -103,14 +103,15 @@ impl Dispute {
         self.voting_hosts().collect()
     }
 
-    /// Hosts on which two workers voted, if others voted as well: one more there would not decide.
+    /// Returns the hosts with two votes, if there are votes from other hosts: another vote from these hosts would not
+    /// decide.
     pub fn exhausted_hosts(&self) -> BTreeSet<Arc<str>> {
         let hosts = self.hosts();
         let twice = |host: &&Arc<str>| self.voting_hosts().filter(|voted| voted == host).count() >= 2;
         if hosts.len() < 2 { BTreeSet::new() } else { hosts.into_iter().filter(twice).cloned().collect() }
     }
 
-    /// The host that only can decide, in words; `None` where one that voted may still do.
+    /// Describes the host that is needed for a decision; `None` if a host that has voted can still decide.
     pub fn needs_host(&self) -> Option<&'static str> {
         let (hosts, out) = (self.hosts().len(), self.exhausted_hosts().len());
         (hosts >= 2 && hosts == out).then_some(if hosts == 2 { "a third machine" } else { "another machine" })
@@ -121,12 +122,12 @@ impl Dispute {
         !worker.is_empty() && self.claims.iter().filter(|c| c.source.finder.worker == *worker).count() == 1
     }
 
-    /// Whether claims differ. If not, a quarantined worker computed the task, and no other result is there.
+    /// Returns true if claims differ. If not, the only results come from quarantined workers.
     pub fn is_contradicted(&self) -> bool {
         self.claims.windows(2).any(|pair| pair[0].digest != pair[1].digest)
     }
 
-    /// The claim that holds: the first with the digest that was agreed on, or else the committed one.
+    /// Returns the valid claim: the first with the agreed digest, or else the committed one.
     pub fn holding(&self) -> Option<&Claim> {
         match self.agreed() {
             Some(agreed) => self.claims.iter().find(|c| c.digest == agreed),
@@ -134,17 +135,17 @@ impl Dispute {
         }
     }
 
-    /// Whether a worker delivered a result for it.
+    /// Returns true if this worker delivered a result for the task.
     pub fn has_claim_of(&self, worker: &str) -> bool {
         self.claims.iter().any(|c| &*c.source.finder.worker == worker)
     }
 
-    /// Whether it is open.
+    /// Returns true if there is no ruling yet.
     pub fn is_open(&self) -> bool {
         self.ruling.is_none()
     }
 
-    /// Forgets the results' bytes: its round is sealed, so that only digests are compared.
+    /// Removes the encoded results: once the round is sealed, only digests are compared.
     pub fn seal(&mut self) {
         self.claims.iter_mut().for_each(|claim| claim.result = None);
     }

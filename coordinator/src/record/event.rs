@@ -1,53 +1,53 @@
-//! What happens to a job, as clients watch it.
+//! Events of a job.
 
 use super::{Dispute, JobRecord, JobState};
 use serde::{Deserialize, Serialize};
 use sim_core::procedure::Row;
 
-/// A change of a job.
+/// Change of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Event {
-    /// It stands elsewhere.
+    /// The state changed.
     State(JobState),
-    /// A round's results were folded and committed.
+    /// A round was sealed and committed.
     Sealed {
-        /// Its number.
+        /// Number of the round.
         round: u32,
-        /// Its phase, in a word.
+        /// Name of its phase.
         phase: String,
-        /// The row of its series, if it has one.
+        /// Row of measurements of the round, if it has one.
         row: Option<Row>,
     },
-    /// Tasks of the round at hand came in. Not stored.
+    /// Results of the current round arrived. Not stored.
     Done {
-        /// The round.
+        /// Number of the round.
         round: u32,
-        /// Tasks that are done.
+        /// Number of done tasks.
         done: u32,
-        /// Tasks that it has.
+        /// Number of all tasks.
         total: u32,
     },
-    /// It was paused (true) or resumed (false).
+    /// The job was paused (true) or resumed (false).
     Paused(bool),
-    /// Workers disagree about a result, or the dispute was decided.
+    /// A dispute was opened or decided.
     Dispute(Box<Dispute>),
-    /// A coordinator of another build has taken it up: what it waits for, for people.
+    /// The job waits for workers of another build; the reason in words.
     Waits(String),
 }
 
-/// An event with its place in the job's history.
+/// Event with its place in the job's history.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobEvent {
-    /// From 1 without gaps; an event that is not stored has the number of the one before it.
+    /// Sequence number, from 1 without gaps. An event that is not stored has the number of the event before it.
     pub sequence: u64,
     /// Unix time, ms.
     pub at_ms: i64,
-    /// What happened.
+    /// Change of the job.
     pub event: Event,
 }
 
 impl JobRecord {
-    /// The next event of this job.
+    /// Adds an event with the next sequence number to the job.
     pub fn next_event(&mut self, at_ms: i64, event: Event) -> JobEvent {
         self.last_event += 1;
         JobEvent { sequence: self.last_event, at_ms, event }

@@ -1,9 +1,9 @@
-//! Names and places that permits are made over: workers, assignments, ranges of tasks.
+//! Ids of workers and assignments, and ranges of tasks. Permits authenticate them.
 
 use std::fmt;
 use std::sync::Arc;
 
-/// Names a worker from its start to its end, over reconnects.
+/// Id of a worker from its start to its exit, over reconnects.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct WorkerId(pub Arc<str>);
 
@@ -13,7 +13,7 @@ impl fmt::Display for WorkerId {
     }
 }
 
-/// Names an assignment, uniquely over all starts on a store.
+/// Id of an assignment, unique over all starts on a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct AssignmentId(pub u64);
 
@@ -22,19 +22,19 @@ pub struct AssignmentId(pub u64);
 pub struct Range {
     /// The round's number.
     pub round: u32,
-    /// Index of the first.
+    /// Index of the first task.
     pub first: u32,
-    /// How many; at least 1.
+    /// Number of tasks, at least 1.
     pub count: u32,
 }
 
 impl Range {
-    /// The tasks' indexes.
+    /// Returns the indices of the tasks.
     pub fn indexes(&self) -> std::ops::Range<u32> {
         self.first..self.first.saturating_add(self.count)
     }
 
-    /// Whether it is not empty and lies within so many tasks.
+    /// Returns true if the range is not empty and within a round of `tasks` tasks.
     pub fn is_within(&self, tasks: u32) -> bool {
         self.count > 0 && self.first.checked_add(self.count).is_some_and(|end| end <= tasks)
     }

@@ -1,4 +1,4 @@
-//! How a coordinator runs, and why one does not.
+//! Configuration of a coordinator, and errors of its start.
 
 use crate::access::Access;
 use crate::api::scaler::ScalerError;
@@ -10,43 +10,43 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How connections are encrypted.
+/// TLS configuration.
 #[derive(Clone, Debug)]
 pub struct Tls {
-    /// The coordinator's certificate and key.
+    /// Certificate and key of the coordinator.
     pub identity: Identity,
-    /// Whoever connects has to show a certificate that one of these signed, if any are given.
+    /// CAs of client certificates. If set, clients and workers must present a certificate signed by one of them.
     pub clients: Option<Authority>,
 }
 
-/// How a coordinator runs.
+/// Configuration of a coordinator.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Where to listen; port 0 lets the system choose.
+    /// Address to listen on; port 0 selects a free port.
     pub listen: SocketAddr,
-    /// Where jobs live.
+    /// Store of the jobs.
     pub store: StoreUrl,
-    /// Without a sign of life for this long a worker's work goes to others: 0.1 s to 1 h.
+    /// Duration of a lease: 0.1 s to 1 h. The tasks of a worker that sends nothing for this long go to other workers.
     pub lease: Duration,
-    /// Waits while another coordinator is at work on the same store, and takes over when that one ends.
+    /// Waits while another coordinator is active on the same store, and takes over when that one ends.
     pub standby: bool,
-    /// Out of touch with a store that several coordinators can reach for this long, this one stops and another one may take
-    /// over: 0.5 s to 10 min.
+    /// Takeover time: 0.5 s to 10 min. If this coordinator can't reach a shared store for this long, it stops and
+    /// another one may take over.
     pub takeover: Duration,
-    /// Encrypts connections.
+    /// TLS configuration; `None` for connections without encryption.
     pub tls: Option<Tls>,
-    /// Asks for tokens. Without them everybody who can connect may do everything.
+    /// Accepted tokens; `None` permits every call of every peer.
     pub access: Option<Arc<Access>>,
-    /// Allows to listen beyond loopback without encryption or without tokens.
+    /// Allows listening beyond loopback without encryption or without tokens.
     pub insecure_bind: bool,
-    /// Where metrics are served, if at all.
+    /// Address of the metrics; `None` if they are not served.
     pub metrics: Option<telemetry::Bind>,
-    /// Where KEDA is answered, if at all.
+    /// Address for KEDA; `None` if it is not served.
     pub keda: Option<telemetry::Bind>,
 }
 
 impl Config {
-    /// For a coordinator inside another process: a free port of the loopback interface.
+    /// Returns the configuration of a coordinator inside another process: a free port of the loopback interface.
     pub fn embedded(store: StoreUrl) -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
@@ -62,7 +62,7 @@ impl Config {
         }
     }
 
-    /// Refuses what must not start.
+    /// Checks the configuration.
     pub(super) fn check(&self) -> Result<(), Error> {
         let addr = self.listen;
         if !addr.ip().is_loopback() && !self.insecure_bind {
@@ -91,76 +91,76 @@ impl Config {
     }
 }
 
-/// Why a coordinator does not start, or stopped.
+/// Error that prevents a coordinator's start or ends it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Somebody else listens there. Retryable once that has ended.
-    #[error("{addr} is taken by another program: stop it, or choose another --listen address")]
+    /// Another program listens on the address. Can be retried once that program has ended.
+    #[error("{addr} is in use by another program: stop that program, or choose another --listen address")]
     PortTaken {
-        /// Where.
+        /// Address to listen on.
         addr: SocketAddr,
     },
     /// The address is reachable from other machines.
     #[error(
-        "{addr} can be reached from other machines, and {missing}: `evogait certs init` makes what is needed; or listen on \
-         127.0.0.1, or add --insecure-bind if everybody on that network may run jobs here"
+        "other machines can reach {addr}, and {missing}: create certificates and tokens with `evogait certs init`, listen on \
+         127.0.0.1, or add --insecure-bind if every machine on that network may run jobs here"
     )]
     NotLoopback {
-        /// Where.
+        /// Address to listen on.
         addr: SocketAddr,
-        /// What is not there.
+        /// Description of the missing protection.
         missing: &'static str,
     },
-    /// Certificates that the transport can't use.
-    #[error("connections can't be encrypted with these certificates: {reason}")]
+    /// The certificates can't be used.
+    #[error("can't encrypt connections with these certificates: {reason}")]
     Tls {
-        /// What it says.
+        /// Message of the TLS library.
         reason: String,
     },
-    /// The system refuses to listen there.
+    /// The system refuses the address.
     #[error("can't listen on {addr}: {source}")]
     Bind {
-        /// Where.
+        /// Address to listen on.
         addr: SocketAddr,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
-    /// A lease out of range.
+    /// The lease is out of range.
     #[error(
         "a lease of {} s is out of range: {} s to {} s are allowed",
         .lease.as_secs_f64(), MIN_LEASE.as_secs_f64(), MAX_LEASE.as_secs_f64()
     )]
     Lease {
-        /// What was asked for.
+        /// Requested duration.
         lease: Duration,
     },
-    /// Metrics can't be served as asked.
+    /// The metrics can't be served.
     #[error(transparent)]
     Metrics(#[from] telemetry::BindError),
-    /// A time to a takeover out of range.
+    /// The takeover time is out of range.
     #[error(
-        "a takeover after {} s is out of range: {} s to {} s are allowed",
+        "a takeover time of {} s is out of range: {} s to {} s are allowed",
         .takeover.as_secs_f64(), MIN_TAKEOVER.as_secs_f64(), MAX_TAKEOVER.as_secs_f64()
     )]
     Takeover {
-        /// What was asked for.
+        /// Requested duration.
         takeover: Duration,
     },
-    /// A standby on a store that only one coordinator can open.
+    /// The standby's store can't be shared.
     #[error(
         "--standby needs a store that several coordinators can reach: --store postgres://USER@HOST/DATABASE, not {store}"
     )]
     NothingToShare {
-        /// The store.
+        /// Store that only one coordinator can open.
         store: StoreUrl,
     },
-    /// A text that names no store.
+    /// The text is not a store URL.
     #[error(transparent)]
     StoreUrl(#[from] BadStoreUrl),
-    /// KEDA can't be answered as asked.
+    /// KEDA can't be served.
     #[error(transparent)]
     Scaler(#[from] ScalerError),
-    /// The store. See there whether it is retryable.
+    /// The store failed. [`StoreError`] documents which errors can be retried.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The server ended by itself.

@@ -1,4 +1,4 @@
-//! Serving: where strangers come in, what they can ask for, and how it ends.
+//! Server for clients and workers: its listener, its services and its shutdown.
 
 use super::health::Health;
 use super::{Error, Tls};
@@ -22,22 +22,22 @@ use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Server, ServerTlsConfig};
 use tower::util::MapRequestLayer;
 
-/// What reflection tells, and what `access::rules` has to name.
+/// Descriptors of the services, for reflection. `access::rules` must have a rule for each of their methods.
 pub(crate) const DESCRIPTORS: [&[u8]; 2] = [proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
 
-/// Where strangers come in, and what is asked of them.
+/// Listener for clients and workers, with its access rules.
 pub(super) struct Doors {
     pub listener: TcpListener,
-    /// Counts who is in.
+    /// Gauge of open connections.
     pub connections: Gauge,
     pub tls: Option<Tls>,
     pub access: Option<Arc<Access>>,
-    /// Whether it is this coordinator's turn.
+    /// Refuses calls while this coordinator is a standby.
     pub gate: Gate,
     pub health: Health,
 }
 
-/// Serves until told to stop, or until the work fails.
+/// Serves until a stop request, or until the work fails.
 pub(super) async fn run(
     doors: Doors,
     api: Api,
@@ -77,7 +77,7 @@ pub(super) async fn run(
         .add_service(InterceptedService::new(jobs, gate.clone()))
         .add_service(InterceptedService::new(workers, gate))
         .serve_with_incoming_shutdown(door, async move {
-            // An error means that nobody can tell any more.
+            // An error means that the sender, and so the server, no longer exists.
             let _ = told.wait_for(|stop| *stop).await;
         });
     let mut server = tokio::spawn(server);
@@ -102,7 +102,7 @@ pub(super) async fn run(
     let outcome = match work_ended {
         Some(ended) => ended,
         None => {
-            // If the actor has gone, or was never there, it needs no telling.
+            // The actor may have stopped, or may not have started.
             let _ = commands.send(Command::Stop).await;
             work.await
         }

@@ -1,4 +1,4 @@
-//! What the standard health check says: whether calls are let through.
+//! Standard gRPC health check: it reports if calls are accepted.
 
 use crate::api::Api;
 use proto::v1::job_service_server::JobServiceServer;
@@ -8,32 +8,32 @@ use tonic_health::ServingStatus;
 use tonic_health::pb::health_server::HealthServer;
 use tonic_health::server::{HealthReporter, HealthService};
 
-/// The empty name stands for all services.
+/// Names of the services; the empty name stands for all of them.
 const SERVICES: [&str; 3] = ["", JobServiceServer::<Api>::NAME, WorkerServiceServer::<Api>::NAME];
 
-/// Says of every service whether calls are let through.
+/// Health status of all services.
 #[derive(Clone)]
 pub(super) struct Health(HealthReporter);
 
 impl Health {
-    /// Of services that let no call through yet. It knows them all before anybody can ask.
+    /// Creates the status of services that accept no calls yet. All services are registered before the first query.
     pub async fn new() -> Self {
         let health = Self(HealthReporter::new());
         health.set(ServingStatus::NotServing).await;
         health
     }
 
-    /// Calls are let through from now on.
+    /// Reports that calls are accepted.
     pub async fn serving(&self) {
         self.set(ServingStatus::Serving).await;
     }
 
-    /// No call is let through any more.
+    /// Reports that calls are no longer accepted.
     pub async fn stopping(&self) {
         self.set(ServingStatus::NotServing).await;
     }
 
-    /// Answers who asks.
+    /// Returns the gRPC service.
     pub fn service(&self) -> HealthServer<HealthService> {
         HealthServer::new(HealthService::from_health_reporter(self.0.clone()))
     }
@@ -54,7 +54,7 @@ mod tests {
     use tonic_health::pb::health_server::Health as _;
 
     #[tokio::test]
-    async fn every_service_is_known_from_the_first_moment_and_followed_to_the_end() {
+    async fn health_check_follows_start_and_stop() {
         let health = Health::new().await;
         let service = HealthService::from_health_reporter(health.0.clone());
         let told = async || {

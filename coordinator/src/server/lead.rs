@@ -1,4 +1,4 @@
-//! Taking over the work: waits for its turn, and takes up the jobs of the store.
+//! Takeover: waits until this coordinator is active, and resumes the jobs of the store.
 
 use super::Error;
 use crate::actor::{Actor, Clock, Command};
@@ -18,17 +18,17 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
-/// The engines of this build, by name.
+/// Engines of this build, by name.
 type Engines = Arc<[(&'static str, Digest)]>;
 
-/// A coordinator whose turn it is.
+/// Active coordinator.
 pub(super) struct Lead {
     actor: Actor,
-    /// Ends when the store is lost.
+    /// Renews the lock on the store. Ends when the lock is lost.
     touch: JoinSet<StoreError>,
 }
 
-/// Waits for its turn and takes up what there is to do.
+/// Waits until this coordinator is active, and resumes the jobs.
 pub(super) async fn lead(
     store: Arc<dyn Store>,
     standby: bool,
@@ -38,14 +38,14 @@ pub(super) async fn lead(
     metrics: Arc<Metrics>,
 ) -> Result<Lead, Error> {
     let loaded = standby::turn(&*store, standby).await?;
-    // Before the jobs are taken up, which takes a while.
+    // Renewed before the jobs are resumed, which takes a while.
     let mut touch = JoinSet::new();
     touch.spawn(standby::stay_in_touch(store.clone(), loaded.epoch));
     Ok(Lead { actor: take_up(store, loaded, lease, engines, live, metrics).await?, touch })
 }
 
 impl Lead {
-    /// Works until told to stop, or until the store fails or is another's.
+    /// Works until a stop command, or until the store fails or is taken over.
     pub(super) async fn work(mut self, inbox: mpsc::Receiver<Command>) -> Result<(), Error> {
         let (store, epoch) = (self.actor.store.clone(), self.actor.epoch);
         tokio::select! {
@@ -59,7 +59,7 @@ impl Lead {
     }
 }
 
-/// Builds the scheduler from what is in the store.
+/// Builds the scheduler from the jobs in the store.
 async fn take_up(
     store: Arc<dyn Store>,
     loaded: Loaded,
@@ -69,7 +69,7 @@ async fn take_up(
     metrics: Arc<Metrics>,
 ) -> Result<Actor, Error> {
     metrics.epoch.set(loaded.epoch as i64);
-    tracing::info!(epoch = loaded.epoch, jobs = loaded.active.len(), "the store is taken up");
+    tracing::info!(epoch = loaded.epoch, jobs = loaded.active.len(), "store opened: jobs are resumed");
     let clock = Clock::start();
     let settings = Settings::new(loaded.epoch, lease);
     let mut scheduler = Scheduler::new(settings, loaded.key, loaded.next_job, loaded.ended.into_iter().collect())
@@ -87,8 +87,8 @@ async fn take_up(
             }
         };
         match problem {
-            None => tracing::info!(job = %id, epoch = loaded.epoch, "job goes on"),
-            Some(reason) => tracing::error!(job = %id, reason, epoch = loaded.epoch, "job can't go on"),
+            None => tracing::info!(job = %id, epoch = loaded.epoch, "job resumed"),
+            Some(reason) => tracing::error!(job = %id, reason, epoch = loaded.epoch, "job can't be resumed"),
         }
     }
     Ok(Actor {
@@ -105,7 +105,7 @@ async fn take_up(
     })
 }
 
-/// Reads a stored job again, or says why it can't go on. Nothing is simulated.
+/// Reads a stored job, or returns the reason why it can't be resumed. Nothing is simulated.
 fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
     let StoredJob { record, toml, state, results } = stored;
     let unusable = |record, reason| Err(Box::new((record, reason)));
@@ -113,11 +113,11 @@ fn read_again(stored: StoredJob) -> Result<Resumed, Box<(JobRecord, String)>> {
         Ok(job) => job,
         Err(error) => return unusable(record, format!("this version of evogait can't read it: {error}")),
     };
-    // The engine may be another build's: then workers of that one go on with it.
+    // The engine may be of another build: then workers of that build continue the job.
     let digest = job.digest_on(record.engine_digest);
     if digest != record.job_digest {
         let reason = format!(
-            "it was submitted to evogait {}, which reads it differently (job digest then {}, now {}): submit it again",
+            "it was submitted to evogait {}, which interprets it differently (job digest then {}, now {}): submit it again",
             record.version,
             record.job_digest.short(),
             digest.short()
@@ -138,17 +138,17 @@ mod tests {
 
     const OLD: Digest = Digest([7; 32]);
 
-    /// A job as a build with this engine took it in.
+    /// Returns a job that was submitted to a build with this engine.
     fn stored(job: &Checked, engine: Digest) -> StoredJob {
         let digest = job.digest_on(engine);
         let record = JobRecord { version: "0.0.9".to_owned(), job_digest: digest, engine_digest: engine, ..record(1) };
-        let procedure = procedure::start(job).expect("it starts").save();
+        let procedure = procedure::start(job).expect("the procedure starts").save();
         let state = RunState { procedure, last: None };
         StoredJob { record, toml: job.to_toml().into(), state, results: Vec::new() }
     }
 
     #[test]
-    fn a_stored_job_goes_on_as_it_was_or_not_at_all() {
+    fn stored_job_with_changed_digest_is_not_resumed() {
         let text = "name = \"t\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\nduration = 1.0\n\
                     [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n\
                     [optimiser]\nkind = \"pso\"\nparticles = 5\ngenerations = 2\n[finish]\nkind = \"none\"\n";
@@ -156,16 +156,16 @@ mod tests {
         let own = job.engine_digest();
         let engine = |stored| match read_again(stored) {
             Ok(resumed) => resumed.record.engine_digest,
-            Err(unusable) => panic!("it can't go on: {}", unusable.1),
+            Err(unusable) => panic!("the job can't be resumed: {}", unusable.1),
         };
         assert_eq!(engine(stored(&job, own)), own);
-        assert_eq!(engine(stored(&job, OLD)), OLD, "its workers are another build's");
+        assert_eq!(engine(stored(&job, OLD)), OLD, "it waits for workers of another build");
 
-        let reason = |stored| read_again(stored).err().expect("it can't go on").1;
+        let reason = |stored| read_again(stored).err().expect("the job can't be resumed").1;
         let as_if = |toml: String| StoredJob { toml: toml.into(), ..stored(&job, OLD) };
         let said = reason(as_if(job.to_toml().replace("particles = 5", "particles = 6")));
         assert!(
-            said.contains("evogait 0.0.9, which reads it differently") && said.contains("submit it again"),
+            said.contains("evogait 0.0.9, which interprets it differently") && said.contains("submit it again"),
             "{said}"
         );
         let said = reason(as_if(format!("later = 1\n{}", job.to_toml())));

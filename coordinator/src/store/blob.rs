@@ -1,4 +1,4 @@
-//! Blobs: a version byte, then MessagePack by field name. A reader that meets a version it does not know says so.
+//! Blobs: a version byte, then MessagePack by field name. An unknown version is an error.
 
 use super::{Quarantined, RunState, StoreError, StoredEvent};
 use crate::record::{Finder, JobRecord};
@@ -8,13 +8,13 @@ use serde_bytes::ByteBuf;
 use sim_core::base::digest::Digest;
 use std::sync::Arc;
 
-/// Version 1 was protobuf.
+/// Version of the encoding. Version 1 was protobuf.
 const VERSION: u8 = 2;
 
 /// Results, and the worker that delivered them.
 pub(super) type Found = (Vec<Arc<[u8]>>, Finder);
 
-/// The same as it is encoded.
+/// Encoded form of [`Found`].
 #[derive(Serialize, Deserialize)]
 struct Delivered {
     results: Vec<ByteBuf>,
@@ -23,7 +23,7 @@ struct Delivered {
 
 pub(super) fn encode(value: &impl Serialize) -> Vec<u8> {
     let mut bytes = vec![VERSION];
-    rmp_serde::encode::write_named(&mut bytes, value).expect("our own structures can be written");
+    rmp_serde::encode::write_named(&mut bytes, value).expect("serialisation of our own types can't fail");
     bytes
 }
 
@@ -31,12 +31,12 @@ pub(super) fn decode<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T,
     let corrupt = |reason: String| StoreError::Corrupt { what: format!("{what}: {reason}") };
     match bytes.split_first() {
         Some((&VERSION, value)) => rmp_serde::from_slice(value).map_err(|e| corrupt(e.to_string())),
-        Some((version, _)) => Err(corrupt(format!("version {version} is not known"))),
+        Some((version, _)) => Err(corrupt(format!("version {version} is unknown"))),
         None => Err(corrupt("it is empty".to_owned())),
     }
 }
 
-/// Results of a range, and the worker that delivered them.
+/// Encodes the results of a range, and the worker that delivered them.
 pub(super) fn encode_delivered(results: &[Arc<[u8]>], finder: &Finder) -> Vec<u8> {
     encode(&Delivered { results: buffers(results), finder: finder.clone() })
 }
@@ -54,7 +54,7 @@ pub(super) fn decode_results(bytes: &[u8]) -> Result<Vec<Arc<[u8]>>, StoreError>
     decode("results", bytes).map(shared)
 }
 
-/// Digests one after the other, 32 bytes each.
+/// Encodes digests one after the other, 32 bytes each.
 pub(super) fn encode_digests(digests: &[Digest]) -> Vec<u8> {
     digests.iter().flat_map(|digest| digest.0).collect()
 }
@@ -74,7 +74,7 @@ fn shared(results: Vec<ByteBuf>) -> Vec<Arc<[u8]>> {
     results.into_iter().map(|result| result.into_vec().into()).collect()
 }
 
-/// Reads bytes as each kind of blob.
+/// Decodes bytes as each kind of blob, for fuzzing.
 pub(crate) fn decode_anything(bytes: &[u8]) {
     let _ = decode::<JobRecord>("job", bytes);
     let _ = decode::<RunState>("state", bytes);

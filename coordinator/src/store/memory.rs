@@ -1,4 +1,4 @@
-//! A store in memory: what the others must behave like. Forgotten when it is dropped.
+//! Store in memory: the reference for the behaviour of the others. Its content is lost when it is dropped.
 
 use super::blob::Found;
 use super::{
@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher as _, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// See the module.
+/// Store in memory, for tests.
 pub struct MemoryStore {
     inner: Mutex<Inner>,
     key: PermitKey,
@@ -42,7 +42,7 @@ struct Entry {
     record: JobRecord,
     toml: Arc<str>,
     state: RunState,
-    /// By round and index of the first.
+    /// Results by round and index of the first task.
     results: BTreeMap<(u32, u32), Found>,
     rounds: BTreeMap<u32, SealedRound>,
     events: Vec<StoredEvent>,
@@ -163,7 +163,7 @@ impl MemoryStore {
     }
 }
 
-/// Whether no two jobs would have the same request id: checked first, since nothing is taken back afterwards.
+/// Returns true if all request ids stay unique. Checked before the writes, since they can't be undone.
 fn unique(inner: &Inner, writes: &[Write]) -> bool {
     let request = |w: &Write| if let Write::Submit { record, .. } = w { Some(record.request_id.clone()) } else { None };
     let mut seen: BTreeSet<_> = inner.jobs.values().map(|e| e.record.request_id.clone()).collect();
@@ -188,7 +188,7 @@ impl Store for MemoryStore {
                 return Err(StoreError::Superseded { own: epoch, by: inner.epoch });
             }
             if !unique(&inner, &writes) {
-                return Err(StoreError::Database("a request id is there twice".to_owned()));
+                return Err(StoreError::Database("two jobs have the same request id".to_owned()));
             }
             writes.into_iter().try_for_each(|write| inner.apply(write))
         }))

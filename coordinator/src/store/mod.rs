@@ -1,8 +1,9 @@
-//! Where jobs live. One trait; SQLite and PostgreSQL in production, memory in tests; one test suite for all.
+//! Stores of jobs: one trait, with SQLite and PostgreSQL for production and memory for tests. One test suite covers
+//! all.
 //!
-//! Few indexed columns, everything else in versioned blobs (a version byte, then MessagePack by field name), so that a second
-//! SQL dialect stays small and a field can be added. Numbers that must keep their bits are in blobs: SQLite turns NaN into
-//! NULL.
+//! There are few indexed columns; all other data is in versioned blobs (a version byte, then MessagePack by field
+//! name). This keeps the second SQL dialect small, and fields can be added. Floating-point numbers are in blobs to
+//! preserve their bits: SQLite turns NaN into NULL.
 
 mod blob;
 mod memory;
@@ -27,90 +28,90 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Why a store of an earlier schema is refused.
-const OLDER: &str = "it was written by an older version of evogait, whose jobs were no rounds of tasks: finish them with that \
-                     version, or use another --store (or folder, for `evogait run`) and submit them again";
+/// Reason for refusing a store with an earlier schema.
+const OLDER: &str = "it was written by an older version of evogait, which did not store jobs as rounds of tasks: finish \
+                     them with that version, or use another --store (or folder, for `evogait run`) and submit them again";
 
-/// One change. Changes that belong together are committed together.
+/// Change of the store. Related changes are committed together.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Write {
-    /// A job comes in.
+    /// A new job.
     Submit {
-        /// The job.
+        /// Job of the change.
         record: JobRecord,
-        /// As it was resolved.
+        /// Resolved job file.
         toml: Arc<str>,
-        /// Its state before the round at hand.
+        /// State of the procedure before the current round.
         state: RunState,
-        /// The first event.
+        /// First event of the job.
         event: JobEvent,
     },
-    /// Results of the round at hand.
+    /// Results of the current round.
     Results {
-        /// The job.
+        /// Job of the change.
         job: JobId,
-        /// The round.
+        /// Round of the tasks.
         round: u32,
-        /// Ranges without overlap: (index of the first, results).
+        /// Ranges without overlap: index of the first task, and results.
         ranges: Vec<(u32, Vec<Arc<[u8]>>)>,
-        /// The worker that delivered them.
+        /// Worker that delivered the results.
         finder: Finder,
     },
-    /// A round is over: what is kept of it, the state for the next one and the events at once.
+    /// A round was sealed: its stored data, the state for the next round and the events.
     Seal {
-        /// The job after it.
+        /// Job after the change.
         record: JobRecord,
-        /// What is kept of the round; the ranges' results go.
+        /// Stored data of the round; the results of its ranges are deleted.
         sealed: SealedRound,
-        /// The state for the next round.
+        /// State of the procedure for the next round.
         state: RunState,
         /// Events, in order.
         events: Vec<JobEvent>,
     },
-    /// The job stands elsewhere.
+    /// A job changed.
     Change {
-        /// The job after it.
+        /// Job after the change.
         record: JobRecord,
-        /// The event.
+        /// Event of the change.
         event: JobEvent,
     },
-    /// A client's batch came: the procedure goes on.
+    /// A client sent a batch: the procedure continues.
     Offer {
-        /// The job after it.
+        /// Job after the change.
         record: JobRecord,
-        /// The state with the batch.
+        /// State of the procedure with the batch.
         state: RunState,
-        /// The event.
+        /// Event of the change.
         event: JobEvent,
     },
-    /// A part of the record that is not watched changed: charges or disputes.
+    /// A part of the record that causes no event changed: charges or disputes.
     Note {
-        /// The job after it.
+        /// Job after the change.
         record: JobRecord,
     },
-    /// A restarted job takes over what is kept of the first rounds of another.
+    /// A restarted job takes over the stored data of the first rounds of another job.
     Carry {
-        /// From this job …
+        /// Job with the rounds.
         from: JobId,
-        /// … to this one, which was submitted before.
+        /// Restarted job, submitted before this change.
         to: JobId,
-        /// How many.
+        /// Number of rounds, from the first on.
         rounds: u32,
     },
-    /// A worker's results are ignored from now on.
+    /// A worker was quarantined: its results are ignored from now on.
     Quarantine {
-        /// The worker.
+        /// Quarantined worker.
         entry: Quarantined,
-        /// The entry that it replaces, where there are too many.
+        /// Worker to remove because the limit is reached.
         instead_of: Option<Arc<str>>,
     },
-    /// The last round is over: the job succeeded.
+    /// The last round was sealed: the job succeeded.
     Finish {
-        /// The job after it.
+        /// Job after the change.
         record: JobRecord,
-        /// What is kept of the round.
+        /// Stored data of the round.
         sealed: SealedRound,
-        /// What the job made.
+        /// Artefacts of the job.
         artefacts: Vec<Artefact>,
         /// Events, in order.
         events: Vec<JobEvent>,
@@ -118,7 +119,7 @@ pub enum Write {
 }
 
 impl Write {
-    /// The events among it, to be published once it is committed.
+    /// Returns the events of the change, to be published after the commit.
     pub fn events(&self) -> &[JobEvent] {
         match self {
             Self::Submit { event, .. } | Self::Change { event, .. } | Self::Offer { event, .. } => {
@@ -129,7 +130,7 @@ impl Write {
         }
     }
 
-    /// The job as it stands after it, if the write has that in full.
+    /// Returns the job's record after the change, if the change contains it.
     pub fn record(&self) -> Option<&JobRecord> {
         match self {
             Self::Submit { record, .. }
@@ -143,264 +144,263 @@ impl Write {
     }
 }
 
-/// The state of a job between two rounds.
+/// State of a job between two rounds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunState {
-    /// The procedure's own.
+    /// Encoded state of the procedure.
     #[serde(with = "serde_bytes")]
     pub procedure: Vec<u8>,
-    /// The round sealed last.
+    /// Newest sealed round.
     pub last: Option<LastRound>,
 }
 
-/// The round sealed last, so that a late result of it can be compared, and decided by a third worker.
+/// Newest sealed round. A late result of it can be compared, and a third worker can decide a dispute.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LastRound {
-    /// Its number.
+    /// Number of the round.
     pub number: u32,
-    /// Its tasks, by index.
+    /// Tasks of the round, by index.
     pub tasks: Arc<[TaskRecord]>,
 }
 
-/// A task of a sealed round.
+/// Task of a sealed round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TaskRecord {
-    /// The task.
+    /// Encoded task.
     #[serde(with = "serde_bytes")]
     pub task: Vec<u8>,
-    /// The task, for people.
+    /// Description of the task.
     pub what: String,
-    /// Digest of its result.
+    /// Digest of the result.
     pub digest: Digest,
-    /// The worker that delivered the result.
+    /// Worker that delivered the result.
     pub finder: Finder,
 }
 
-/// What is kept of a round.
+/// Stored data of a sealed round.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SealedRound {
-    /// Its number.
+    /// Number of the round.
     pub number: u32,
-    /// The row of its series, if it has one.
+    /// Row of measurements of the round, if it has one.
     pub row: Option<Row>,
-    /// Digests of its results, by index.
+    /// Digests of the results, by index.
     pub digests: Vec<Digest>,
-    /// The results, if they are kept.
+    /// Results, by index, if they are kept.
     pub results: Option<Vec<Arc<[u8]>>>,
 }
 
-/// A worker whose results are ignored.
+/// Quarantined worker: its results are ignored.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Quarantined {
-    /// Its id.
+    /// Id of the worker.
     pub worker: Arc<str>,
-    /// Its name, for people.
+    /// Name of the worker.
     pub name: Arc<str>,
-    /// The host it called from.
+    /// Source address of the worker.
     pub host: Arc<str>,
-    /// The first digits of its token's digest; empty where calls need none.
+    /// First digits of the digest of its token; empty if calls require no token.
     pub credential: Arc<str>,
-    /// Why, in a sentence.
+    /// Reason, in a sentence.
     pub reason: String,
     /// Unix time, ms.
     pub at_ms: i64,
 }
 
-/// Results of a range of tasks.
+/// Stored results of a range of tasks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredRange {
-    /// The round.
+    /// Round of the tasks.
     pub round: u32,
     /// Index of the first task.
     pub first: u32,
-    /// By index from `first` on.
+    /// Results, by index from `first` on.
     pub results: Vec<Arc<[u8]>>,
-    /// The worker that delivered them.
+    /// Worker that delivered the results.
     pub finder: Finder,
 }
 
-/// A job that has not ended, with all it takes to go on.
+/// Active job, with all data to resume it.
 #[derive(Clone, Debug)]
 pub struct StoredJob {
-    /// As it stood.
+    /// Record of the job.
     pub record: JobRecord,
-    /// As it was resolved.
+    /// Resolved job file.
     pub toml: Arc<str>,
-    /// Its state before the round at hand.
+    /// State of the procedure before the current round.
     pub state: RunState,
-    /// Results of the round at hand.
+    /// Results of the current round.
     pub results: Vec<StoredRange>,
 }
 
-/// What a coordinator finds when it starts.
+/// Content of a store that a starting coordinator needs.
 #[derive(Clone, Debug)]
 pub struct Loaded {
-    /// Counts the starts on this store, this one included.
+    /// Number of starts on this store, including this one.
     pub epoch: u64,
-    /// The secret of the store's permits.
+    /// Secret key of the store's permits.
     pub key: PermitKey,
-    /// The number for the next job.
+    /// Number of the next job.
     pub next_job: u64,
-    /// Jobs that go on.
+    /// Active jobs.
     pub active: Vec<StoredJob>,
-    /// Jobs that will never change again.
+    /// Ended jobs.
     pub ended: Vec<JobId>,
-    /// Workers whose results are ignored.
+    /// Quarantined workers.
     pub quarantined: Vec<Quarantined>,
 }
 
-/// The result of a job that succeeded.
+/// Result of a job that succeeded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StoredResult {
-    /// What was told of the sealed rounds, in order.
+    /// Rows of measurements of the sealed rounds, in order.
     pub history: Vec<Row>,
-    /// What the job made.
+    /// Artefacts of the job.
     pub artefacts: Vec<Artefact>,
 }
 
-/// An event as the store keeps it.
+/// Stored event, with the record of its job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StoredEvent {
-    /// The event.
+    /// Event of the change.
     pub event: JobEvent,
-    /// The job as it stood after it.
+    /// Record of the job after the event.
     pub job: JobRecord,
 }
 
-/// Why the store can't do what it should.
+/// Error of a store.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The file or its folder can't be opened or made. Not retryable before that is mended.
-    #[error("the store {store} can't be opened: {reason}")]
+    /// The file, folder or database can't be opened or created. Can't be retried before the cause is removed.
+    #[error("can't open the store {store}: {reason}")]
     Open {
-        /// Which.
+        /// Name of the store, without a password.
         store: String,
-        /// What the system says.
+        /// Message of the system or the database.
         reason: String,
     },
-    /// Another process has it open. Retryable once that has ended.
+    /// Another process has the store open. Can be retried once that process has ended.
     #[error("the store {store} is in use by another coordinator: stop that one, or choose another --store")]
     InUse {
-        /// Which.
+        /// Name of the store, without a password.
         store: String,
     },
-    /// The file is no store, or one of a newer version.
-    #[error("{store} is no store that this version can read: {reason}")]
+    /// The file or database is not a store, or has another version.
+    #[error("{store} is not a store that this version can read: {reason}")]
     Foreign {
-        /// Which.
+        /// Name of the store, without a password.
         store: String,
-        /// Why not.
+        /// Description of the difference.
         reason: String,
     },
-    /// No space left, or a quota. Retryable once there is.
+    /// The disk is full or a quota is reached. Can be retried once there is space.
     #[error(
         "the disk that holds the store {store} is full: free some space and start the coordinator again; nothing that was acknowledged is lost"
     )]
     Full {
-        /// Which.
+        /// Name of the store, without a password.
         store: String,
     },
-    /// Another coordinator is at work on a store that several can reach. Retryable once that has ended.
+    /// Another coordinator is active on a shared store. Can be retried once that one has ended.
     #[error(
-        "another coordinator (start {epoch}) is at work on this store: stop that one, choose another --store, or add --standby \
+        "another coordinator (start {epoch}) is active on this store: stop that one, choose another --store, or add --standby \
          to wait here until it ends"
     )]
     Active {
-        /// The other's epoch.
+        /// Epoch of the active coordinator.
         epoch: u64,
-        /// Changes whenever that one gives a sign of life.
+        /// Unix time of its last renewal, µs; a change shows that the other coordinator is running.
         stamp: i64,
     },
-    /// The database does not answer, or breaks the connection off. Retryable.
+    /// The database does not respond, or closes the connection. Can be retried.
     #[error(
-        "the store {store} can't be reached: {reason}: start the coordinator again once it can; nothing that was acknowledged is lost"
+        "can't reach the store {store}: {reason}; start the coordinator again once the database responds; nothing that was acknowledged is lost"
     )]
     Unreachable {
-        /// Which.
+        /// Name of the store, without a password.
         store: String,
-        /// What the system says.
+        /// Message of the system or the database.
         reason: String,
     },
-    /// Another coordinator has taken the store over; this one's writes change nothing any more.
-    #[error("another coordinator (start {by}) has taken over the store of this one (start {own}): this one stops")]
+    /// Another coordinator has taken over the store. Writes of this one are refused.
+    #[error("another coordinator (start {by}) has taken over the store of this one (start {own}), which stops now")]
     Superseded {
-        /// This coordinator's epoch.
+        /// Epoch of this coordinator.
         own: u64,
-        /// The other's.
+        /// Epoch of the other coordinator.
         by: u64,
     },
-    /// It was closed in an orderly way: whoever asks is late. Retryable, elsewhere or later.
-    #[error("the store is closed: the coordinator stops")]
+    /// The store was closed by a clean shutdown. Can be retried on the next coordinator.
+    #[error("the store is closed because the coordinator is stopping")]
     Closed,
-    /// A stored value that can't be read back.
-    #[error("the store holds a value that can't be read: {what}: restore the store from a copy")]
+    /// A stored value can't be read.
+    #[error("can't read a value in the store: {what}: restore the store from a backup")]
     Corrupt {
-        /// What and why.
+        /// Name of the value, and the fault.
         what: String,
     },
-    /// Anything else that the database says.
+    /// Any other error of the database.
     #[error("the store failed: {0}")]
     Database(String),
 }
 
-/// What a store promises to answer.
+/// Future result of a store's function.
 pub type Answer<'a, T> = Pin<Box<dyn Future<Output = Result<T, StoreError>> + Send + 'a>>;
 
-/// Durable jobs. All functions see what was committed before they were called.
+/// Durable store of jobs. All functions see the changes that were committed before the call.
 pub trait Store: Send + Sync {
-    /// Starts a new epoch and tells all that a coordinator needs to go on. From here on, writes of an earlier epoch are
-    /// refused. Refused itself with [`StoreError::Active`] while another coordinator is at work, on stores that several can
-    /// reach.
+    /// Starts a new epoch and returns all data to resume the jobs. From then on, writes of an earlier epoch are
+    /// refused. Returns [`StoreError::Active`] while another coordinator is active on a shared store.
     fn start(&self) -> Answer<'_, Loaded>;
 
-    /// Commits all of it or nothing; answered once it is on the disk. Refused with [`StoreError::Superseded`] if a
+    /// Commits all changes or none, and returns once they are on the disk. Returns [`StoreError::Superseded`] if a
     /// later epoch has started.
     fn commit(&self, epoch: u64, writes: Vec<Write>) -> Answer<'_, ()>;
 
-    /// How often [`Store::renew`] has to be called, if at all: on stores that several coordinators can reach.
+    /// Interval at which [`Store::renew`] must be called on a shared store; `None` if the store can't be shared.
     fn renew_every(&self) -> Option<Duration> {
         None
     }
 
-    /// Tells other coordinators that this one is at work. Refused with [`StoreError::Superseded`] if a later epoch has
-    /// started.
+    /// Renews the lock on a shared store. Returns [`StoreError::Superseded`] if a later epoch has started.
     fn renew(&self, _epoch: u64) -> Answer<'_, ()> {
         Box::pin(std::future::ready(Ok(())))
     }
 
-    /// Tells other coordinators that this one has ended its work, so that none of them waits.
+    /// Releases the lock on a shared store, so that a standby does not wait.
     fn release(&self, _epoch: u64) -> Answer<'_, ()> {
         Box::pin(std::future::ready(Ok(())))
     }
 
-    /// A job and its text.
+    /// Returns a job and its resolved job file.
     fn job<'a>(&'a self, id: &'a JobId) -> Answer<'a, Option<(JobRecord, String)>>;
 
-    /// The job with this request id.
+    /// Returns the job with this request id.
     fn job_of_request<'a>(&'a self, request_id: &'a str) -> Answer<'a, Option<JobRecord>>;
 
-    /// Up to `limit` jobs with numbers below `below`, newest first; only those in `states` unless that is empty.
+    /// Returns up to `limit` jobs with numbers below `below`, newest first. If `states` is not empty, only jobs in
+    /// these states are returned.
     fn jobs<'a>(&'a self, below: u64, limit: u32, states: &'a [JobState]) -> Answer<'a, Vec<JobRecord>>;
 
-    /// Up to `limit` events after a sequence number, in order.
+    /// Returns up to `limit` events after a sequence number, in order.
     fn events<'a>(&'a self, id: &'a JobId, after: u64, limit: u32) -> Answer<'a, Vec<StoredEvent>>;
 
-    /// Digests of a sealed round's results, by index.
+    /// Returns the digests of a sealed round's results, by index.
     fn digests<'a>(&'a self, id: &'a JobId, round: u32) -> Answer<'a, Option<Vec<Digest>>>;
 
-    /// Up to `limit` sealed rounds from a number on, in order, with their results as far as those are kept.
+    /// Returns up to `limit` sealed rounds from a number on, in order. Results are included if they are kept.
     fn rounds<'a>(&'a self, id: &'a JobId, from: u32, limit: u32) -> Answer<'a, Vec<SealedRound>>;
 
-    /// History and artefacts.
+    /// Returns the history and the artefacts of a job.
     fn result<'a>(&'a self, id: &'a JobId) -> Answer<'a, StoredResult>;
 
-    /// Ends the use of it in an orderly way; whoever asks from here on gets [`StoreError::Closed`]. May be called again.
+    /// Closes the store. Later calls return [`StoreError::Closed`]. May be called several times.
     fn close(&self) -> Answer<'_, ()>;
 }
 
-/// Opens the store that a URL names. `takeover`: after this long without a sign of life from this coordinator another one
-/// may take over, where several can reach the store.
-// Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+/// Opens the store with this URL. On a shared store, another coordinator may take over if this one does not renew its
+/// lock for `takeover`.
+// Boxed, so that it is compiled once, here, and not in every crate that awaits it.
 pub fn open(url: &StoreUrl, takeover: Duration) -> Answer<'_, Arc<dyn Store>> {
     Box::pin(async move {
         Ok(match url {

@@ -1,7 +1,7 @@
-//! What the SQL stores share: how a statement is run, and the [`Store`] that follows from it.
+//! Common part of the SQL stores: statements with values, and the implementation of [`Store`].
 //!
-//! A dialect says how connections are had, how an epoch starts and how a group of writes is committed; the statements are in
-//! `tables`, the same for all.
+//! A dialect implements connections, the start of an epoch and the commit of a group. All dialects share the statements
+//! in `tables`.
 
 use super::tables::{self, Trouble};
 use super::{Answer, Loaded, SealedRound, Store, StoreError, StoredEvent, StoredResult, Write};
@@ -12,8 +12,7 @@ use sqlx::{Database, Decode, Encode, IntoArguments, Type};
 use std::ops::DerefMut;
 use std::time::Duration;
 
-/// A value for a statement. There is no floating-point number among them: those are in blobs, where no database touches
-/// their bits.
+/// Value for a statement. Floating-point numbers are not among them: they are in blobs, which preserve their bits.
 pub(super) enum Value<'a> {
     Number(i64),
     Text(&'a str),
@@ -27,7 +26,7 @@ impl From<u32> for Value<'_> {
 }
 
 impl From<u64> for Value<'_> {
-    /// Numbers count from 0 and never come near the limit, which stands for "all of them" where one is exceeded.
+    /// Numbers count from 0 and stay far below the limit of `i64`. A larger value means "no limit".
     fn from(number: u64) -> Self {
         Self::Number(i64::try_from(number).unwrap_or(i64::MAX))
     }
@@ -57,11 +56,11 @@ impl From<Vec<u8>> for Value<'_> {
     }
 }
 
-/// A row of an answer, by column.
+/// Row of a query's result, by column.
 pub(super) trait Row: Send {
     fn number(&self, column: usize) -> Result<i64, sqlx::Error>;
     fn text(&self, column: usize) -> Result<String, sqlx::Error>;
-    /// NULL reads as empty.
+    /// Returns the bytes; empty for NULL.
     fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error>;
 }
 
@@ -85,7 +84,7 @@ where
     }
 }
 
-/// A statement with its values.
+/// Binds values to a statement.
 pub(super) fn statement<'a, DB: Database>(sql: &'static str, values: Vec<Value<'a>>) -> Query<'a, DB, DB::Arguments>
 where
     DB::Arguments: IntoArguments<DB>,
@@ -100,7 +99,7 @@ where
     })
 }
 
-/// Results of one range, for the table.
+/// Row of the results table: results of one range.
 pub(super) struct ResultRow {
     pub job: JobId,
     pub round: u32,
@@ -108,39 +107,39 @@ pub(super) struct ResultRow {
     pub results: Vec<u8>,
 }
 
-/// A connection. Placeholders are `$1`, `$2`, …, which both databases read.
+/// Connection. Placeholders are `$1`, `$2`, …, which both databases accept.
 pub(super) trait Sql: Send {
     type Row: Row;
 
-    /// Runs a statement and tells how many rows it touched.
+    /// Runs a statement and returns the number of changed rows.
     fn run(
         &mut self,
         sql: &'static str,
         values: Vec<Value<'_>>,
     ) -> impl Future<Output = Result<u64, sqlx::Error>> + Send;
 
-    /// Runs a query.
+    /// Runs a query and returns its rows.
     fn rows(
         &mut self,
         sql: &'static str,
         values: Vec<Value<'_>>,
     ) -> impl Future<Output = Result<Vec<Self::Row>, sqlx::Error>> + Send;
 
-    /// Inserts what there is most of.
+    /// Inserts results. Most rows are results, so each dialect has its fastest way.
     fn insert_results(&mut self, rows: Vec<ResultRow>) -> impl Future<Output = Result<(), sqlx::Error>> + Send;
 }
 
-/// A database that keeps a store.
+/// Database for a store.
 pub(super) trait Dialect: Send + Sync {
     type Connection: Sql;
     type Lent<'a>: DerefMut<Target = Self::Connection> + Send
     where
         Self: 'a;
 
-    /// A connection for a query.
+    /// Returns a connection for a query.
     fn connection(&self) -> impl Future<Output = Result<Self::Lent<'_>, StoreError>> + Send;
 
-    /// What an error means for whoever runs the coordinator.
+    /// Converts an error of the database, with advice for the operator.
     fn failure(&self, error: sqlx::Error) -> StoreError;
 
     /// See [`Store::start`].
@@ -167,7 +166,7 @@ pub(super) trait Dialect: Send + Sync {
     /// See [`Store::close`].
     fn close(&self) -> impl Future<Output = Result<(), StoreError>> + Send;
 
-    /// The same for what a query finds in the tables.
+    /// Converts an error of a query.
     fn trouble(&self, trouble: Trouble) -> StoreError {
         match trouble {
             Trouble::Database(error) => self.failure(error),

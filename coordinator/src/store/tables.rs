@@ -1,4 +1,4 @@
-//! The statements of the SQL stores: one text for all dialects.
+//! Statements of the SQL stores, the same for all dialects.
 
 use super::blob;
 use super::sql::{ResultRow, Row as _, Sql};
@@ -9,7 +9,7 @@ use sim_core::base::digest::Digest;
 use sim_core::procedure::Artefact;
 use std::collections::BTreeSet;
 
-/// What can go wrong: the database, or what it holds.
+/// Error of the database, or of its content.
 pub(super) enum Trouble {
     Database(sqlx::Error),
     Content(StoreError),
@@ -27,9 +27,9 @@ impl From<StoreError> for Trouble {
     }
 }
 
-/// All writes of a group, in their order, inside a transaction.
+/// Applies all changes of a group, in order, inside a transaction.
 pub(super) async fn apply_all(sql: &mut impl Sql, writes: &[Write]) -> Result<(), sqlx::Error> {
-    // Results that follow each other go in together: a database that is far away is asked once.
+    // Consecutive results are inserted together: a remote database then gets one request.
     let mut results = Vec::new();
     for (write, has_last_record) in writes.iter().zip(last_records(writes)) {
         if let Write::Results { job, round, ranges, finder } = write {
@@ -49,8 +49,8 @@ pub(super) async fn apply_all(sql: &mut impl Sql, writes: &[Write]) -> Result<()
     if results.is_empty() { Ok(()) } else { sql.insert_results(results).await }
 }
 
-/// Of each write, whether no later one has its job's record, too: a record with many doubts is large, and changes with each
-/// answer.
+/// Returns, for each change, true if it is the last one with its job's record. Only that record is written: a record
+/// with many disputes is large, and changes with each result.
 fn last_records(writes: &[Write]) -> Vec<bool> {
     let mut seen = BTreeSet::new();
     let mut last: Vec<bool> =
@@ -79,11 +79,12 @@ async fn apply(sql: &mut impl Sql, write: &Write, has_last_record: bool) -> Resu
                 .await?;
             insert_events(sql, record, std::slice::from_ref(event)).await
         }
-        // They are inserted together, see above.
+        // Inserted together by [`apply_all`].
         Write::Results { .. } => Ok(()),
         Write::Seal { record, sealed, state, events } => {
             insert_round(sql, &record.id, sealed).await?;
-            // In one statement: a row is written whole, and the state of a large search is most of it.
+            // One statement for all columns: each update writes the whole row, and the state of a large search is most
+            // of it.
             let values =
                 vec![blob::encode(state).into(), record.state.into(), blob::encode(record).into(), (&record.id).into()];
             sql.run("UPDATE jobs SET run = $1, state = $2, record = $3 WHERE id = $4", values).await?;
@@ -155,7 +156,7 @@ async fn insert_round(sql: &mut impl Sql, id: &JobId, sealed: &SealedRound) -> R
         (*number).into(),
         blob::encode(row).into(),
         blob::encode_digests(digests).into(),
-        // Empty: not kept.
+        // Empty if the results are not kept.
         results.as_deref().map_or_else(Vec::new, blob::encode_results).into(),
     ];
     let insert = "INSERT INTO rounds (job, round, told, digests, results) VALUES ($1, $2, $3, $4, $5)";
@@ -171,7 +172,7 @@ async fn insert_events(sql: &mut impl Sql, record: &JobRecord, events: &[JobEven
     Ok(())
 }
 
-/// All that a coordinator needs to go on in a new epoch. `row` has the epoch and the secret of permits.
+/// Loads all data to resume the jobs in a new epoch. `row` has the epoch and the secret key of the permits.
 pub(super) async fn start<S: Sql>(sql: &mut S, row: Option<S::Row>) -> Result<Loaded, Trouble> {
     let row = row.ok_or(sqlx::Error::RowNotFound)?;
     let corrupt = |_| StoreError::Corrupt { what: "the secret of permits".to_owned() };
@@ -294,7 +295,7 @@ mod tests {
     use crate::record::Finder;
     use sqlx::sqlite::SqliteRow;
 
-    /// Counts what it is told to change.
+    /// Records the statements that change data.
     #[derive(Default)]
     struct Counter(Vec<&'static str>);
 
@@ -317,7 +318,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_job_that_changes_often_in_a_commit_is_written_once() {
+    async fn repeatedly_changed_job_is_written_once_per_commit() {
         let (job, other) = (record(1), record(2));
         let mut writes = vec![submit(&job), submit(&other), Write::Note { record: other.clone() }];
         for sequence in 2..100 {
@@ -330,7 +331,7 @@ mod tests {
         let mut counter = Counter::default();
         apply_all(&mut counter, &writes).await.unwrap();
         let count = |what: &str| counter.0.iter().filter(|sql| sql.starts_with(what)).count();
-        assert_eq!(count("UPDATE jobs SET state"), 2, "each job");
+        assert_eq!(count("UPDATE jobs SET state"), 2, "one update for each job");
         assert_eq!(count("INSERT INTO events"), 2 + 98);
     }
 }

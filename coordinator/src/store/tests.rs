@@ -1,4 +1,4 @@
-//! One suite, run on every store.
+//! Test suite that runs on every store.
 
 pub(crate) mod places;
 
@@ -9,7 +9,7 @@ use sim_core::base::digest::Digest;
 use sim_core::procedure::{Progress, Value};
 use std::path::Path;
 
-/// Bits that do not survive careless storage: -0, NaN with a payload, infinity, the smallest number.
+/// Bits that careless storage changes: -0, NaN with a payload, infinity, the smallest number.
 const ODD: [u64; 5] = [0x8000_0000_0000_0000, 0x7ff8_0000_dead_beef, 0xfff0_0000_0000_0000, 1, 0];
 
 fn values() -> Vec<Value> {
@@ -84,7 +84,7 @@ fn sealed(number: u32) -> SealedRound {
     }
 }
 
-/// Seals the round before the record's; an even one keeps its results.
+/// Seals round `rounds_sealed - 1` of the record. A round with an even number keeps its results.
 fn seal(record: &JobRecord, sequence: u64) -> Write {
     Write::Seal {
         record: record.clone(),
@@ -108,7 +108,7 @@ fn artefact(name: &str, content: &[u8]) -> Artefact {
     Artefact { name: name.to_owned(), media_type: "application/json".to_owned(), content: content.to_vec() }
 }
 
-/// Writes the same tests for each store.
+/// Generates the same tests for each store.
 macro_rules! on_every_store {
     ($($(#[$doc:meta])* async fn $name:ident($store:ident) $body:block)*) => {
         mod memory {
@@ -128,7 +128,7 @@ macro_rules! on_every_store {
 }
 
 on_every_store! {
-    async fn what_was_committed_is_there_after_a_restart_bit_by_bit(store) {
+    async fn committed_data_survives_restart_with_all_bits(store) {
         let loaded = store.start().await.unwrap();
         let (epoch, key) = (loaded.epoch, loaded.key);
         let job = record(1);
@@ -138,7 +138,7 @@ on_every_store! {
         let store = store.reopen().await;
         let loaded = store.start().await.unwrap();
         assert_eq!((loaded.epoch, loaded.next_job, loaded.ended.len()), (epoch + 1, 2, 0));
-        assert!(loaded.key.is_the_same_as(&key), "permits stay good");
+        assert!(loaded.key.is_the_same_as(&key), "permits must stay valid");
         let [stored] = loaded.active.as_slice() else { panic!("one job") };
         assert_eq!(stored.record, job);
         assert_eq!((&*stored.toml, &stored.state), ("name = \"x\"", &RunState { procedure: vec![1, 2, 3], last: None }));
@@ -146,7 +146,7 @@ on_every_store! {
         assert_eq!(stored.results, expected);
     }
 
-    async fn sealing_replaces_results_and_moves_everything_on_at_once(store) {
+    async fn sealing_replaces_results_and_state_at_once(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let after = JobRecord {
@@ -175,7 +175,7 @@ on_every_store! {
         assert_eq!(sequence(store.events(&job.id, 0, 10).await.unwrap()), [1, 2, 3, 4, 5]);
         assert_eq!(sequence(store.events(&job.id, 1, 1).await.unwrap()), [2]);
         let history = store.result(&job.id).await.unwrap().history;
-        assert_eq!(history, [0, 1].map(|n| sealed(n).row.expect("it has one")));
+        assert_eq!(history, [0, 1].map(|n| sealed(n).row.expect("the round has a row")));
     }
 
     async fn offered_batch_replaces_the_state(store) {
@@ -188,7 +188,7 @@ on_every_store! {
         assert_eq!((stored.record, stored.state), (job, state(&[8])));
     }
 
-    async fn event_is_stored_with_the_job_as_it_stood(store) {
+    async fn event_is_stored_with_its_job_record(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let later = JobRecord { paused: true, last_event: 2, ..job.clone() };
@@ -200,7 +200,7 @@ on_every_store! {
         assert_eq!(stored, &StoredEvent { event: paused, job: later });
     }
 
-    async fn what_is_noted_of_a_job_survives_with_all_its_bits_and_is_no_event(store) {
+    async fn note_survives_restart_without_an_event(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let claim = |worker: &str, bits: u64| Claim {
@@ -239,7 +239,7 @@ on_every_store! {
         assert_eq!(store.events(&job.id, 0, 10).await.unwrap().len(), 1);
     }
 
-    async fn of_several_changes_in_a_commit_the_last_one_stands_and_all_are_told(store) {
+    async fn last_change_of_commit_stays_in_record(store) {
         let epoch = store.start().await.unwrap().epoch;
         let (job, other) = (record(1), record(2));
         let step = |n: u64| {
@@ -254,7 +254,7 @@ on_every_store! {
         assert_eq!(store.job(&job.id).await.unwrap().unwrap().0, expected);
         assert_eq!(store.events(&job.id, 0, 10).await.unwrap().len(), 4);
 
-        // However it ends, nothing of what it needed is left.
+        // The end of the job removes its state and results.
         let epoch = store.start().await.unwrap().epoch;
         let last = JobRecord { state: JobState::Cancelled, last_event: 5, ..job.clone() };
         let cancel = Write::Change { record: last.clone(), event: event(5, JobState::Cancelled) };
@@ -265,7 +265,7 @@ on_every_store! {
         assert_eq!(loaded.active.len(), 1);
     }
 
-    async fn restart_takes_over_the_rounds_before_it_and_no_others(store) {
+    async fn restart_takes_over_earlier_rounds_only(store) {
         let epoch = store.start().await.unwrap().epoch;
         let (old, new) = (record(1), record(2));
         let at = |n| JobRecord { rounds_sealed: n, last_event: 2 * u64::from(n) + 1, ..old.clone() };
@@ -280,7 +280,7 @@ on_every_store! {
         assert_eq!(loaded.active.len(), 1);
         assert_eq!(store.rounds(&new.id, 0, 9).await.unwrap(), [sealed(0)]);
         assert_eq!(store.digests(&new.id, 0).await.unwrap(), Some(sealed(0).digests));
-        assert_eq!(store.rounds(&old.id, 0, 9).await.unwrap().len(), 2, "the old one keeps what it had");
+        assert_eq!(store.rounds(&old.id, 0, 9).await.unwrap().len(), 2, "the old job keeps its rounds");
     }
 
     async fn quarantine_survives_and_the_first_reason_stays(store) {
@@ -327,22 +327,22 @@ on_every_store! {
         assert_eq!(after.active[0].record, before.active[0].record);
     }
 
-    async fn a_commit_that_fails_leaves_nothing_behind(store) {
+    async fn failed_commit_changes_nothing(store) {
         let epoch = store.start().await.unwrap().epoch;
-        // The second breaks the uniqueness of request ids.
+        // The second job has the request id of the first.
         let twin = JobRecord { number: 2, id: JobId::new(2, &Digest([5; 32])), ..record(1) };
         assert!(store.commit(epoch, vec![submit(&record(1)), submit(&twin)]).await.is_err());
         assert!(store.jobs(u64::MAX, 10, &[]).await.unwrap().is_empty());
         store.commit(epoch, vec![submit(&record(1))]).await.unwrap();
-        assert!(store.commit(epoch, vec![submit(&twin)]).await.is_err(), "nor does it come later");
+        assert!(store.commit(epoch, vec![submit(&twin)]).await.is_err(), "the request id is in use");
         assert_eq!(store.jobs(u64::MAX, 10, &[]).await.unwrap(), [record(1)]);
         store.commit(epoch, vec![submit(&record(2))]).await.unwrap();
     }
 
-    async fn large_round_comes_back_bit_by_bit(store) {
+    async fn large_round_survives_restart_with_all_bits(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
-        // Any bytes at all, in ranges with gaps between them.
+        // Arbitrary bytes, in ranges with gaps between them.
         let bits = |i: u32| u64::from(i).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let range = |first: u32| (first, (first..first + 9).map(|i| result(bits(i))).collect::<Vec<_>>());
         let ranges: Vec<_> = (0..10_000).step_by(10).map(range).collect();
@@ -365,9 +365,9 @@ on_every_store! {
         assert!(store.rounds(&job.id, 0, 1).await.unwrap() == [round]);
     }
 
-    async fn names_keep_every_letter(store) {
+    async fn names_keep_every_character(store) {
         let epoch = store.start().await.unwrap().epoch;
-        // The last two look the same, and are not.
+        // The last two look the same, but differ.
         let names = ["机器人 🦎", "'; DROP TABLE jobs; --", "a\\b\"c\nd\te %s $1 ?", "\u{202e}gnal", "\u{e9}", "e\u{301}"];
         let named = |(i, name): (usize, &&str)| {
             JobRecord { name: name.to_string(), request_id: name.to_string(), ..record(i as u64 + 1) }
@@ -385,10 +385,10 @@ on_every_store! {
             assert_eq!(store.job_of_request(&job.request_id).await.unwrap().as_ref(), Some(job));
             assert_eq!(store.job(&job.id).await.unwrap(), Some((job.clone(), job.name.clone())));
         }
-        assert!(store.job_of_request("\u{c9}").await.unwrap().is_none(), "letters have a case");
+        assert!(store.job_of_request("\u{c9}").await.unwrap().is_none(), "request ids are case-sensitive");
     }
 
-    async fn who_comes_after_the_end_is_told_so_and_the_end_may_come_twice(store) {
+    async fn calls_after_closing_are_refused(store) {
         let epoch = store.start().await.unwrap().epoch;
         store.commit(epoch, vec![submit(&record(1))]).await.unwrap();
         store.release(epoch).await.unwrap();
@@ -399,7 +399,7 @@ on_every_store! {
         }
     }
 
-    async fn jobs_are_found_by_id_by_request_and_in_pages(store) {
+    async fn jobs_are_found_by_id_request_and_page(store) {
         let epoch = store.start().await.unwrap().epoch;
         let jobs: Vec<_> = (1..=5).map(record).collect();
         store.commit(epoch, jobs.iter().map(submit).collect()).await.unwrap();
@@ -421,7 +421,7 @@ on_every_store! {
         assert_eq!(loaded.ended, [jobs[1].id.clone(), jobs[3].id.clone()]);
     }
 
-    async fn ended_job_keeps_its_artefacts_and_drops_what_it_needed(store) {
+    async fn ended_job_keeps_artefacts_and_loses_state(store) {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let done = JobRecord { state: JobState::Succeeded, rounds_sealed: 1, last_event: 2, ..job.clone() };
@@ -429,7 +429,7 @@ on_every_store! {
         let range = results(&job, 0, vec![(0, vec![result(1)])]);
         store.commit(epoch, vec![submit(&job), range, finish(&done, artefacts.clone())]).await.unwrap();
         let store = store.reopen().await;
-        let history = vec![sealed(0).row.expect("it has one")];
+        let history = vec![sealed(0).row.expect("the round has a row")];
         assert_eq!(store.result(&job.id).await.unwrap(), StoredResult { history, artefacts });
         assert_eq!(store.job(&job.id).await.unwrap().unwrap().0, done);
         assert!(store.start().await.unwrap().active.is_empty());
@@ -437,7 +437,7 @@ on_every_store! {
 }
 
 #[tokio::test]
-async fn a_closed_sqlite_store_is_one_file_with_everything_in_it() {
+async fn closed_sqlite_store_is_one_complete_file() {
     let file = File::new().await;
     let epoch = file.start().await.unwrap().epoch;
     file.commit(epoch, vec![submit(&record(1))]).await.unwrap();
@@ -456,10 +456,10 @@ async fn a_closed_sqlite_store_is_one_file_with_everything_in_it() {
 }
 
 #[tokio::test]
-async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
+async fn unusable_store_is_refused_with_reason() {
     let folder = tempfile::tempdir().unwrap();
     let refused = async |path: &Path| match SqliteStore::open(path).await {
-        Ok(_) => panic!("{} opened", path.display()),
+        Ok(_) => panic!("{} must be refused", path.display()),
         Err(error) => (error.to_string(), error),
     };
     let (text, error) = refused(&folder.path().join("none/s.db")).await;
@@ -468,7 +468,7 @@ async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
     assert!(matches!(error, StoreError::Open { .. }) && text.contains("it is a folder"), "{text}");
 
     let text_file = folder.path().join("letter.txt");
-    std::fs::write(&text_file, "Dear reader, this is no database. ".repeat(100)).unwrap();
+    std::fs::write(&text_file, "This text is not a database. ".repeat(100)).unwrap();
     let (text, error) = refused(&text_file).await;
     assert!(matches!(error, StoreError::Foreign { .. }), "{text}");
 
@@ -479,7 +479,7 @@ async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
 }
 
 #[tokio::test]
-async fn a_database_of_another_program_or_version_is_left_alone() {
+async fn database_of_another_program_or_version_is_refused() {
     use sqlx::ConnectOptions as _;
     let folder = tempfile::tempdir().unwrap();
     for (name, sql, reason) in [
@@ -492,7 +492,7 @@ async fn a_database_of_another_program_or_version_is_left_alone() {
         (
             "older.db",
             "CREATE TABLE a (a); PRAGMA application_id = 1702260583; PRAGMA user_version = 3",
-            "an older version of evogait, whose jobs were no rounds of tasks",
+            "an older version of evogait, which did not store jobs as rounds of tasks",
         ),
     ] {
         let path = folder.path().join(name);
@@ -500,7 +500,7 @@ async fn a_database_of_another_program_or_version_is_left_alone() {
         let mut connection = options.connect().await.unwrap();
         sqlx::raw_sql(sql).execute(&mut connection).await.unwrap();
         sqlx::Connection::close(connection).await.unwrap();
-        let error = SqliteStore::open(&path).await.err().expect("refused").to_string();
+        let error = SqliteStore::open(&path).await.err().expect("the file is refused").to_string();
         assert!(error.contains(reason), "{error}");
     }
 }

@@ -1,39 +1,37 @@
-//! `--store`: which store, as text.
+//! `--store` URLs of stores.
 
 use super::{BadPostgresUrl, PostgresUrl};
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Names a store.
+/// URL of a store.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StoreUrl {
-    /// `sqlite:PATH`: a SQLite file, made if it is not there.
+    /// `sqlite:PATH`: a SQLite file, created if it does not exist.
     Sqlite(PathBuf),
     /// `postgres://USER@HOST:PORT/DATABASE`: a database that several coordinators can reach.
     Postgres(PostgresUrl),
-    /// `memory:`: forgotten when the coordinator ends. For tests.
+    /// `memory:`: a store in memory, for tests. It is lost when the coordinator exits.
     Memory,
 }
 
-/// A text that names no store.
+/// Text that is not a store URL.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BadStoreUrl {
-    /// It starts like none.
-    #[error("'{0}' names no store: write sqlite:PATH, such as sqlite:evogait.db, or postgres://USER@HOST/DATABASE")]
+    /// The scheme is unknown, or the path is missing.
+    #[error("'{0}' is not a store URL: write sqlite:PATH, such as sqlite:evogait.db, or postgres://USER@HOST/DATABASE")]
     Unknown(String),
-    /// A name that SQLite's own URLs have for something else than a file.
+    /// SQLite's own notation for a store that is not a file.
     #[error(
-        "'{0}' names no file, and jobs that are not in a file are lost when the coordinator ends: write sqlite:PATH, such as \
-         sqlite:evogait.db, without options; where a file has this name, put its folder before it, as in sqlite:./PATH"
+        "'{0}' is not a file: jobs that are not in a file are lost when the coordinator exits: write sqlite:PATH, such as \
+         sqlite:evogait.db, without options. If a file has this name, write its folder before it, as in sqlite:./PATH"
     )]
     NoFile(String),
-    /// A name with options, as in other programs' URLs.
-    #[error(
-        "'{0}' has a '?', as if options followed, and there are none: write sqlite:PATH, such as sqlite:evogait.db"
-    )]
+    /// A path with options, as in other programs' URLs.
+    #[error("'{0}' has a '?', but sqlite: URLs have no options: write sqlite:PATH, such as sqlite:evogait.db")]
     Options(String),
-    /// It starts like a database, and goes on otherwise.
+    /// Invalid URL of a PostgreSQL database.
     #[error(transparent)]
     Postgres(#[from] BadPostgresUrl),
 }
@@ -44,7 +42,7 @@ impl FromStr for StoreUrl {
     fn from_str(text: &str) -> Result<Self, BadStoreUrl> {
         match text.split_once(':') {
             Some(("sqlite", path)) if !path.is_empty() => {
-                // `sqlite:///absolute` and `sqlite:path` both are in use.
+                // Both `sqlite:///absolute` and `sqlite:path` are in common use.
                 let path = path.strip_prefix("//").filter(|p| !p.is_empty()).unwrap_or(path);
                 let begins = |with: &str| path.get(..with.len()).is_some_and(|p| p.eq_ignore_ascii_case(with));
                 if begins(":memory:") || begins("file:") {
@@ -57,7 +55,7 @@ impl FromStr for StoreUrl {
             }
             Some(("postgres" | "postgresql", _)) => Ok(Self::Postgres(text.parse()?)),
             Some(("memory", "")) => Ok(Self::Memory),
-            // What follows a scheme of somebody else's may hold a password.
+            // The rest of a URL with an unknown scheme may contain a password.
             Some((scheme, rest)) if rest.starts_with("//") => Err(BadStoreUrl::Unknown(format!("{scheme}://…"))),
             _ => Err(BadStoreUrl::Unknown(text.to_owned())),
         }

@@ -1,4 +1,4 @@
-//! The `[gaits]` table of a job.
+//! Settings of a job's gaits: the `[gaits]` table.
 
 use super::Controller;
 use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
@@ -10,25 +10,25 @@ use crate::physics::TICK;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The `[gaits]` table.
+/// Settings of a job's gaits, the `[gaits]` table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GaitsSpec {
-    /// k, the number of gaits of a candidate.
+    /// Number of gaits of a candidate, k.
     pub count: u32,
-    /// τ, how long each is applied, s.
+    /// Duration of each gait, τ, s.
     #[serde(default = "paper_duration")]
     pub duration: f64,
     /// Controller that generates the joint targets.
     #[serde(default)]
     pub controller: Chosen<dyn Controller>,
-    /// Bounds of parameters that differ from the controller's own, by the parameter's name: `mu = [0.3, 1.3]`.
+    /// Bounds that replace the controller's own, by name of the parameter: `mu = [0.3, 1.3]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub bounds: BTreeMap<String, (f64, f64)>,
 }
 
 impl GaitsSpec {
-    /// That of a motion that is not made of gaits and lasts so long, s.
+    /// Returns the settings of a motion that is not made of gaits and lasts `duration` s.
     pub(crate) fn of_motion(duration: f64) -> Self {
         Self { count: 1, duration, controller: Chosen::default(), bounds: BTreeMap::new() }
     }
@@ -46,14 +46,15 @@ pub(crate) fn validate_gaits(gaits: &GaitsSpec) -> Result<(), Invalid> {
     faults.end()
 }
 
-/// Refuses gaits that end between two steps. `field`: what is wrong if one does.
+/// Refuses a duration that is not a whole number of physics steps and of ticks. `field` is the field that the error
+/// names.
 pub(crate) fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32) -> Result<(), Invalid> {
     let steps = gaits.duration * f64::from(steps_per_second);
     let ticks = gaits.duration / TICK;
     if (steps - libm::round(steps)).abs() > 1e-6 || (ticks - libm::round(ticks)).abs() > 1e-6 {
         let reason = format!(
             "{} s is not a whole number of physics steps ({steps_per_second} a second) and of ticks of the target table \
-             (200 a second)",
+             (200 a second); choose a duration that is a whole number of both",
             gaits.duration
         );
         return Err(Invalid::Conflict { field: field.into(), reason });
@@ -61,7 +62,7 @@ pub(crate) fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32)
     Ok(())
 }
 
-/// The space of gait sets: that of one gait, once a gait, with the job's bounds.
+/// Returns the space of gait sets: the genes of one gait, repeated for every gait, with the job's bounds.
 pub(crate) fn space_of(gaits: &GaitsSpec, robot: &Robot) -> Result<Space, Invalid> {
     let controller = gaits.controller.0;
     let Space { mut genes, length } = controller.space(robot);
@@ -74,8 +75,10 @@ pub(crate) fn space_of(gaits: &GaitsSpec, robot: &Robot) -> Result<Space, Invali
         }
     }
     if length != Length::Fixed && gaits.count > 1 {
-        let reason =
-            format!("a gait of controller \"{}\" is a sequence, of which a candidate has one", controller.name());
+        let reason = format!(
+            "a gait of controller \"{}\" is a sequence, and a candidate has only one sequence: set it to 1",
+            controller.name()
+        );
         return Err(Invalid::Conflict { field: "gaits.count".into(), reason });
     }
     let gait = Space { genes, length };
@@ -91,7 +94,7 @@ fn is_fixed(gene: Gene) -> bool {
     low == high
 }
 
-/// Gives the genes of a gait the bounds of their parameters.
+/// Sets the bounds of a gait's genes by the name of their parameter.
 fn set_bounds(genes: &mut [NamedGene], bounds: &BTreeMap<String, (f64, f64)>) -> Result<(), Invalid> {
     for (parameter, &(low, high)) in bounds {
         let field = format!("gaits.bounds.{parameter}");

@@ -1,4 +1,4 @@
-//! A Hopf oscillator a joint: Eq. 2 of Vonásek and Faigl (2016), after Righetti and Ijspeert (2008).
+//! Hopf oscillators, one for each joint: Eq. 2 of Vonásek and Faigl (2016), after Righetti and Ijspeert (2008).
 
 use super::{Controller, Infeasible, Parameter, Signals, phase};
 use crate::base::registry::Component;
@@ -6,15 +6,17 @@ use crate::base::simd::{Level, at_level};
 use crate::physics::TICK;
 use fearless_simd::prelude::*;
 
-/// ẋ = α (μ − r²) x − ω y, ẏ = β (μ − r²) y + ω x, ω = ω₁ / (e^{−b y} + 1) + ω₂ / (e^{b y} + 1); the signal is x.
+/// Hopf oscillators: ẋ = α (μ − r²) x − ω y, ẏ = β (μ − r²) y + ω x, ω = ω₁ / (e^{−b y} + 1) + ω₂ / (e^{b y} + 1). The
+/// signal is x.
 ///
-/// For α, β > 0 it converges to the circle of radius √μ. The bounds are the paper's. It starts at x = 0.1, y = 0.
+/// For α, β > 0 an oscillator converges to the circle of radius √μ. It starts at x = 0.1, y = 0. The bounds are the
+/// paper's.
 pub struct Hopf;
 
 /// Start of the oscillators, (x, y); the paper gives none.
 const START: (f64, f64) = (0.1, 0.0);
 
-/// Parameters of an oscillator.
+/// Number of parameters of an oscillator.
 const EACH: usize = 6;
 
 impl Component for Hopf {
@@ -35,7 +37,7 @@ impl Controller for Hopf {
         ]
     }
 
-    /// The state is x and y of every oscillator, eight bytes each.
+    /// Integrates the oscillators. The state holds x and y of every oscillator, eight bytes each.
     fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
         let mut states = match from {
             None => vec![START; gait.len() / EACH],
@@ -49,7 +51,7 @@ impl Controller for Hopf {
     }
 }
 
-/// The states of oscillators.
+/// Decodes the states of oscillators; `None` if the bytes are not whole pairs of numbers.
 fn read(bytes: &[u8]) -> Option<Vec<(f64, f64)>> {
     let (numbers, rest) = bytes.as_chunks();
     let (states, alone) = numbers.as_chunks();
@@ -57,8 +59,9 @@ fn read(bytes: &[u8]) -> Option<Vec<(f64, f64)>> {
     (rest.is_empty() && alone.is_empty()).then(|| states.iter().map(state).collect())
 }
 
-/// All oscillators of a gait from these states to those of the last tick, as many side by side as there are lanes. Only sums, products and quotients, each rounded as
-/// IEEE 754 says: the bits are the same at every width.
+/// Integrates all oscillators of a gait from the given states to those of the last tick, as many side by side as there
+/// are lanes. It uses only sums, products and quotients, each rounded as IEEE 754 prescribes, so the bits are the same
+/// at every width.
 #[inline(always)]
 fn integrate<S: Simd>(simd: S, gait: &[f64], states: &mut [(f64, f64)], ticks: usize) -> Vec<Vec<f64>> {
     let mut signals = Vec::with_capacity(gait.len() / EACH);
@@ -85,12 +88,12 @@ fn integrate<S: Simd>(simd: S, gait: &[f64], states: &mut [(f64, f64)], ticks: u
     signals
 }
 
-/// Parameters of oscillators side by side; lanes that are not in use are all zero.
+/// Parameters of oscillators side by side; unused lanes are zero.
 struct Oscillators<S: Simd> {
     mu: S::f64s,
     alpha: S::f64s,
     beta: S::f64s,
-    /// ω₂ and ω₁ − ω₂.
+    /// ω₂; `more` is ω₁ − ω₂.
     omega2: S::f64s,
     more: S::f64s,
     b: S::f64s,
@@ -109,7 +112,8 @@ impl<S: Simd> Oscillators<S> {
         Self { mu, alpha, beta, omega2, more: omega1 - omega2, b }
     }
 
-    /// A tick by Runge and Kutta's method of fourth order, stable here up to steps of about 21 ms.
+    /// Returns the state one tick later, by the Runge–Kutta method of fourth order, which is stable here up to steps of
+    /// about 21 ms.
     #[inline(always)]
     fn step(&self, simd: S, at: (S::f64s, S::f64s)) -> (S::f64s, S::f64s) {
         let (half, whole, two) = (number(simd, TICK / 2.0), number(simd, TICK), number(simd, 2.0));
@@ -121,30 +125,31 @@ impl<S: Simd> Oscillators<S> {
         (at.0 + sixth * (k1.0 + two * (k2.0 + k3.0) + k4.0), at.1 + sixth * (k1.1 + two * (k2.1 + k3.1) + k4.1))
     }
 
-    /// Eq. 2.
+    /// Returns the rate of change of (x, y) by Eq. 2.
     #[inline(always)]
     fn rate(&self, simd: S, (x, y): (S::f64s, S::f64s)) -> (S::f64s, S::f64s) {
-        // 1 / (e^{−z} + 1) + 1 / (e^{z} + 1) = 1, so one sigmoid does for both.
+        // 1 / (e^{−z} + 1) + 1 / (e^{z} + 1) = 1, so one sigmoid is enough for both terms.
         let omega = self.omega2 + self.more * sigmoid(simd, self.b * y);
         let pull = self.mu - (x * x + y * y);
         (self.alpha * pull * x - omega * y, self.beta * pull * y + omega * x)
     }
 }
 
-/// The same number in every lane.
+/// Returns the same number in every lane.
 #[inline(always)]
 fn number<S: Simd>(simd: S, value: f64) -> S::f64s {
     S::f64s::splat(simd, value)
 }
 
-/// 1 / (1 + e^{−z}), off by less than 10⁻⁹: e^w = (e^{w/16})¹⁶ by Taylor's sum of degree 8, with z kept within ± 20.
+/// Returns 1 / (1 + e^{−z}) with an error below 10⁻⁹: e^w = (e^{w/16})¹⁶ by a Taylor sum of degree 8, with z kept
+/// within ± 20.
 #[inline(always)]
 fn sigmoid<S: Simd>(simd: S, z: S::f64s) -> S::f64s {
     let (one, most) = (number(simd, 1.0), number(simd, 20.0));
     let z = z.simd_gt(most).select(most, z);
     let z = z.simd_lt(-most).select(-most, z);
     let w = z * number(simd, -1.0 / 16.0);
-    // Estrin's order: the chain of dependent operations is what takes the time.
+    // Estrin's scheme, because the chain of dependent operations takes most of the time.
     let (w2, w4) = (w * w, w * w * (w * w));
     let low = (one + w) + w2 * (number(simd, 1.0 / 2.0) + w * number(simd, 1.0 / 6.0));
     let high = (number(simd, 1.0 / 24.0) + w * number(simd, 1.0 / 120.0))
@@ -160,12 +165,12 @@ fn sigmoid<S: Simd>(simd: S, z: S::f64s) -> S::f64s {
 mod tests {
     use super::*;
 
-    /// The signals from the start.
+    /// Returns the signals from the controller's own start.
     fn signals(gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
         Hopf.signals(gait, None, ticks).unwrap().joints
     }
 
-    /// ω of Eq. 2 as printed, rad/s.
+    /// Returns ω of Eq. 2 as printed, rad/s.
     fn frequency(y: f64, omega1: f64, omega2: f64, b: f64) -> f64 {
         omega1 / (libm::exp(-b * y) + 1.0) + omega2 / (libm::exp(b * y) + 1.0)
     }
@@ -185,7 +190,7 @@ mod tests {
 
     /// On the limit cycle the phase φ turns at ω(y) with y = √μ sin φ, so one turn takes ∮ dφ / ω(√μ sin φ).
     #[test]
-    fn period_is_the_quadrature_of_one_over_omega() {
+    fn period_equals_integral_of_inverse_frequency() {
         for (mu, omega1, omega2, b) in [(1.0, 4.0, 1.0, 0.5), (0.5, 2.0, 2.0, 0.0), (1.3, 3.0, 0.7, 0.3)] {
             let n = 10_000;
             let period: f64 = (0..n)
@@ -197,7 +202,7 @@ mod tests {
                         / frequency(libm::copysign(y.sqrt(), libm::sin(phase)), omega1, omega2, b)
                 })
                 .sum();
-            // α = β keeps the pull radial, so it does not turn the phase on the cycle.
+            // With α = β the pull towards the cycle is radial and does not change the phase.
             let signal = &signals(&[mu, 20.0, 20.0, omega1, omega2, b], 20_001)[0];
             let peaks = maxima(&signal[4000..]);
             let turns = peaks.len() - 1;
@@ -206,7 +211,7 @@ mod tests {
         }
     }
 
-    /// Eq. 2 as printed, with `libm`, oscillator by oscillator.
+    /// Integrates Eq. 2 as printed for one oscillator, with `libm`.
     fn printed(parameters: &[f64], ticks: usize) -> Vec<f64> {
         let &[mu, alpha, beta, omega1, omega2, b] = parameters else { unreachable!() };
         let rate = |(x, y): (f64, f64)| {
@@ -237,13 +242,13 @@ mod tests {
     }
 
     #[test]
-    fn oscillators_follow_eq_2_beside_any_others() {
+    fn oscillator_follows_eq_2_beside_other_oscillators() {
         for joints in [1, 3, 8, 17] {
             let gait = drawn(joints);
             let told = signals(&gait, 2001);
             assert_eq!(told.len(), joints as usize);
             for (own, signal) in gait.chunks(6).zip(&told) {
-                assert_eq!(signal, &signals(own, 2001)[0], "alone");
+                assert_eq!(signal, &signals(own, 2001)[0], "differs from the oscillator alone");
                 for (a, b) in signal.iter().zip(printed(own, 2001)) {
                     assert!((a - b).abs() < 1e-8, "{a} against {b}");
                 }
@@ -252,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn steep_frequency_switches_saturate() {
+    fn signal_with_large_b_follows_eq_2() {
         for b in [0.5, 5.0, 50.0, 1000.0] {
             let p = [1.0, 10.0, 10.0, 3.0, 1.0, b];
             let worst =
@@ -272,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_extremes_of_the_bounds_stay_finite() {
+    fn signals_at_corners_of_bounds_stay_bounded() {
         let bounds = Hopf.parameters();
         for corner in 0..1 << bounds.len() {
             let p: Vec<f64> = bounds

@@ -1,12 +1,13 @@
-//! A sine a joint: section III of Vonásek and Faigl (2016).
+//! Sine signals, one for each joint: section III of Vonásek and Faigl (2016).
 
 use super::{Controller, Infeasible, Parameter, Signals, phase};
 use crate::base::registry::Component;
 use crate::physics::TICK;
 use std::f64::consts::PI;
 
-/// a(t) = A sin(ω t + φ) + B: four parameters a joint. The paper gives no bounds; these keep the amplitude that of the
-/// Hopf oscillator (√1.3) and its frequencies, and offsets within a third of the joint's range.
+/// Sine signals a(t) = A sin(ω t + φ) + B, with four parameters for each joint. The paper gives no bounds. These bounds
+/// take amplitude (√1.3) and frequencies from the Hopf oscillator, and keep offsets within a third of the joint's
+/// range.
 pub struct Sine;
 
 impl Component for Sine {
@@ -25,7 +26,7 @@ impl Controller for Sine {
         ]
     }
 
-    /// The state is the number of ticks since the start, eight bytes.
+    /// Computes the signals. The state is the number of ticks since the start, eight bytes.
     fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
         let number = |bytes: &[u8]| bytes.try_into().map(u64::from_le_bytes).map_err(|_| phase::unfit());
         let first = from.map(number).transpose()?.unwrap_or(0);
@@ -43,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn signal_is_the_formula() {
+    fn signal_matches_formula() {
         let signal = &Sine.signals(&[0.7, -0.2, 3.0, 0.4], None, 401).unwrap().joints[0];
         for (tick, value) in [(0, 0.4), (200, 3.4), (400, 6.4)] {
             assert_eq!(signal[tick], 0.7 * libm::sin(value) - 0.2, "at tick {tick}");

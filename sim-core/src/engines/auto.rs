@@ -1,4 +1,4 @@
-//! The choice of a job's engine.
+//! Choice of the engine that a job runs on.
 
 use crate::base::error::Invalid;
 use crate::engines::known::{Known, Row};
@@ -8,38 +8,39 @@ use crate::physics::lockstep;
 use crate::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Unsupported};
 use std::fmt;
 
-/// The engine that a job runs on, and why.
+/// Engine that a job runs on, with the reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chosen {
-    /// The engine.
+    /// Chosen engine.
     pub engine: EngineKind,
-    /// Why this one.
+    /// Reason for the choice.
     pub why: Why,
 }
 
-/// Why a job runs on its engine.
+/// Reason for the choice of a job's engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Why {
-    /// The job names the engine; a job that was resolved before always does.
+    /// The job names the engine. A job that was resolved before always names it.
     Asked,
-    /// Lockstep's fidelity on this robot is in the table that ships, and stands in so many steps a second and substeps.
+    /// The shipped table shows sufficient fidelity of lockstep on this robot, at these steps a second and substeps.
     Measured((u32, u32)),
-    /// There is terrain: of stairs lockstep's fidelity is not in the table that ships, other terrain it does not know.
+    /// The environment has terrain. The shipped table has no fidelity on stairs, and lockstep can't simulate other
+    /// terrain.
     Terrain,
-    /// The robot has capsules.
+    /// The robot has capsules, which lockstep can't simulate.
     Capsules,
-    /// The job has multibody joints.
+    /// The job has multibody joints, which only rapier has.
     Multibody,
-    /// Gravity, friction, motors or steps are not the scale's own.
+    /// Gravity, friction, motors or steps differ from the defaults of the scale.
     OtherPhysics,
-    /// The table does not know the robot.
+    /// The table has no row for the robot.
     Unmeasured,
-    /// The table has rows for it, and none is good enough.
+    /// The table has rows for the robot, and none shows sufficient fidelity.
     Inexact,
 }
 
 impl fmt::Display for Chosen {
-    /// Such as "auto: rapier, since there is terrain".
+    /// Writes a phrase such as "auto: rapier, since there is terrain".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let why = match self.why {
             Why::Asked => return self.engine.fmt(f),
@@ -47,15 +48,15 @@ impl fmt::Display for Chosen {
             Why::Terrain => "since there is terrain",
             Why::Capsules => "since the robot has capsules",
             Why::Multibody => "since joints are multibody",
-            Why::OtherPhysics => "since the physics is not the scale's own",
+            Why::OtherPhysics => "since the physics differs from the scale's defaults",
             Why::Unmeasured => "since lockstep's fidelity on this robot is not measured",
-            Why::Inexact => "since lockstep's fidelity on this robot falls short",
+            Why::Inexact => "since lockstep's fidelity on this robot is too low",
         };
         write!(f, "auto: {}, {why}", self.engine)
     }
 }
 
-/// Returns the engine that a job names, or chooses one by the table of fidelity. Refuses the lockstep engine where it
+/// Returns the engine that a job names, or chooses one by the fidelity table. Refuses the lockstep engine where it
 /// can't simulate the job.
 pub(crate) fn choose(
     spec: &PhysicsSpec,
@@ -80,7 +81,7 @@ pub(crate) fn choose(
     }
 }
 
-/// Returns the reason that excludes the lockstep engine, for `auto` and in words.
+/// Returns the reason that excludes the lockstep engine, as a value and as text.
 fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Option<(Why, String)> {
     match lockstep::supports(robot, &environment.terrain) {
         Err(reason) => {
@@ -88,19 +89,20 @@ fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Opt
             Some((why, reason.to_string()))
         }
         Ok(()) if spec.joints == JointKind::Multibody => {
-            Some((Why::Multibody, "physics.joints = \"multibody\" is a kind of joint of rapier's".to_owned()))
+            Some((Why::Multibody, "only rapier supports physics.joints = \"multibody\"".to_owned()))
         }
         Ok(()) => None,
     }
 }
 
-/// Lockstep where it is known to be good: for this robot, on the scale's own physics, in the steps that were measured.
+/// Returns lockstep where its fidelity is sufficient: for this robot, with the scale's default physics, at measured
+/// steps. Otherwise returns rapier.
 fn by_fidelity(spec: &PhysicsSpec, robot: &Robot, known: &Known) -> Chosen {
     let rapier = |why| Chosen { engine: EngineKind::Rapier, why };
     let rows = known.of(robot, spec.scale);
     let fits = |(steps_per_second, substeps): (u32, u32)| {
         let own = Physics { steps_per_second, substeps, ..Physics::of(EngineKind::Lockstep, spec.scale) };
-        // A table that is out of range is refused later on, by field.
+        // Values out of range are refused later, by field.
         Physics::resolve(EngineKind::Lockstep, &with_steps(spec, (steps_per_second, substeps))).ok() == Some(own)
     };
     let own = Physics::of(EngineKind::Lockstep, spec.scale);
@@ -116,7 +118,7 @@ fn by_fidelity(spec: &PhysicsSpec, robot: &Robot, known: &Known) -> Chosen {
     }
 }
 
-/// The table with steps a second and substeps, where it does not say them.
+/// Returns the table with these steps a second and substeps where it has none of its own.
 pub(crate) fn with_steps(spec: &PhysicsSpec, (steps_per_second, substeps): (u32, u32)) -> PhysicsSpec {
     PhysicsSpec {
         steps_per_second: spec.steps_per_second.or(Some(steps_per_second)),
@@ -144,7 +146,7 @@ mod tests {
         Environment::from_toml(catalogue::find(catalogue::environments(), name).unwrap().toml).unwrap()
     }
 
-    /// A table with one robot, at both scales.
+    /// Returns a table with one robot, at both scales.
     fn knows(robot: &Robot, spearman: f64) -> Known {
         let agreement = Agreement { gaits: 100, spearman, ceiling: 1.0 };
         let row = |scale| {
@@ -170,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn auto_takes_lockstep_only_for_measured_robot_on_default_physics() {
+    fn auto_chooses_lockstep_only_with_measured_fidelity() {
         let robot = quadropod();
         let known = knows(&robot, 0.99);
         let chosen = |text: &str| choose(&physics(text), &robot, &environment("column"), &known).unwrap();
@@ -211,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_settings_auto_takes_the_fastest_that_stands() {
+    fn auto_chooses_fastest_setting_with_sufficient_fidelity() {
         let robot = quadropod();
         let mut known = knows(&robot, 0.9);
         let fine = Agreement { gaits: 100, spearman: 0.99, ceiling: 1.0 };
@@ -254,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn job_that_names_engine_gets_it_without_row() {
+    fn named_engine_is_used_without_fidelity_row() {
         let robot = quadropod();
         for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
             let spec = PhysicsSpec { engine: engine.into(), ..PhysicsSpec::default() };
@@ -269,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reason_is_a_short_phrase() {
+    fn choice_is_displayed_with_short_reason() {
         let said = |engine, why| Chosen { engine, why }.to_string();
         assert_eq!(
             said(EngineKind::Lockstep, Why::Measured((200, 2))),

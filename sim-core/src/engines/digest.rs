@@ -1,16 +1,15 @@
-//! Digests of engines: what makes two of them the same.
+//! Digests that identify engines by revision, crate versions and golden rollout.
 
 use super::golden::golden_rollout;
 use crate::base::digest::Digest;
 use crate::physics::{EngineKind, lockstep};
 use std::sync::OnceLock;
 
-/// Raised by hand when a change of ours alters rollouts. Planners, objectives, searches, controllers and procedures have
-/// revisions of their own.
+/// Revision of the engines, raised by hand when a change in this project alters rollouts. Planners, objectives,
+/// searches, controllers and procedures have their own revisions.
 const REVISION: u32 = 2;
 
-/// The exact versions of the crates with arithmetic that results depend on; `tests/versions.rs` compares them with
-/// `Cargo.lock`.
+/// Exact versions of the crates whose arithmetic affects results; `tests/versions.rs` compares them with `Cargo.lock`.
 pub const NUMERIC_CRATES: &[(&str, &str)] = &[
     ("rapier3d", "0.36.1"),
     ("parry3d", "0.31.1"),
@@ -20,8 +19,8 @@ pub const NUMERIC_CRATES: &[(&str, &str)] = &[
     ("fearless_simd", "1.2.0"),
 ];
 
-/// The digest of an engine as this build and machine have it: revision, crate versions and the bits of a short golden
-/// rollout. A worker runs a job only if it has an engine of the same digest.
+/// Returns the digest of an engine in this build and on this machine: revision, crate versions and the bits of a short
+/// golden rollout. A worker runs a job only if it has an engine with the same digest.
 pub fn engine_digest(kind: EngineKind) -> Digest {
     match kind {
         EngineKind::Rapier => {
@@ -40,8 +39,8 @@ pub fn engine_digest(kind: EngineKind) -> Digest {
     }
 }
 
-/// Digest that a job needs if it searches on one engine and chooses its winner on another: both, so that all of its
-/// tasks are leased to workers that have both.
+/// Returns the digest that a job needs if it searches on one engine and chooses its winner on another. It covers both
+/// engines, so all tasks of the job are leased to workers that have both.
 pub fn engines_digest(search: EngineKind, finish: EngineKind) -> Digest {
     if search == finish {
         return engine_digest(search);
@@ -49,7 +48,7 @@ pub fn engines_digest(search: EngineKind, finish: EngineKind) -> Digest {
     Digest::of("evogait engines 1", &(engine_digest(search), engine_digest(finish)))
 }
 
-/// Engines that jobs of this build may need: name and digest.
+/// Returns name and digest of every engine, or pair of engines, that jobs of this build may need.
 pub fn engine_digests() -> Vec<(&'static str, Digest)> {
     let (rapier, lockstep) = (EngineKind::Rapier, EngineKind::Lockstep);
     vec![

@@ -1,16 +1,17 @@
-//! The golden rollout: a robot and a gait that are recorded here, so that an engine's digest follows from the engine alone
-//! and from no robot file, controller or random stream.
+//! The golden rollout of a recorded robot and gait. With it an engine's digest follows from the engine alone, not from
+//! a robot file, a controller or a random stream.
 
 use super::engine;
 use crate::model::Robot;
 use crate::physics::{EngineKind, JointKind, Motion, Physics, Request, Scale, TICK, Targets};
 
-/// A body with four legs of two modules: eight hinges.
+/// Recorded robot: a body with four legs of two modules, eight hinges.
 const ROBOT: &str = include_str!("golden/robot.toml");
-/// Its joint targets, rad: a tick a line, a joint a column.
+/// Recorded joint targets, rad: one line per tick, one column per joint.
 const TARGETS: &str = include_str!("golden/targets.txt");
 
-/// Simulates the recorded gait, 2 s, with every kind of joint that the engine has. Returns the bits of where it ends.
+/// Simulates the recorded gait, 2 s, with every kind of joint that the engine has. Returns the bits of the pivot's pose
+/// and the joint angles at the end.
 pub(super) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
     let (robot, motion) = recorded();
     let start = robot.neutral();
@@ -27,7 +28,7 @@ pub(super) fn golden_rollout(kind: EngineKind) -> Vec<u32> {
     }
 }
 
-/// The robot and its gait.
+/// Returns the recorded robot and gait.
 fn recorded() -> (Robot, Motion) {
     let spec = toml::from_str(ROBOT).expect("the recorded robot is valid");
     let robot = Robot::compile(&spec).expect("the recorded robot is valid");

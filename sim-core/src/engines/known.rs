@@ -1,5 +1,5 @@
-//! The table of the lockstep engine's fidelity that ships. Jobs with `engine = "auto"` get their engine from it.
-//! `evogait bench fidelity --table` makes its rows.
+//! Shipped table of the lockstep engine's fidelity, from which jobs with `engine = "auto"` get their engine. `evogait
+//! bench fidelity --table` makes its rows.
 
 use crate::base::digest::Digest;
 use crate::base::error::{Invalid, in_range, whole_in_range};
@@ -8,42 +8,42 @@ use crate::physics::{Scale, lockstep};
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
 
-/// The least rank correlation with the converged reference that the engine may stand in for rapier with, unless the
-/// robot's ceiling is lower: no setting can do better than that.
+/// Least rank correlation with the converged reference at which lockstep may replace rapier. Where the robot's ceiling
+/// is lower, the ceiling counts, because no setting can exceed it.
 pub const STANDS: f64 = 0.98;
 
-/// The table.
+/// Table of the lockstep engine's fidelity.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Known {
-    /// One a robot, scale and setting.
+    /// One row for each robot, scale and setting.
     #[serde(default, rename = "row")]
     pub rows: Vec<Row>,
 }
 
-/// The fidelity of one robot at one setting of the lockstep engine, against a converged setting of the same engine.
+/// Fidelity of one robot at one setting of the lockstep engine, against a converged setting of the same engine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Row {
-    /// For people: the robot's name.
+    /// Name of the robot, only for readers.
     pub robot: String,
-    /// For people: its failed modules, "none" or a variant's name.
+    /// Failed modules, only for readers: "none" or the name of a variant.
     pub variant: String,
-    /// [`Robot::mechanics`]: which robot it is.
+    /// Identity of the robot, [`Robot::mechanics`].
     pub mechanics: Digest,
-    /// Gravity and motors.
+    /// Scale, which sets gravity and motors.
     pub scale: Scale,
-    /// [`lockstep::REVISION`] that was measured.
+    /// [`lockstep::REVISION`] of the measurement.
     pub revision: u32,
-    /// Of the setting.
+    /// Steps a second of the setting.
     pub steps_per_second: u32,
-    /// Of the setting.
+    /// Substeps of the setting.
     pub substeps: u32,
-    /// For people: the converged setting.
+    /// Converged setting, only for readers.
     pub reference: String,
-    /// With gaits drawn uniformly from the controller's bounds.
+    /// Agreement for gaits drawn uniformly from the controller's bounds.
     pub random: Agreement,
-    /// With gaits from the last generations of searches.
+    /// Agreement for gaits from the last generations of searches.
     pub evolved: Agreement,
 }
 
@@ -51,12 +51,12 @@ pub struct Row {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Agreement {
-    /// Gaits compared.
+    /// Number of compared gaits.
     pub gaits: u32,
     /// Spearman's rank correlation, −1 to 1.
     pub spearman: f64,
-    /// Rank correlation of the reference with itself: from a start that is off by a millionth rad or in half the step;
-    /// the smaller of the two.
+    /// Rank correlation of the reference with itself: the smaller of two, one from a start that differs by a millionth
+    /// rad, one at half the step.
     pub ceiling: f64,
 }
 
@@ -67,17 +67,17 @@ impl Agreement {
 }
 
 impl Row {
-    /// Returns true if the engine may be used instead of rapier.
+    /// Returns true if lockstep may replace rapier.
     pub fn stands(&self) -> bool {
         self.random.stands() && self.evolved.stands()
     }
 
-    /// Steps a second and substeps.
+    /// Returns steps a second and substeps.
     pub fn setting(&self) -> (u32, u32) {
         (self.steps_per_second, self.substeps)
     }
 
-    /// Returns true if it is about the same robot, scale and revision as another.
+    /// Returns true if both rows have the same robot, scale and setting. Their revisions may differ.
     pub fn replaces(&self, other: &Row) -> bool {
         let what = |row: &Row| (row.mechanics, row.scale, row.steps_per_second, row.substeps);
         what(self) == what(other)
@@ -85,13 +85,13 @@ impl Row {
 }
 
 impl Known {
-    /// The table that ships.
+    /// Returns the shipped table.
     ///
     /// # Panics
-    /// If the file that was compiled in is wrong, which a test rules out.
+    /// If the compiled-in file is invalid, which a test rules out.
     pub fn shipped() -> &'static Known {
         static TABLE: OnceLock<Known> = OnceLock::new();
-        TABLE.get_or_init(|| Known::from_toml(SHIPPED).expect("the table that ships is valid"))
+        TABLE.get_or_init(|| Known::from_toml(SHIPPED).expect("the compiled-in scenarios/fidelity.toml is valid"))
     }
 
     /// Reads and checks a table.
@@ -112,7 +112,7 @@ impl Known {
         Ok(known)
     }
 
-    /// The table as a file; rows in order of robot, variant and scale.
+    /// Returns the table as a file, with rows in order of robot, variant, scale and substeps a second.
     pub fn to_toml(&self) -> String {
         let mut sorted = self.clone();
         sorted.rows.sort_by_key(|r| {
@@ -123,7 +123,7 @@ impl Known {
         format!("{HEAD}\n{rows}")
     }
 
-    /// Returns the rows of a robot at a scale for this revision of the engine; the fastest setting first.
+    /// Returns the rows of a robot at a scale for this revision of the engine, the fastest setting first.
     pub fn of(&self, robot: &Robot, scale: Scale) -> Vec<&Row> {
         let mechanics = robot.mechanics();
         let is = |row: &&Row| (row.mechanics, row.scale, row.revision) == (mechanics, scale, lockstep::REVISION);
@@ -135,11 +135,11 @@ impl Known {
 
 const SHIPPED: &str = include_str!("../../../scenarios/fidelity.toml");
 
-/// Head of the file.
+/// Comment at the head of the file.
 const HEAD: &str = "\
-# How near settings of the lockstep engine come to its converged reference, robot by robot: `engine = \"auto\"` takes the
-# fastest that this table says stands, and rapier where none does. Made by tests/fidelity-table.sh; docs/performance.md
-# says how to read it. A row holds for one robot (by its mechanics, not its name) and one revision of the engine.
+# Fidelity of settings of the lockstep engine against its converged reference, robot by robot. `engine = \"auto\"` uses the
+# fastest setting with sufficient fidelity, or rapier where there is none. Made by tests/fidelity-table.sh;
+# docs/performance.md explains it. A row is valid for one robot (by its mechanics, not its name) and one engine revision.
 ";
 
 #[cfg(test)]
@@ -172,7 +172,13 @@ mod tests {
         let known = Known::from_toml(SHIPPED).unwrap();
         assert_eq!(known.to_toml(), SHIPPED);
         for row in &known.rows {
-            assert_eq!(row.revision, lockstep::REVISION, "{} {}: measure it again", row.robot, row.variant);
+            assert_eq!(
+                row.revision,
+                lockstep::REVISION,
+                "{} {}: the row is of another revision of lockstep: measure it again",
+                row.robot,
+                row.variant
+            );
         }
     }
 
@@ -181,7 +187,7 @@ mod tests {
         let high = (0.99, 0.999);
         assert!(row(high, high).stands() && row((STANDS, 1.0), high).stands());
         assert!(!row((0.979, 1.0), high).stands() && !row(high, (0.979, 1.0)).stands());
-        assert!(row(high, (0.93, 0.92)).stands(), "nothing can agree better than the reference does with itself");
+        assert!(row(high, (0.93, 0.92)).stands(), "no setting can agree better than the reference with itself");
         assert!(!row(high, (0.91, 0.92)).stands());
     }
 
@@ -202,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fastest_setting_comes_first() {
+    fn fastest_setting_comes_first() {
         let good = row((0.99, 1.0), (0.99, 1.0));
         let fine = Row { steps_per_second: 400, ..good.clone() };
         let known = Known { rows: vec![fine.clone(), good.clone()] };
@@ -211,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn table_round_trips_and_wrong_one_is_refused() {
+    fn table_round_trips_and_invalid_table_is_refused() {
         let known = Known { rows: vec![row((0.99, 1.0), (0.98, 0.99))] };
         assert_eq!(Known::from_toml(&known.to_toml()).unwrap(), known);
         let twice = Known { rows: [known.rows.clone(), known.rows.clone()].concat() };

@@ -1,4 +1,4 @@
-//! The engines by name, what makes two of them the same, how faithful they are, and which one a job runs on.
+//! Physics engines by name, their digests and fidelity, and the choice of a job's engine.
 
 pub(crate) mod auto;
 mod digest;
@@ -13,7 +13,7 @@ pub use settle::{Quiet, Settled, settle_quietly, settle_quietly_until};
 use crate::physics::lockstep::LockstepEngine;
 use crate::physics::{Engine, EngineKind, RapierEngine};
 
-/// The engine of a kind.
+/// Returns the engine of a kind.
 pub fn engine(kind: EngineKind) -> &'static dyn Engine {
     match kind {
         EngineKind::Rapier => &RapierEngine,

@@ -1,4 +1,4 @@
-//! Settling on the setting of a job's rollouts, or on a quiet one.
+//! Settling of a robot on the setting of its rollouts, or on a quiet setting.
 
 use super::engine;
 use crate::model::{Robot, State};
@@ -10,29 +10,29 @@ const QUIET_LOCKSTEP: (u32, u32) = (600, 2);
 /// Steps a second and substeps of the quiet setting on rapier with multibody joints, for robots with capsules.
 const QUIET_MULTIBODY: (u32, u32) = (240, 4);
 
-/// A settled start.
+/// Start of a robot at rest, and the setting on which it was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
     /// The start on flat ground, in the canonical frame (x = y = 0, heading 0).
     pub state: State,
-    /// The setting that it was found on, if the rollouts' own kept it trembling.
+    /// Quiet setting on which the start was found; `None` if it was found on the setting of the rollouts.
     pub quiet: Option<Quiet>,
 }
 
-/// The setting that a robot was settled on because it trembles on the one of its rollouts: the impulses that hold a joint
-/// together there overshoot, step by step, and MuJoCo or reduced coordinates hold the same robot still.
+/// Setting on which a robot is settled if it trembles on the setting of its rollouts. There the impulses that hold a
+/// joint together overshoot in every step, while MuJoCo and reduced coordinates hold the same robot still.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quiet {
-    /// The engine.
+    /// Engine of the quiet setting.
     pub engine: EngineKind,
-    /// Its setting.
+    /// Quiet setting of the engine.
     pub physics: Physics,
     /// Speed at which the robot trembles on the setting of its rollouts, mu/s.
     pub trembling: f32,
 }
 
 impl Quiet {
-    /// The quiet setting of a robot that trembles at so many mu/s on the setting of its rollouts.
+    /// Returns the quiet setting of a robot that trembles at `trembling` mu/s on the setting of its rollouts.
     pub fn of(robot: &Robot, physics: &Physics, trembling: f32) -> Self {
         let lockstep = lockstep::supports(robot, &[]).is_ok();
         let (engine, joints, steps) = match lockstep {
@@ -45,26 +45,27 @@ impl Quiet {
 }
 
 impl fmt::Display for Quiet {
-    /// Such as "on lockstep, 600 steps a second, 2 substeps: on the job's own setting it keeps trembling at 0.08 mu/s".
+    /// Writes a phrase such as "on lockstep, 600 steps a second, 2 substeps: on the job's own setting the robot keeps
+    /// trembling at 0.08 mu/s".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let joints = if self.engine == EngineKind::Rapier { " with multibody joints" } else { "" };
         write!(
             f,
-            "on {}{joints}, {} steps a second, {} substeps: on the job's own setting it keeps trembling at {:.2} mu/s",
+            "on {}{joints}, {} steps a second, {} substeps: on the job's own setting the robot keeps trembling at {:.2} mu/s",
             self.engine, self.physics.steps_per_second, self.physics.substeps, self.trembling
         )
     }
 }
 
-/// Settles a robot on the setting of its rollouts, or on a quiet one where that keeps it trembling.
+/// Settles a robot on the setting of its rollouts, or on a quiet setting if the robot trembles there.
 ///
 /// # Errors
-/// The simulation breaks on the setting of its rollouts, or the robot moves on both.
+/// If the simulation is unstable, or the robot comes to rest on neither setting.
 pub fn settle_quietly(kind: EngineKind, robot: &Robot, physics: &Physics) -> Result<Settled, Unsettled> {
     settle_quietly_until(kind, robot, physics, &|| false)
 }
 
-/// Does what [`settle_quietly`] does until `stop` says so: then it returns [`Unsettled::Stopped`].
+/// Settles a robot as [`settle_quietly`] does. Returns [`Unsettled::Stopped`] once `stop` returns true.
 pub fn settle_quietly_until(
     kind: EngineKind,
     robot: &Robot,
@@ -88,7 +89,7 @@ mod tests {
     use crate::exchange;
     use crate::physics::Scale;
 
-    /// A block with an arm at its upper edge that damping alone holds: it sinks for half a minute.
+    /// A block has an arm at its upper edge. Only damping holds the arm, so it sinks for half a minute.
     #[test]
     fn slowly_turning_joint_is_not_at_rest() {
         let xml = r#"<mujoco model="arm"><worldbody><body name="root" pos="0 0 2"><freejoint/>

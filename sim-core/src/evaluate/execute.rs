@@ -1,4 +1,4 @@
-//! Motions carried out one after the other, from wherever a robot is on the map.
+//! Execution of motions one after the other, from any place of a robot on the map.
 
 use super::Scene;
 use crate::base::math::heading;
@@ -7,39 +7,39 @@ use crate::model::{Place, Robot, State};
 use crate::physics::{Engine, Motion, Physics, Request, Rollout, canonical};
 use crate::plan::standing_at;
 
-/// A robot, an engine and an environment: enough to carry motions out.
+/// Robot, engine and environment in which motions are executed.
 #[derive(Clone, Copy)]
 pub struct Stage<'a> {
     /// The robot.
     pub robot: &'a Robot,
-    /// The engine that simulates.
+    /// Engine that simulates the motions.
     pub engine: &'static dyn Engine,
-    /// Its setting.
+    /// Setting of the engine.
     pub physics: &'a Physics,
-    /// The map.
+    /// Environment with map and terrain.
     pub environment: &'a Environment,
 }
 
 /// A robot at a place of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Standing {
-    /// Its configuration, in any frame of the same height: only joints, tilt and velocities count.
+    /// Configuration of the robot, in any frame of the same height: only joints, tilt and velocities count.
     pub state: State,
-    /// Place of its pivot on the map.
+    /// Place of the robot's pivot on the map.
     pub place: Place,
 }
 
-/// A motion that was carried out.
+/// Rollout of an executed motion, and its frame on the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Executed {
-    /// The rollout.
+    /// Rollout of the motion.
     pub rollout: Rollout,
     /// Place of the rollout's frame on the map.
     pub frame: Place,
 }
 
 impl<'a> Stage<'a> {
-    /// That of a scene.
+    /// Returns the stage of a scene.
     pub fn of(scene: &'a dyn Scene) -> Self {
         Self {
             robot: scene.robot(),
@@ -49,8 +49,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Carries a motion out: on flat ground in the canonical frame, which is laid out on the map; among terrain in the map
-    /// itself.
+    /// Executes a motion. On flat ground it is simulated in the canonical frame and laid out on the map; with terrain
+    /// it is simulated in the map itself.
     pub fn execute(&self, from: &Standing, motion: &Motion) -> Executed {
         let (start, terrain, frame) = if self.environment.is_flat() {
             (canonical(from.state.clone()), [].as_slice(), from.place)
@@ -64,14 +64,14 @@ impl<'a> Stage<'a> {
 }
 
 impl Standing {
-    /// A scene's robot at its start.
+    /// Returns a scene's robot at its start.
     pub fn at_start(scene: &dyn Scene) -> Self {
         Self { state: scene.start().clone(), place: scene.root() }
     }
 }
 
 impl Executed {
-    /// Returns its end, at rest.
+    /// Returns the end of the motion, at rest.
     pub fn end(&self) -> Standing {
         let State { pivot, .. } = &self.rollout.end;
         let (p, yaw) = (pivot.translation, heading(pivot.rotation));
@@ -79,26 +79,27 @@ impl Executed {
         Standing { state: self.rollout.end.clone().at_rest(), place }
     }
 
-    /// The configuration of a sample, in the map.
+    /// Returns the configuration at a sample, in the map.
     pub fn state(&self, sample: usize) -> State {
         let state = self.rollout.trace.state(sample);
         State::new(self.frame.frame() * state.pivot, state.joints)
     }
 
-    /// The pivot at a sample, (x, y) in the map.
+    /// Returns the pivot at a sample, (x, y) in the map, mu.
     pub fn point(&self, sample: usize) -> [f64; 2] {
         let p = self.rollout.trace.pivot(sample).translation;
         let (x, y) = self.frame.point(p.x.into(), p.y.into());
         [x, y]
     }
 
-    /// The pivot's way, (x, y) in the map, about one point every `step` s, ends included.
+    /// Returns the pivot's path, (x, y) in the map, with about one point every `step` s and both ends.
     pub fn way(&self, step: f32) -> Vec<[f64; 2]> {
         way(&self.rollout, &self.frame, step)
     }
 }
 
-/// The pivot's way on a rollout that is laid out in a frame: (x, y) in the map, about one point every `step` s, ends included.
+/// Returns the pivot's path on a rollout that is laid out in a frame: (x, y) in the map, with about one point every
+/// `step` s and both ends.
 pub fn way(rollout: &Rollout, frame: &Place, step: f32) -> Vec<[f64; 2]> {
     let last = rollout.trace.len() - 1;
     let mut due = 0.0;

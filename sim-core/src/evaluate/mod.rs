@@ -1,8 +1,8 @@
-//! Candidates in, scores out: what a worker does.
+//! Evaluation of candidates on workers: genotypes in, scores out.
 //!
-//! All candidates of a call are advanced together. In each round their planners list the transitions they lack, the
-//! engine simulates all of them in one batch, and the planners continue. Each candidate has a table of transitions of
-//! its own, so its score does not depend on the other candidates of the batch.
+//! All candidates of a call are advanced together. In each pass their planners list the transitions that are missing,
+//! the engine simulates all of them in one batch, and the planners continue. Each candidate has its own table of
+//! transitions, so its score does not depend on the other candidates of the batch.
 
 mod execute;
 
@@ -19,44 +19,45 @@ use crate::physics::{Engine, Motion, Outcome, Physics, Request};
 use crate::plan::{Growth, PlannerSettings, Posture, Reuse, Root, Setting, TransitionKey, Transitions, Tree};
 use std::collections::BTreeSet;
 
-/// Rollouts between two looks at whether to stop, on an engine that does many at a time; on others each is looked at.
+/// Rollouts between two checks of `stop` on an engine that simulates many at a time. On other engines `stop` is checked
+/// before every rollout.
 const BATCH: usize = 64;
-/// Candidates advanced side by side: enough to fill an engine's lanes, few enough that what they hold, some 2 MiB each,
-/// stays small.
+/// Candidates advanced side by side: enough to fill an engine's lanes, and few enough to limit memory, at some 2 MiB
+/// each.
 const TOGETHER: usize = 20;
 
-/// The parts of a problem that an evaluation needs: a robot at its start, and the settings of its gaits, trees and
-/// scores.
+/// Parts of a problem that an evaluation needs: a robot at its start, and the settings of its gaits, trees and scores.
 pub trait Scene {
-    /// All randomness follows from it.
+    /// Returns the seed, from which all randomness follows.
     fn seed(&self) -> u64;
-    /// The compiled robot.
+    /// Returns the compiled robot.
     fn robot(&self) -> &Robot;
-    /// Map, terrain, obstacles, goal.
+    /// Returns the environment: map, terrain, obstacles, goal.
     fn environment(&self) -> &Environment;
-    /// The engine that simulates.
+    /// Returns the engine that simulates.
     fn engine(&self) -> &'static dyn Engine;
-    /// Its setting.
+    /// Returns the setting of the engine.
     fn physics(&self) -> &Physics;
-    /// The settled start in the canonical frame.
+    /// Returns the settled start in the canonical frame.
     fn start(&self) -> &State;
     /// Returns the place of the pivot at the start.
     fn root(&self) -> Place;
-    /// Number and duration of gaits.
+    /// Returns the settings of the gaits, such as their number and duration.
     fn gaits(&self) -> &GaitsSpec;
-    /// The controller of a gait.
+    /// Returns the controller of the gaits.
     fn controller(&self) -> &'static dyn Controller;
-    /// The space of its candidates.
+    /// Returns the space of the candidates.
     fn space(&self) -> &Space;
     /// Returns the settings of the planner.
     fn planner(&self) -> PlannerSettings;
-    /// Trees of a candidate.
+    /// Returns the number of trees of a candidate.
     fn repeats(&self) -> u32;
     /// Returns the settings of the reuse of transitions.
     fn reuse(&self) -> Reuse;
     /// Returns the objective that rates a tree.
     fn fitness(&self) -> &dyn Objective;
-    /// Rollouts that so many trees of a candidate may simulate; `as_in_search`: they reuse transitions as the search does.
+    /// Returns the number of rollouts that `trees` trees of a candidate may simulate. `as_in_search`: the trees reuse
+    /// transitions as the search does.
     fn rollout_budget(&self, trees: u32, as_in_search: bool) -> u64;
 }
 
@@ -80,53 +81,53 @@ fn root(scene: &dyn Scene) -> Root {
     }
 }
 
-/// The caller asked to stop before the work was done.
+/// Error: the caller stopped the work before it was done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stopped before the work was done")]
 pub struct Stopped;
 
-/// One candidate scored.
+/// Score and effort of one candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// Index in its generation.
+    /// Index of the candidate in its generation.
     pub candidate: u32,
-    /// The score; `None` where the evaluation failed ([`Failure`]), which counts as worst.
+    /// Score; `None` if the evaluation failed ([`Failure`]), which counts as worst.
     pub score: Option<f64>,
-    /// Its effort.
+    /// Effort of the evaluation.
     pub counts: Counts,
 }
 
-/// One candidate being evaluated: its gaits, its table of transitions and its trees.
+/// Evaluation of one candidate in progress: its gaits, its table of transitions and its trees.
 #[derive(Debug)]
 pub struct Trial {
-    /// The motion of each gait; none if one of them is infeasible.
+    /// Motion of each gait; empty if one of them is infeasible.
     pub motions: Vec<Motion>,
     /// Local states and transitions, shared by the trees.
     pub table: Transitions,
     /// The trees.
     pub growths: Vec<Growth>,
-    /// Its effort.
+    /// Effort so far.
     pub counts: Counts,
-    /// Rollouts it may simulate.
+    /// Greatest number of rollouts.
     pub budget: u64,
-    /// Why its trees are not grown, if they can't be.
+    /// Reason for which the trees are not grown, if there is one.
     pub failure: Option<Failure>,
 }
 
-/// Why an evaluation failed. It counts as worst.
+/// Reason of a failed evaluation, which counts as worst.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Failure {
-    /// It needed more rollouts than it may simulate.
-    #[error("it needs more than the {0} rollouts of its budget")]
+    /// The trees need more rollouts than the budget allows.
+    #[error("the evaluation needs more than the {0} rollouts of its budget")]
     Budget(u64),
-    /// One of its gaits has no motion.
+    /// A gait can't be compiled to a motion.
     #[error(transparent)]
     Infeasible(#[from] Infeasible),
 }
 
 impl Trial {
-    /// A trial with one tree a stream, at the given reuse tolerance and the job's number of variants, within the job's
-    /// budget.
+    /// Returns a trial with one tree for each stream, at the given reuse tolerance, with the job's number of variants
+    /// and within the job's budget.
     ///
     /// # Panics
     /// If the genotype's length does not fit the scene.
@@ -142,7 +143,8 @@ impl Trial {
         Self { budget, ..trial }
     }
 
-    /// A trial with one tree a stream and with its own settings of reuse, not the job's. It has no budget.
+    /// Returns a trial with one tree for each stream and with the given settings of reuse instead of the job's. It has
+    /// no budget.
     ///
     /// # Panics
     /// If the genotype's length does not fit the scene.
@@ -154,7 +156,7 @@ impl Trial {
     ) -> Self {
         let gaits = scene.gaits().count as usize;
         let fits = scene.space().check_length(genotype.numbers().len());
-        assert_eq!(fits, Ok(()), "the genotype does not fit the job");
+        assert_eq!(fits, Ok(()), "the genotype's length does not fit the job's space");
         let of_gait = Run::new(scene.robot(), scene.gaits().duration);
         let compile = |gait: &[f64]| scene.controller().compile(&of_gait, gait);
         let compiled: Result<Vec<Motion>, Infeasible> = genotype.gaits(gaits).map(compile).collect();
@@ -172,23 +174,23 @@ impl Trial {
         }
     }
 
-    /// The score of each tree.
+    /// Returns the score of each tree.
     pub fn scores(&self, scene: &dyn Scene) -> Vec<f64> {
         self.growths.iter().map(|g| scene.fitness().score(g.tree())).collect()
     }
 
-    /// The mean of the trees' scores.
+    /// Returns the mean of the trees' scores.
     pub fn score(&self, scene: &dyn Scene) -> f64 {
         let scores = self.scores(scene);
         scores.iter().sum::<f64>() / scores.len() as f64
     }
 
-    /// The first tree.
+    /// Returns the first tree.
     pub fn tree(&self) -> &Tree {
         self.growths[0].tree()
     }
 
-    /// Everything that was counted, rollouts and trees.
+    /// Returns all counts, those of rollouts and those of trees.
     pub fn counts(&self) -> Counts {
         let mut counts = self.counts;
         self.growths.iter().for_each(|g| counts += g.counts());
@@ -204,7 +206,7 @@ impl Trial {
             let missing = growth.advance(&setting(scene), &mut self.table);
             wishes.extend(missing.into_iter().filter(|key| wished.insert(*key)));
         }
-        // What is wished for follows from this trial alone, and so does where it ends.
+        // The missing transitions follow from this trial alone, so the trial ends at the same point in every batch.
         if self.counts.rollouts + wishes.len() as u64 > self.budget {
             self.failure = Some(Failure::Budget(self.budget));
             wishes.clear();
@@ -213,12 +215,13 @@ impl Trial {
     }
 }
 
-/// Advances trials side by side until all their trees are grown, or their budgets are spent.
+/// Advances trials side by side until all their trees are grown or their budgets are spent.
 pub fn grow(scene: &dyn Scene, trials: &mut [Trial], stop: &dyn Fn() -> bool) -> Result<(), Stopped> {
     grow_on(scene.engine(), scene, trials, stop)
 }
 
-/// Like [`grow`], with the rollouts done by `engine`, which may be the job's own in a wrapping that watches it.
+/// Advances trials as [`grow`] does, with rollouts from `engine`, which may be a wrapper that observes the job's own
+/// engine.
 pub fn grow_on(
     engine: &dyn Engine,
     scene: &dyn Scene,
@@ -235,7 +238,7 @@ pub fn grow_on(
             return Ok(());
         }
         // Canonical rollouts have flat ground only; rollouts in place have the terrain. A trial receives its outcomes
-        // by kind and then in the order of its wishes, independent of the rest of the batch.
+        // by kind and then in the order of its missing transitions, independent of the rest of the batch.
         let (placed, canonical): (Vec<_>, Vec<_>) =
             wishes.into_iter().partition(|(i, key)| trials[*i].table.is_in_place(key.start));
         run(engine, scene, trials, &[], &canonical, stop)?;
@@ -243,7 +246,7 @@ pub fn grow_on(
     }
 }
 
-/// Simulates the wishes of trials and hands each its outcomes.
+/// Simulates missing transitions of trials and inserts the rollouts into the trials' tables.
 fn run(
     engine: &dyn Engine,
     scene: &dyn Scene,
@@ -274,15 +277,15 @@ fn run(
     Ok(())
 }
 
-/// The random streams of a candidate's trees in the search.
+/// Returns the random streams of a candidate's trees in the search.
 pub fn search_streams(scene: &dyn Scene, generation: u32, candidate: u32) -> impl Iterator<Item = Stream> {
     let (seed, repeats) = (scene.seed(), scene.repeats());
     (0..repeats).map(move |r| Stream::new(seed, Purpose::Planner, generation, candidate, r))
 }
 
-/// Scores candidates of one generation, given as (index in the generation, genotype). What a candidate scores does not
-/// depend on which others are in the batch. One that exceeds the job's budget has failed. `stop` is asked before every
-/// batch of rollouts; once true, the work is given up.
+/// Scores candidates of one generation, given as (index in the generation, genotype). A candidate's score does not
+/// depend on the other candidates of the batch. A candidate that exceeds the job's budget fails. `stop` is checked
+/// before every batch of rollouts; once it returns true, the result is [`Stopped`].
 ///
 /// # Panics
 /// If a genotype's length does not fit the scene.

@@ -23,10 +23,7 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, Invalid> {
     let mut open = vec![(document.root_element(), 1)];
     while let Some((element, depth)) = open.pop() {
         if depth > MAX_XML_DEPTH {
-            return Err(foreign(
-                element,
-                format!("it is nested deeper than {MAX_XML_DEPTH} elements, the limit"),
-            ));
+            return Err(foreign(element, format!("it is nested deeper than {MAX_XML_DEPTH} elements, the limit")));
         }
         open.extend(children(element).map(|child| (child, depth + 1)));
     }

@@ -14,9 +14,9 @@ pub struct Coverage;
 
 /// Side of a cell.
 pub const CELL: Setting = Setting::real("cell", "mu", 2.0).within(0.01, limits::MAX_MAP_SIZE);
-/// 2 counts squares of the map, 3 cubes of the space above it up to the height.
+/// Number of dimensions: 2 counts squares of the map, 3 counts cubes of the space above it up to the height.
 const DIMENSIONS: Setting = Setting::whole("dimensions", 2).within(2.0, 3.0);
-/// Height of the counted space in three dimensions; unless given, one cell above the highest terrain. At least a cell.
+/// Height of the counted space in three dimensions, at least one cell. Default: one cell above the highest terrain.
 const HEIGHT: Setting = Setting::optional_real("height", "mu");
 
 impl Component for Coverage {
@@ -32,7 +32,8 @@ impl Configurable for Coverage {
 }
 
 impl ObjectiveKind for Coverage {
-    /// In three dimensions, 2: the cell that is not counted is that of the settled pivot, not the one on the ground below it.
+    /// Returns 2 in three dimensions: there the cell that is not counted is that of the settled pivot, not the one on
+    /// the ground below it. Returns 1 in two dimensions.
     fn revision_with(&self, settings: &Settings) -> u32 {
         if settings.whole(&DIMENSIONS) == 3 { 2 } else { 1 }
     }
@@ -63,10 +64,10 @@ impl ObjectiveKind for Coverage {
     }
 }
 
-/// The cells of a coverage: a grid from the map's lower corner; the last row and column are cut by the map.
+/// Cells of a coverage: a grid from the map's lower corner. The map's border cuts the last row and column.
 ///
-/// Cells wholly inside one obstacle or piece of terrain can't be reached and are left out. The start's own cell is not
-/// counted, so robots that do not move score 0.
+/// Cells wholly inside one obstacle, or in three dimensions one piece of terrain, can't be reached and are left out.
+/// The start's own cell is not counted, so robots that do not move score 0.
 #[derive(Debug)]
 struct Grid {
     cell: f64,
@@ -77,7 +78,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// The grid of an environment. `start`: height of the pivot at the start, mu.
+    /// Creates the grid of an environment. `start` is the height of the pivot at the start, mu.
     fn new(settings: &Settings, environment: &Environment, start: f64) -> Result<Self, Invalid> {
         let counts = Self::counts(settings, environment)?;
         let (cell, dimensions) = (settings.real(&CELL), settings.whole(&DIMENSIONS));
@@ -108,7 +109,7 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Cells along x, y and z.
+    /// Returns the numbers of cells along x, y and z.
     fn counts(settings: &Settings, environment: &Environment) -> Result<[usize; 3], Invalid> {
         let (cell, height) = (settings.real(&CELL), settings.optional(&HEIGHT));
         let [width, depth] = environment.size;
@@ -120,7 +121,7 @@ impl Grid {
             along(height)
         } else {
             if height.is_some() {
-                let reason = "a height needs dimensions = 3".to_owned();
+                let reason = "a height needs dimensions = 3: set it, or leave the height out".to_owned();
                 return Err(Invalid::Conflict { field: "fitness.height".into(), reason });
             }
             1
@@ -131,7 +132,7 @@ impl Grid {
         Ok(counts)
     }
 
-    /// Cells along an axis (0: x, 1: y) that a block can cover.
+    /// Returns the range of cells along an axis (0: x, 1: y) that a block can cover.
     fn around(&self, block: &Block, axis: usize) -> std::ops::Range<usize> {
         let [a, b] = block.size;
         let reach = (a * a + b * b).sqrt() / 2.0 + self.cell;
@@ -140,7 +141,8 @@ impl Grid {
         at(-reach).min(self.counts[axis])..(at(reach) + 1).min(self.counts[axis])
     }
 
-    /// The cell of a point; `None` outside the grid. Points on the map's upper border belong to the last cell.
+    /// Returns the index of a point's cell; `None` outside the grid. Points on the map's upper border belong to the
+    /// last cell.
     fn index(&self, x: f64, y: f64, z: f64) -> Option<usize> {
         let along = |offset: f64, axis: usize| {
             let i = libm::floor(offset / self.cell);
@@ -152,7 +154,7 @@ impl Grid {
         Some((k * self.counts[1] + j) * self.counts[0] + i)
     }
 
-    /// Returns true if a cell, cut by the map, lies wholly inside a block.
+    /// Returns true if a cell, cut by the map, lies wholly inside a block. With `solid`, heights are compared too.
     fn inside(&self, index: usize, block: &Block, solid: bool, environment: &Environment) -> bool {
         let (i, rest) = (index % self.counts[0], index / self.counts[0]);
         let (j, k) = (rest % self.counts[1], rest / self.counts[1]);
@@ -166,9 +168,9 @@ impl Grid {
 }
 
 impl Objective for Grid {
-    /// Percentage of the counted cells that hold a node.
+    /// Returns the percentage of the counted cells that hold a node.
     fn score(&self, tree: &Tree) -> f64 {
-        // Zeroed memory costs nothing until it is touched: the work goes by nodes, not by cells.
+        // Zeroed memory costs nothing until it is touched, so the time grows with the nodes and not with the cells.
         let mut covered = vec![false; self.counted.len()];
         let mut count = 0;
         for node in &tree.nodes {

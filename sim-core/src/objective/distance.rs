@@ -1,4 +1,4 @@
-//! Distance to a goal: how near a tree comes to it.
+//! Distance objective: the least distance of a tree's nodes to the goal.
 
 use super::{Objective, ObjectiveKind};
 use crate::base::error::Invalid;
@@ -9,8 +9,8 @@ use crate::model::Place;
 use crate::model::environment::{Environment, Goal};
 use crate::plan::{Metric, Tree};
 
-/// Least distance of a node's pivot to the environment's goal, mu: in the plane, and with `yaw_weight` and `z_weight` in the metric
-/// of planners, for goals that have a heading or a height. Minimised.
+/// Least distance of a node's pivot to the environment's goal, mu. Minimised. The distance is planar. `yaw_weight` and
+/// `z_weight` add heading and height as in the planners' metric, for goals that have them.
 pub struct Distance;
 
 impl Component for Distance {
@@ -19,9 +19,9 @@ impl Component for Distance {
     }
 }
 
-/// w of the heading, mu/rad.
+/// Weight of the heading, w, mu/rad.
 const YAW_WEIGHT: Setting = Setting::optional_real("yaw_weight", "mu/rad").within(0.0, 1000.0);
-/// Of the height.
+/// Weight of the height.
 const Z_WEIGHT: Setting = Setting::optional_real("z_weight", "").within(0.0, 1000.0);
 const SETTINGS: [Setting; 2] = [YAW_WEIGHT, Z_WEIGHT];
 
@@ -66,7 +66,7 @@ impl ObjectiveKind for Distance {
     }
 }
 
-/// The goal, and how far a place is from it.
+/// Goal, and the metric for the distance to it.
 #[derive(Debug)]
 struct ToGoal {
     place: Place,
@@ -80,7 +80,7 @@ impl Objective for ToGoal {
     }
 }
 
-/// The goal that an objective of this kind looks at.
+/// Returns the environment's goal, or the error that an objective of this kind needs one.
 pub(super) fn goal_of(kind: &str, environment: &Environment) -> Result<Goal, Invalid> {
     match environment.goal {
         Some(goal) => Ok(goal),

@@ -1,4 +1,4 @@
-//! Objectives: what a tree is worth (section IV-B of Vonásek and Faigl, 2016).
+//! Objectives, which score trees (section IV-B of Vonásek and Faigl, 2016).
 
 mod coverage;
 mod distance;
@@ -16,39 +16,39 @@ use crate::model::environment::Environment;
 use crate::plan::Tree;
 use std::fmt::Debug;
 
-/// The objectives there are.
+/// All objectives.
 static OBJECTIVES: Registry<dyn ObjectiveKind> = Registry::new(&[&Coverage, &Distance, &PathLength]);
 
-/// An objective of an environment, ready to score trees.
+/// An objective prepared for an environment, ready to score trees.
 pub trait Objective: Debug + Send + Sync {
-    /// The score of a tree, in the kind's unit and range.
+    /// Returns the score of a tree, in the kind's unit and range.
     fn score(&self, tree: &Tree) -> f64;
 }
 
 /// A kind of objective, chosen by `kind` in the `[fitness]` table.
 pub trait ObjectiveKind: Configurable {
-    /// Revision of how the score is computed with these settings.
+    /// Returns the revision of the score's computation with these settings.
     fn revision_with(&self, _settings: &Settings) -> u32 {
         self.revision()
     }
 
-    /// Refuses settings that no start in the environment makes usable. Cheap. Their ranges were checked before.
+    /// Refuses settings that are unusable for every start in the environment. Cheap. Ranges were checked before.
     fn validate(&self, settings: &Settings, environment: &Environment) -> Result<(), Invalid>;
 
-    /// Returns the direction: larger or smaller scores are better.
+    /// Returns the direction, which decides if larger or smaller scores are better.
     fn direction(&self) -> Direction;
 
-    /// Name and unit of the score.
+    /// Returns name and unit of the score.
     fn label(&self) -> (&'static str, &'static str);
 
-    /// Least and greatest score that a tree can have.
+    /// Returns the least and greatest score that a tree can have.
     fn range(&self) -> (f64, f64);
 
-    /// The objective in an environment, with settings that [`Self::validate`] accepts. `start`: height of the pivot at the
-    /// start, mu.
+    /// Prepares the objective for an environment, with settings that [`Self::validate`] accepts. `start` is the height
+    /// of the pivot at the start, mu.
     ///
     /// # Errors
-    /// This start leaves nothing to score.
+    /// If this start leaves nothing to score.
     fn prepare(
         &self,
         settings: &Settings,
@@ -67,12 +67,12 @@ impl Registered for dyn ObjectiveKind {
 pub type FitnessSpec = Table<dyn ObjectiveKind>;
 
 impl FitnessSpec {
-    /// Revision of how the fitness is computed.
+    /// Returns the revision of the fitness's computation.
     pub(crate) fn revision(&self) -> u32 {
         self.kind.0.revision_with(&self.settings)
     }
 
-    /// Refuses settings out of range, and those that no start in the environment makes usable. Cheap.
+    /// Refuses settings out of range, and settings that are unusable for every start in the environment. Cheap.
     pub fn validate(&self, environment: &Environment) -> Result<(), Invalid> {
         self.settings.check("fitness")?;
         self.kind.0.validate(&self.settings, environment)

@@ -1,5 +1,5 @@
-//! Length of the way to a goal. Section IV-B of Vonásek and Faigl (2016) names it, and why it needs another measure while no
-//! way is found.
+//! Length of the path to a goal. Section IV-B of Vonásek and Faigl (2016) names this objective, and the reason why it
+//! needs another measure while no path is found.
 
 use super::distance::goal_of;
 use super::{Objective, ObjectiveKind};
@@ -11,12 +11,12 @@ use crate::model::Place;
 use crate::model::environment::{Environment, Goal};
 use crate::plan::Tree;
 
-/// Length of the tree's shortest way to a node within the goal's radius, mu: the sum of planar distances between the
-/// pivots of consecutive nodes. Where no node is within it, [`UNREACHED`] plus the least planar distance to the goal.
+/// Length of the tree's shortest path to a node within the goal's radius, mu: the sum of planar distances between the
+/// pivots of consecutive nodes. Without a node in the radius, [`UNREACHED`] plus the least planar distance to the goal.
 /// Minimised.
 pub struct PathLength;
 
-/// More than any way that is worth comparing, mu.
+/// Offset of the score if no node reaches the goal, mu: more than any path length worth comparing.
 pub const UNREACHED: f64 = 1e6;
 
 impl Component for PathLength {
@@ -53,7 +53,7 @@ impl ObjectiveKind for PathLength {
     }
 }
 
-/// The goal.
+/// Goal that a tree must reach.
 #[derive(Debug)]
 struct ToGoal(Goal);
 
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn shortest_path_counts_and_else_the_distance() {
+    fn shortest_path_counts_unless_goal_is_unreached() {
         let score = |radius: f64, tree: &Tree| ToGoal(Goal::at(4.0, 3.0, radius)).score(tree);
         let around = vec![
             node(0.0, 0.0, None),
@@ -100,7 +100,7 @@ mod tests {
         let tree = Tree { nodes: around };
         assert_eq!(score(0.25, &tree), 7.0);
         let straight = 2.5 + 8.0f64.sqrt();
-        assert!((score(0.5, &tree) - straight).abs() < 1e-12, "the second way ends within 0.5 mu, too");
+        assert!((score(0.5, &tree) - straight).abs() < 1e-12, "the second path also ends within 0.5 mu");
         assert_eq!(score(0.25, &Tree::new(Place::ORIGIN)), UNREACHED + 5.0);
         assert_eq!(score(5.0, &Tree::new(Place::ORIGIN)), 0.0);
     }

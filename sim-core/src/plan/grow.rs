@@ -48,7 +48,7 @@ struct NodeStart {
 }
 
 impl Growth {
-    /// Begins a tree at `root`, whose configuration is start 0 of the table.
+    /// Begins a tree at `root`. The root's configuration is start 0 of the table.
     pub fn new(settings: PlannerSettings, root: impl Into<Root>, stream: Stream) -> Self {
         let root_start = NodeStart { local: StartId(0), exact: None, in_place: None };
         Self {

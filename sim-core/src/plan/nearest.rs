@@ -277,8 +277,8 @@ impl Cell {
     /// Returns a lower bound, in floating point, of [`Metric::squared`] from `q` to any place in the box.
     ///
     /// Rounded differences, products and sums of non-negative numbers keep the order of the exact ones. So it is enough
-    /// to apply the metric's operations to the least difference along each axis. The turn between two headings of [−π,
-    /// π] is t for t = |Δyaw| ≤ π and 2π − t beyond, both exact in floating point. It rises, then falls, so over an
+    /// to apply the metric's operations to the least difference along each axis. The turn between two headings within
+    /// ±π is t for t = |Δyaw| ≤ π and 2π − t beyond, both exact in floating point. It rises, then falls, so over an
     /// interval of t its minimum is at one of the ends.
     fn bound(&self, metric: &Metric, q: &Place) -> f64 {
         let outside = |low: f64, high: f64, q: f64| (low - q).max(q - high).max(0.0);

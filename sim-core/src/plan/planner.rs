@@ -17,7 +17,7 @@ pub struct PlannerSettings {
     pub metric: Metric,
     /// Width and height of the map from which q_rand is drawn, mu.
     pub map: [f64; 2],
-    /// Goal (x, y, radius; mu). Growth ends once a node lies within the radius of (x, y).
+    /// Goal (x, y, radius; mu). Growth ends once a node is within the radius of (x, y).
     pub stop_at: Option<(f64, f64, f64)>,
 }
 
@@ -103,7 +103,8 @@ pub trait Planner: fmt::Debug + Send {
     /// Receives the arrival of each gait from the requested node. The edge of a node that is added has the requested
     /// node, or one expanded before, and the index of a gait whose arrival there is free.
     ///
-    /// # Panics If no request is pending.
+    /// # Panics
+    /// If no request is pending.
     fn tell(&mut self, arrivals: Vec<Arrival>);
 
     /// Returns the tree so far. Nodes are only appended.

@@ -12,7 +12,7 @@ use crate::base::registry::Component;
 use crate::model::Place;
 use std::f64::consts::PI;
 
-/// Flood-fill, Algorithm 1: adds every gait's new configuration that lies nearer to its parent than to any other node.
+/// Flood-fill, Algorithm 1: adds every gait's new configuration that is nearer to its parent than to any other node.
 pub(super) static FLOOD_FILL: RrtMpKind =
     RrtMpKind { name: "flood-fill", revision: 1, extension: Extension::FloodFill };
 

@@ -24,7 +24,7 @@ pub struct PlannerSpec {
     pub reuse_tolerance: f64,
     /// V, number of configurations of a local state from which transitions are simulated. 1: only the first one.
     pub variants: u32,
-    /// Trees per candidate; its fitness is the mean of theirs.
+    /// Trees per candidate; its fitness is the mean of their scores.
     pub repeats: u32,
     /// Limit on the rollouts that an evaluation may simulate for all of its trees; an evaluation that needs more fails.
     /// Default: the greatest number it can need.

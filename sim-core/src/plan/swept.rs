@@ -247,7 +247,10 @@ mod tests {
             }
         }
         for n in [left, touched, covered] {
-            assert!((50..550).contains(&n), "too few cases of one result to test both: {left} {touched} {covered} of 600");
+            assert!(
+                (50..550).contains(&n),
+                "too few cases of one result to test both: {left} {touched} {covered} of 600"
+            );
         }
     }
 }

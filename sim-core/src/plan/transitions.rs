@@ -75,8 +75,8 @@ pub struct Transitions {
 }
 
 impl Transitions {
-    /// Creates a table for this number of gaits. `root` is the settled start in the canonical frame and becomes start
-    /// 0.
+    /// Creates a table for this number of gaits. `root` is the settled start in the canonical frame; it becomes
+    /// start 0.
     pub fn new(gaits: usize, reuse: Reuse, root: &State) -> Self {
         let (tolerance, variants) = (reuse.tolerance as f32, reuse.variants as usize);
         let mut table = Self { gaits, tolerance, variants, starts: Vec::new() };
@@ -244,7 +244,11 @@ mod tests {
         // Each is close to the one before, but only those close to the first belong to it: local states do not drift.
         assert_eq!(table.local_state(at(0.04)).0, StartId(0));
         assert_eq!(table.local_state(at(0.08)).0, StartId(1));
-        assert_eq!(table.local_state(at(0.045)).0, StartId(0), "of two representatives within the tolerance, the first is chosen");
+        assert_eq!(
+            table.local_state(at(0.045)).0,
+            StartId(0),
+            "of two representatives within the tolerance, the first is chosen"
+        );
         assert_eq!(table.local_state(at(0.12)).0, StartId(1));
         assert_eq!(table.start(StartId(0)).joints[0], 0.0);
         assert_eq!(table.start(StartId(1)).joints[0], 0.08);

@@ -1,8 +1,9 @@
-//! Greatest cost of an evaluation, in rollouts and physics steps: so every evaluation ends, with the same bits
-//! everywhere.
+//! Limits on the cost of an evaluation, in rollouts and physics steps. With them every evaluation ends, with the same
+//! bits on every machine.
 //!
-//! A tree of K iterations with k gaits asks for K·k rollouts at most, and over terrain for twice as many: first in the
-//! canonical frame, then in place. Reuse makes that far fewer, which a job can count on by `planner.max_rollouts`.
+//! A tree of K iterations with k gaits requests at most K·k rollouts, and over terrain twice as many: first in the
+//! canonical frame, then in place. With reuse it needs far fewer; a job can rely on that by setting
+//! `planner.max_rollouts`.
 
 use super::{Checked, JobSpec, SimulateSpec};
 use crate::base::error::{Invalid, whole_in_range};
@@ -13,24 +14,25 @@ use crate::model::environment::Environment;
 use crate::physics::{JointKind, LONGEST_SETTLING, Physics};
 
 impl Checked {
-    /// Most rollouts one evaluation can take; with reuse it takes far fewer.
+    /// Returns the most rollouts that one evaluation can take; with reuse it takes far fewer.
     pub fn most_rollouts(&self) -> u64 {
         self.rollouts_of(self.0.spec.planner.repeats)
     }
 
-    /// Physics steps of a rollout, each with all of its substeps.
+    /// Returns the substeps of a rollout: its physics steps times the substeps of each.
     pub fn steps_per_rollout(&self) -> u64 {
         steps_per_rollout(&self.0.gaits, &self.0.physics)
     }
 
-    /// Rollouts of a given motion at most, carried out in all of the job's ways, without those of planning anew; 0 for a job
-    /// without one.
+    /// Returns the most rollouts that carry out a given motion in all of the job's ways; 0 for a job without a motion.
+    /// Includes the steps of new plans, but not the rollouts needed to make these plans.
     pub fn motion_rollouts(&self) -> u64 {
         self.0.spec.simulate.as_ref().map_or(0, |simulate| motion_rollouts(simulate, &self.0.spec))
     }
 
-    /// Rollouts that so many trees of a candidate may simulate; one that needs more has failed. `as_in_search`: whether
-    /// they reuse transitions as the search does, to which `planner.max_rollouts` applies.
+    /// Returns the number of rollouts that `trees` trees of a candidate may simulate; an evaluation that needs more
+    /// fails. `as_in_search` is true if the trees reuse transitions as the search does: then `planner.max_rollouts`
+    /// applies.
     pub fn rollout_budget(&self, trees: u32, as_in_search: bool) -> u64 {
         let planner = &self.0.spec.planner;
         let asked = planner.max_rollouts.filter(|_| as_in_search);
@@ -38,8 +40,8 @@ impl Checked {
         asked.map_or_else(|| self.rollouts_of(trees), share).min(MAX_EVALUATION_STEPS / self.steps_per_rollout().max(1))
     }
 
-    /// Most work that a preparation can take, in body-substeps: that of the longest settling on the job's own setting, on the
-    /// quiet one that may follow, and of both again on the reference setting.
+    /// Returns the most work that a preparation can take, in body-substeps: the longest settling on the job's own
+    /// setting and on the quiet setting that may follow, and both again on the reference setting.
     pub fn preparation_budget(&self) -> u64 {
         let own = [*self.physics(), self.quiet_setting(0.0).physics];
         let own: u64 = own.iter().map(|physics| settling(self.robot(), physics)).sum();
@@ -67,7 +69,7 @@ fn motion_rollouts(simulate: &SimulateSpec, spec: &JobSpec) -> u64 {
     steps * ways + anew
 }
 
-/// Refuses motions that could take too long.
+/// Rejects a motion if a repeat of it could exceed the limit on physics steps.
 pub(super) fn validate_motion(
     spec: &JobSpec,
     gaits: &GaitsSpec,
@@ -88,8 +90,8 @@ pub(super) fn validate_motion(
     Err(Invalid::Conflict {
         field: "simulate".into(),
         reason: format!(
-            "one repeat could take {steps} physics steps (with their substeps): at most {MAX_EVALUATION_STEPS} are allowed; \
-             take fewer steps, a shorter motion, fewer simulate.replan.most or planner.iterations, or coarser physics"
+            "one repeat could take {steps} physics steps (substeps included): at most {MAX_EVALUATION_STEPS} are allowed; \
+             use fewer steps, a shorter motion, a lower simulate.replan.most or planner.iterations, or coarser physics"
         ),
     })
 }
@@ -100,9 +102,10 @@ fn validate_substeps(physics: &Physics) -> Result<(), Invalid> {
     whole_in_range("physics.steps_per_second * physics.substeps", substeps, (1, most), "")
 }
 
-/// Most body-substeps that a robot takes to settle on one setting, so weighted that each takes much the same time on every
-/// engine. A box or capsule counts as a body does. A step counts as two substeps more: contacts are sought in it. In reduced
-/// coordinates (multibody joints) each body's motion involves all others, so n bodies count 1 + n/4 times.
+/// Returns the most body-substeps that a robot takes to settle on one setting, weighted so that each takes about the
+/// same time on every engine. A box or capsule counts as a body. A step counts as two additional substeps, for its
+/// search for contacts. In reduced coordinates (multibody joints) each body's motion involves all others, so n bodies
+/// count 1 + n/4 times.
 fn settling(robot: &Robot, physics: &Physics) -> u64 {
     let bodies = robot.bodies.len() as u64;
     let shapes: usize = robot.bodies.iter().map(|body| body.boxes.len() + body.capsules.len()).sum();
@@ -111,7 +114,7 @@ fn settling(robot: &Robot, physics: &Physics) -> u64 {
     steps * (u64::from(physics.substeps) + 2) * (bodies + shapes as u64) * quarters / 4
 }
 
-/// Refuses jobs with a preparation that could take too long.
+/// Rejects a job if its preparation could exceed the limit on work.
 pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
     let needed = job.preparation_budget();
     if needed <= MAX_PREPARATION {
@@ -126,13 +129,13 @@ pub(super) fn validate_preparation(job: &Checked) -> Result<(), Invalid> {
         field: "physics".into(),
         reason: format!(
             "settling the robot of {} bodies could take {needed} body-substeps: at most {MAX_PREPARATION} are allowed; lower \
-             physics.steps_per_second, physics.substeps{finish}{multibody}, or take fewer bodies and boxes",
+             physics.steps_per_second, physics.substeps{finish}{multibody}, or use fewer bodies and boxes",
             job.robot().bodies.len()
         ),
     })
 }
 
-/// Refuses jobs with evaluations that could take too long.
+/// Rejects a job if an evaluation could exceed the limit on physics steps.
 pub(super) fn validate(
     spec: &JobSpec,
     gaits: &GaitsSpec,
@@ -143,7 +146,7 @@ pub(super) fn validate(
     let each = steps_per_rollout(gaits, physics);
     let rollouts = match spec.planner.max_rollouts {
         Some(most) => {
-            // The first expansion takes one rollout a gait.
+            // The first expansion takes one rollout per gait.
             let least = u64::from(gaits.count);
             whole_in_range("planner.max_rollouts", most, (least, MAX_EVALUATION_STEPS), "")?;
             most
@@ -155,9 +158,9 @@ pub(super) fn validate(
         _ => Err(Invalid::Conflict {
             field: "planner".into(),
             reason: format!(
-                "an evaluation could take {rollouts} rollouts of {each} physics steps (with their substeps): at most \
-                 {MAX_EVALUATION_STEPS} steps are allowed, here {} rollouts; lower iterations, repeats or gaits.count, or \
-                 set planner.max_rollouts, beyond which an evaluation counts as failed",
+                "an evaluation could take {rollouts} rollouts of {each} physics steps (substeps included): at most \
+                 {MAX_EVALUATION_STEPS} steps are allowed, that is {} rollouts; lower iterations, repeats or gaits.count, or \
+                 set planner.max_rollouts, beyond which an evaluation fails",
                 MAX_EVALUATION_STEPS / each.max(1)
             ),
         }),

@@ -1,39 +1,39 @@
-//! The `[finish]` table of a job: what is done once the search is over.
+//! The `[finish]` table of a job: the choice of the winner after the search.
 
 use crate::base::error::{Faults, Invalid, whole_in_range};
 use crate::base::limits::{MAX_ARCHIVE, MAX_FINISH_SEEDS};
 use crate::physics::{EngineChoice, Physics, PhysicsSpec, Scale};
 use serde::{Deserialize, Serialize};
 
-/// Default number of fresh seeds.
+/// Default number of fresh RRT seeds.
 const SEEDS: u32 = 20;
 /// Default number of genotypes in the archive.
 const ARCHIVE: u32 = 20;
 
-/// The `[finish]` table. What is not given gets its default; all but `kind` belongs to `kind = "reference"`.
+/// The `[finish]` table. Keys that are not given get their defaults; all but `kind` belong to `kind = "reference"`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishSpec {
-    /// Rule for the choice of the published winner.
+    /// Rule by which the published winner is chosen.
     pub kind: FinishKind,
-    /// Number of the best distinct genotypes of the search that are scored again.
+    /// Number of the search's best distinct genotypes that are scored again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub archive: Option<u32>,
-    /// On how many fresh RRT seeds each.
+    /// Number of fresh RRT seeds for each of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seeds: Option<u32>,
-    /// Physics steps in a second of simulated time, on the reference setting.
+    /// Physics steps per second of simulated time, on the reference setting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps_per_second: Option<u32>,
-    /// Solver iterations (substeps) of a step, on the reference setting.
+    /// Substeps (solver iterations) of a step, on the reference setting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps: Option<u32>,
-    /// True if every new global best of the search is scored again without reuse of transitions.
+    /// True to score every new global best of the search again without reuse of transitions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub audit: Option<bool>,
 }
 
-/// Rule for the choice of the published winner.
+/// Rule by which the published winner is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FinishKind {
@@ -51,7 +51,7 @@ pub struct Finish {
     pub archive: u32,
     /// Fresh RRT seeds.
     pub seeds: u32,
-    /// Steps in a second on the reference setting.
+    /// Steps per second on the reference setting.
     pub steps_per_second: u32,
     /// Substeps of a step on the reference setting.
     pub substeps: u32,
@@ -60,7 +60,7 @@ pub struct Finish {
 }
 
 impl FinishSpec {
-    /// Resolves and validates the table; `None` for kind `none`.
+    /// Resolves and validates the table. Returns `None` for kind `none`.
     pub fn resolve(&self, scale: Scale) -> Result<Option<Finish>, Invalid> {
         if self.kind == FinishKind::None {
             return self.refuse_settings().map(|()| None);
@@ -101,12 +101,12 @@ impl FinishSpec {
 }
 
 impl Finish {
-    /// Fresh RRT seeds of a job with this finish.
+    /// Returns the number of fresh RRT seeds of a job with this finish.
     pub fn seeds_of(finish: Option<&Finish>) -> u32 {
         finish.map_or(SEEDS, |f| f.seeds)
     }
 
-    /// The table with everything written out.
+    /// Returns the table with every value written out.
     pub fn written_out(finish: Option<&Finish>) -> FinishSpec {
         match finish {
             None => FinishSpec { kind: FinishKind::None, ..FinishSpec::default() },
@@ -121,7 +121,7 @@ impl Finish {
         }
     }
 
-    /// A job's physics on the reference setting: always rapier, with steps of its own.
+    /// Returns a job's physics on the reference setting: always rapier, with the finish's own steps.
     pub fn physics(&self, search: &PhysicsSpec) -> PhysicsSpec {
         PhysicsSpec {
             engine: EngineChoice::Rapier,

@@ -1,4 +1,4 @@
-//! A job: one optimisation, from its file to everything an evaluation needs.
+//! A job, from its file to all inputs of an evaluation.
 
 mod budget;
 mod finish;
@@ -36,8 +36,8 @@ use crate::plan::{PlannerSettings, PlannerSpec, Reuse};
 use crate::search::{self, OptimiserSpec, Search};
 use std::sync::Arc;
 
-/// A resolved and validated job with its robot compiled: everything that is known without a simulation. Cheap to make, and
-/// to clone. [`Checked::prepare`] and [`Checked::with`] make a [`Job`] of it.
+/// A resolved and validated job with its robot compiled: everything that is known without a simulation. Making and
+/// cloning it takes little time. [`Checked::prepare`] and [`Checked::with`] turn it into a [`Job`].
 #[derive(Clone, Debug)]
 pub struct Checked(Arc<Resolved>);
 
@@ -49,20 +49,21 @@ struct Resolved {
     robot: Robot,
     engine: Chosen,
     physics: Physics,
-    /// Gaits as in the file; for a motion without gaits, with the duration of the motion.
+    /// The gaits of the file. A motion without gaits counts as one gait of the motion's duration.
     gaits: GaitsSpec,
     space: Space,
     fitness: FitnessSpec,
-    /// The gaits of a job that is given them.
+    /// The gaits that the file gives, if any.
     given: Option<Genotype>,
     finish: Option<Finish>,
-    /// The same job on the reference setting, without a finish of its own; of a job that simulates, the one that plans anew.
+    /// The same job on the reference setting, without a finish of its own. For a job that simulates, the job that
+    /// replans.
     reference: Option<Checked>,
 }
 
 impl Checked {
-    /// Reads a self-contained job: its robot and environment are written out or ship with evogait. Settings that are
-    /// not given get their defaults, so that [`Checked::to_toml`] writes all of them.
+    /// Reads a self-contained job: its robot and environment are written out or built in. Settings that are not given
+    /// get their defaults, and [`Checked::to_toml`] writes all of them.
     pub fn from_toml(text: &str) -> Result<Self, Invalid> {
         let most = limits::MAX_TOML_LENGTH as u64;
         whole_in_range("length of the job's text", text.len() as u64, (0, most), "bytes")?;
@@ -112,7 +113,7 @@ impl Checked {
         let (Some(robot_spec), Some(environment), Some(robot), Some(chosen), Some(physics), Some(finish)) =
             (robot_spec, environment, robot, chosen, physics, finish)
         else {
-            unreachable!("what is not there left a fault")
+            unreachable!("a missing part has left a fault")
         };
 
         let mut faults = Faults::default();
@@ -151,7 +152,7 @@ impl Checked {
             }
         }
         faults.end()?;
-        let Some(space) = space else { unreachable!("a space that is not there left a fault") };
+        let Some(space) = space else { unreachable!("a missing space has left a fault") };
         let fitness = spec.fitness.take().unwrap_or_else(|| default_fitness(&environment));
         fitness.validate(&environment)?;
 
@@ -184,14 +185,14 @@ impl Checked {
         Ok(checked)
     }
 
-    /// The resolved job as a file: self-contained, every setting written out. `Job::from_toml(job.to_toml())` gives a
-    /// job with the same digest.
+    /// Returns the resolved job as a self-contained file with every setting written out.
+    /// `Job::from_toml(job.to_toml())` gives a job with the same digest.
     pub fn to_toml(&self) -> String {
         toml::to_string(&self.0.spec).expect("a resolved job can be written as TOML")
     }
 
-    /// The digest of the engine that the job runs on, as this build has it; of both, if its reference setting or the quiet
-    /// setting of a start is another engine's. A worker must offer the same.
+    /// Returns the digest of the engine that the job runs on, as built into this program. If the reference setting or
+    /// the quiet setting of a start uses the other engine, returns the digest of both. A worker must offer the same.
     pub fn engine_digest(&self) -> Digest {
         let search = self.chosen().engine;
         let uses = |job: &Checked, kind| job.chosen().engine == kind || job.quiet_setting(0.0).engine == kind;
@@ -204,79 +205,80 @@ impl Checked {
         }
     }
 
-    /// The setting that its robot is settled on if it trembles at so many mu/s on the job's own.
+    /// Returns the setting on which the robot is settled if it trembles at `trembling` mu/s on the job's own setting.
     fn quiet_setting(&self, trembling: f32) -> Quiet {
         Quiet::of(&self.0.robot, &self.0.physics, trembling)
     }
 
-    /// Returns the engine of the job and the reason. [`Self::on_reference`] has one of its own.
+    /// Returns the engine that the job runs on, and the reason for the choice. [`Self::on_reference`] has an engine of
+    /// its own.
     pub fn chosen(&self) -> Chosen {
         self.0.engine
     }
 
-    /// Returns the number of candidates with first rollouts that fill the engine's lanes on this machine: a smaller
-    /// batch takes as long. 1 for an engine without lanes.
+    /// Returns the number of candidates whose first rollouts fill the engine's lanes on this machine; a smaller batch
+    /// takes as long. 1 for an engine without lanes.
     pub fn candidates_at_once(&self) -> u32 {
         (self.engine().lanes() as u32 / self.0.gaits.count).max(1)
     }
 
-    /// The resolved job as written.
+    /// Returns the resolved tables of the job.
     pub fn spec(&self) -> &JobSpec {
         &self.0.spec
     }
 
-    /// The resolved robot file.
+    /// Returns the resolved robot file.
     pub fn robot_spec(&self) -> &RobotSpec {
         &self.0.robot_spec
     }
 
-    /// The compiled robot.
+    /// Returns the compiled robot.
     pub fn robot(&self) -> &Robot {
         &self.0.robot
     }
 
-    /// The environment.
+    /// Returns the environment.
     pub fn environment(&self) -> &Environment {
         &self.0.environment
     }
 
-    /// The physics, every number resolved.
+    /// Returns the physics with every number resolved.
     pub fn physics(&self) -> &Physics {
         &self.0.physics
     }
 
-    /// Returns the finish; `None` if the published winner is the best of the search.
+    /// Returns the settings of the finish; `None` if the winner is the best of the search.
     pub fn finish(&self) -> Option<&Finish> {
         self.0.finish.as_ref()
     }
 
-    /// The same job on the reference setting of its finish, if it has one; of a job that simulates, the job that makes plans
-    /// anew.
+    /// Returns the same job on the reference setting of its finish, if it has one. For a job that simulates, returns
+    /// the job that replans.
     pub fn on_reference(&self) -> Option<&Checked> {
         self.0.reference.as_ref()
     }
 
-    /// Fresh RRT seeds on which candidates are scored again.
+    /// Returns the number of fresh RRT seeds on which candidates are scored again.
     pub fn fresh_seeds(&self) -> u32 {
         Finish::seeds_of(self.finish())
     }
 
-    /// The space of candidates: gait sets.
+    /// Returns the space of the candidates, which are gait sets.
     pub fn space(&self) -> &Space {
         &self.0.space
     }
 
-    /// The engine.
+    /// Returns the engine.
     pub fn engine(&self) -> &'static dyn Engine {
         engine(self.0.engine.engine)
     }
 
-    /// The controller.
+    /// Returns the controller.
     pub fn controller(&self) -> &'static dyn Controller {
         self.0.gaits.controller.0
     }
 
-    /// Returns the settings of the planner.
+    /// Returns the settings of tree growth.
     pub fn planner(&self) -> PlannerSettings {
         let spec = &self.0.spec.planner;
         let goal = self.0.environment.goal.filter(|_| spec.stop_at_goal == Some(true));
@@ -289,33 +291,34 @@ impl Checked {
         }
     }
 
-    /// Returns the settings of the reuse of transitions.
+    /// Returns the settings of transition reuse.
     pub fn reuse(&self) -> Reuse {
         let spec = &self.0.spec.planner;
         Reuse { tolerance: spec.reuse_tolerance, variants: spec.variants }
     }
 
-    /// Returns the direction: larger or smaller scores are better.
+    /// Returns the direction of better scores: larger or smaller.
     pub fn direction(&self) -> Direction {
         self.0.fitness.kind.0.direction()
     }
 
-    /// Name and unit of the score, such as ("coverage", "%").
+    /// Returns name and unit of the score, such as ("coverage", "%").
     pub fn score_label(&self) -> (&'static str, &'static str) {
         self.0.fitness.kind.0.label()
     }
 
-    /// Least and greatest score that an evaluation can have.
+    /// Returns the least and the greatest score that an evaluation can have.
     pub fn score_range(&self) -> (f64, f64) {
         self.0.fitness.kind.0.range()
     }
 
-    /// The job's fitness table, or the default one.
+    /// Returns the job's fitness table, or the default one.
     pub fn fitness_spec(&self) -> &FitnessSpec {
         &self.0.fitness
     }
 
-    /// Number, duration and controller of the gaits. A motion that is not made of gaits counts as one as long as it lasts.
+    /// Returns number, duration and controller of the gaits. A motion without gaits counts as one gait of the motion's
+    /// duration.
     pub fn gaits(&self) -> &GaitsSpec {
         &self.0.gaits
     }
@@ -325,37 +328,38 @@ impl Checked {
         Does::of(&self.0.spec)
     }
 
-    /// The gaits that a job is given, as a candidate of its space; `None` for a job that evolves them, or moves without any.
+    /// Returns the given gaits as a candidate of the job's space. `None` for a job that evolves gaits or moves without
+    /// gaits.
     pub fn given_gaits(&self) -> Option<&Genotype> {
         self.0.given.as_ref()
     }
 
-    /// How candidates are searched for.
+    /// Returns the table of the search.
     ///
     /// # Panics
-    /// If the job [does](Self::does) not evolve.
+    /// If the job does not [evolve](Self::does).
     pub fn optimiser_spec(&self) -> &OptimiserSpec {
         self.0.spec.optimiser.as_ref().expect("a job that evolves has an optimiser")
     }
 
-    /// A fresh search at generation 0.
+    /// Creates a search at generation 0.
     ///
     /// # Panics
-    /// If the job [does](Self::does) not evolve.
+    /// If the job does not [evolve](Self::does).
     pub fn optimiser(&self) -> Box<dyn Search> {
         search::build(self.optimiser_spec(), self.0.space.clone(), self.direction(), self.0.spec.seed)
     }
 }
 
-/// Kind of work on a problem, by the tables that it needs. A procedure that another program registers evolves in this
-/// sense.
+/// Kind of work that a job does, by the tables that it needs. A procedure that another program registers counts as
+/// [`Does::Evolve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Does {
-    /// Search for gaits.
+    /// The search for gaits.
     Evolve,
-    /// Grow trees with given gaits.
+    /// The growth of trees with given gaits.
     Plan,
-    /// Carry out a given motion.
+    /// The execution of a given motion.
     Simulate,
 }
 
@@ -369,7 +373,7 @@ impl Does {
     }
 }
 
-/// Refuses tables that a job's procedure has no use for, and jobs that lack one.
+/// Rejects jobs with a table that their procedure does not use, and jobs without a table that it needs.
 fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
     let does = Does::of(spec);
     let [evolves, plans, simulates] = [Does::Evolve, Does::Plan, Does::Simulate].map(|one| does == one);
@@ -378,7 +382,8 @@ fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
         format!("a job with procedure = \"{name}\"")
     });
     let conflict = |field: &str, reason: String| Err(Invalid::Conflict { field: field.to_owned(), reason });
-    // Whether the table is there, and whether it has to be; `None`: as you like.
+    // Per table: its name, its presence, and `Some(true)` if it is required, `Some(false)` if forbidden, `None` if
+    // optional.
     for (table, there, wanted) in [
         ("gaits", spec.gaits.is_some(), Some(!simulates || needs_gaits)),
         ("fitness", spec.fitness.is_some(), (!plans).then_some(evolves)),
@@ -388,25 +393,26 @@ fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
         ("finish", spec.finish.is_some(), (!evolves).then_some(false)),
     ] {
         match (there, wanted) {
-            (false, Some(true)) => return conflict(table, format!("{what} needs this table, and the file has none")),
+            (false, Some(true)) => return conflict(table, format!("{what} needs this table: add it")),
             (true, Some(false)) => return conflict(table, format!("{what} has no such table: leave it out")),
             _ => {}
         }
     }
     if !evolves && spec.planner.repeats != 1 {
-        let reason = "a job that plans grows one tree a seed: set plan.seeds instead".to_owned();
+        let reason = "a job that plans grows one tree per seed: leave this key out and set plan.seeds".to_owned();
         return conflict("planner.repeats", reason);
     }
     let grows = !simulates || spec.simulate.as_ref().is_some_and(|simulate| simulate.replan.is_some());
     if !grows && spec.planner != PlannerSpec::default() {
-        let reason = "a job that simulates grows trees only where it plans anew: leave the table out, or add \
+        let reason = "a job that simulates grows trees only if it replans: leave the table out, or add \
                       [simulate.replan]";
         return conflict("planner", reason.to_owned());
     }
     Ok(())
 }
 
-/// The job that makes the plans of one that simulates, if it plans anew; its physics is written out.
+/// Makes the job that computes the plans of a job that simulates and replans, and writes its physics into
+/// `simulate.replan`. Returns `None` if the job does not replan.
 fn planning(spec: &mut JobSpec) -> Result<Option<Checked>, Invalid> {
     let own = spec.physics.clone();
     let Some(SimulateSpec { replan: Some(replan), gaits: Some(gaits), .. }) = &spec.simulate else { return Ok(None) };
@@ -431,13 +437,13 @@ fn planning(spec: &mut JobSpec) -> Result<Option<Checked>, Invalid> {
     Ok(Some(job))
 }
 
-/// Settles whether trees end at the goal. Where they don't, a job that evolves says nothing of it.
+/// Resolves `planner.stop_at_goal`. Only jobs that plan write the value false out.
 fn resolve_stop_at_goal(spec: &mut JobSpec, environment: &Environment) -> Result<(), Invalid> {
     let (plans, goal) = (spec.plan.is_some(), environment.goal.is_some());
     let stop = spec.planner.stop_at_goal.unwrap_or(plans && goal);
     if stop && !goal {
         let reason = format!(
-            "environment \"{}\" has no goal: add `goal = {{ x = …, y = … }}` to it, or set false",
+            "environment \"{}\" has no goal: add `goal = {{ x = …, y = … }}` to it, or set this key to false",
             environment.name
         );
         return Err(Invalid::Conflict { field: "planner.stop_at_goal".into(), reason });
@@ -446,7 +452,7 @@ fn resolve_stop_at_goal(spec: &mut JobSpec, environment: &Environment) -> Result
     Ok(())
 }
 
-/// Returns the default fitness: the distance to the goal, or coverage without a goal.
+/// Returns the default objective: the distance to the goal, or coverage if there is no goal.
 fn default_fitness(environment: &Environment) -> FitnessSpec {
     let kind: Registration<dyn ObjectiveKind> =
         if environment.goal.is_some() { Registration(&Distance) } else { Registration(&Coverage) };
@@ -482,19 +488,19 @@ fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Res
     })
 }
 
-/// A job with other physics and without a finish.
+/// Makes a job with other physics and without a finish.
 fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Checked, Invalid> {
     let none = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
     let finish = (Does::of(spec) == Does::Evolve).then_some(none);
     Checked::new(JobSpec { physics, finish, ..spec.clone() })
 }
 
-/// A resolved job on the reference setting of its finish.
+/// Makes the job on the reference setting of its finish.
 fn on_reference(spec: &JobSpec, finish: &Finish) -> Result<Checked, Invalid> {
     with_physics(spec, finish.physics(&spec.physics)).map_err(|fault| unusable_reference(finish, &fault))
 }
 
-/// The refusal of a job that can't be used on its reference setting.
+/// Returns the error for a job that can't be used on its reference setting.
 fn unusable_reference(finish: &Finish, fault: &Invalid) -> Invalid {
     Invalid::Conflict {
         field: "finish".into(),

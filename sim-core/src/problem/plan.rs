@@ -1,4 +1,4 @@
-//! The `[plan]` table of a job: gaits that are given, and how many trees are grown with them.
+//! The `[plan]` table of a job: given gaits, and the number of trees grown with them.
 
 use super::Reference;
 use crate::base::error::{Faults, Invalid, whole_in_range};
@@ -8,14 +8,14 @@ use crate::genotype::{Genotype, Misfit, Space};
 use crate::model::Robot;
 use serde::{Deserialize, Serialize};
 
-/// Name of the procedure that has this table.
+/// Name of the procedure that this table belongs to.
 pub const PLAN: &str = "plan";
 
 /// The `[plan]` table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlanSpec {
-    /// Trees, each with random numbers of its own.
+    /// Number of trees, each with its own random numbers.
     #[serde(default = "seeds")]
     pub seeds: u32,
     /// The gaits: a path to a run's folder or to its gaits.json, or the table itself.
@@ -26,18 +26,19 @@ fn seeds() -> u32 {
     20
 }
 
-/// Gaits with all their numbers.
+/// Gaits with all their parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GaitSet {
-    /// The robot's joints, in its order: gaits of another robot are refused.
+    /// Names of the robot's joints, in the robot's order. Gaits of another robot are rejected.
     pub joints: Vec<String>,
-    /// Of each gait its numbers, in the order of the controller's parameters, joint after joint.
+    /// Parameters of each gait, in the controller's order, joint after joint.
     pub genome: Vec<Vec<f64>>,
 }
 
 impl GaitSet {
-    /// The gaits as a candidate of a job's space; refuses those of another robot or controller. `field`: where they stand.
+    /// Returns the gaits as a candidate of a job's space. Rejects gaits of another robot or controller. `field` is the
+    /// key that holds the gaits.
     pub(super) fn genotype(
         &self,
         field: &str,
@@ -49,7 +50,7 @@ impl GaitSet {
         let joints = robot.joint_names();
         if self.joints != joints {
             let reason = format!(
-                "they are of a robot with joints {}, and \"{}\" has {}",
+                "they belong to a robot with joints {}, but \"{}\" has {}",
                 self.joints.join(", "),
                 robot.name,
                 joints.join(", ")
@@ -57,13 +58,13 @@ impl GaitSet {
             return conflict(field.to_owned(), reason);
         }
         if self.genome.len() != gaits.count as usize {
-            let reason = format!("there are {}, and gaits.count = {}", self.genome.len(), gaits.count);
+            let reason = format!("it has {} gaits, but gaits.count = {}", self.genome.len(), gaits.count);
             return conflict(format!("{field}.genome"), reason);
         }
         let genes = space.genes.len() / self.genome.len();
         if let Some((i, gait)) = self.genome.iter().enumerate().find(|(_, gait)| gait.len() != genes) {
             let reason = format!(
-                "it has {} numbers, and a gait of controller \"{}\" on this robot has {genes}",
+                "it has {} numbers, but a gait of controller \"{}\" on this robot has {genes}",
                 gait.len(),
                 gaits.controller.0.name()
             );
@@ -85,19 +86,21 @@ impl GaitSet {
     }
 }
 
-/// Gaits that stand in the job; refuses a path. `field`: where they stand.
+/// Returns gaits that are written out in the job; rejects a path. `field` is the key that holds the gaits.
 pub(super) fn written_out<'a>(field: &str, gaits: &'a Reference<GaitSet>) -> Result<&'a GaitSet, Invalid> {
     match gaits {
         Reference::Inline(gaits) => Ok(gaits),
         Reference::Named(path) => Err(Invalid::Conflict {
             field: field.into(),
-            reason: format!("\"{path}\" is a path, which only `evogait` follows: write the gaits out"),
+            reason: format!(
+                "\"{path}\" is a path, and only the `evogait` command reads paths: write the gaits into the job"
+            ),
         }),
     }
 }
 
 impl PlanSpec {
-    /// Refuses numbers out of range, and gaits that are not written out.
+    /// Rejects numbers out of range, and gaits that are not written out.
     pub(super) fn validate(&self, iterations: u32) -> Result<(), Invalid> {
         let mut faults = Faults::default();
         faults.take(whole_in_range("plan.seeds", self.seeds, (1, MAX_PLAN_SEEDS.into()), ""));

@@ -1,4 +1,4 @@
-//! The expensive part of a job: its settled robot, and all that follows from its start.
+//! Preparation of a job: settles its robot, which is the expensive part, and derives all that follows from its pose.
 
 use super::{Checked, JobSpec, standing, unusable_reference, with_physics};
 use crate::base::encoding::{Unreadable, encoded};
@@ -17,10 +17,10 @@ use std::sync::Arc;
 
 /// First byte of an encoded preparation.
 const FORMAT: u8 = 0xA1;
-/// A rotation's length may differ from 1 by so much.
+/// Greatest difference between the length of a rotation and 1.
 const UNIT: f32 = 1e-3;
 
-/// A checked job with its robot settled: everything that an evaluation needs. Cheap to clone.
+/// A checked job with its robot settled: all inputs of an evaluation. Cloning it takes little time.
 #[derive(Clone, Debug)]
 pub struct Job(Arc<Prepared>);
 
@@ -32,68 +32,69 @@ struct Prepared {
     start: State,
     /// Height of the terrain that the robot starts on, mu; 0 on flat ground.
     ground: f64,
-    /// The setting that it was settled on, if not the job's own.
+    /// The setting that the robot was settled on; `None` if it is the job's own.
     quiet: Option<Quiet>,
     /// The same job on the reference setting, without a finish of its own.
     reference: Option<Job>,
 }
 
-/// Result of settling a job's robot, on the job's own setting and on its reference: bits that no other machine needs to
-/// compute again.
+/// Result of settling a job's robot, on the job's own setting and on its reference setting. Other machines use these
+/// bits and need not compute them again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Preparation {
     own: Start,
     reference: Option<Start>,
 }
 
-/// A settled start as it is stored.
+/// Stored form of a settled start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Start {
-    /// The pivot's position x, y, z, mu, and its rotation as a unit quaternion x, y, z, w.
+    /// Position x, y, z of the pivot, mu, and its rotation as a unit quaternion x, y, z, w.
     pivot: [f32; 7],
     /// Joint angles, rad.
     joints: Vec<f32>,
-    /// Speed at which the robot trembles on the setting of its rollouts, mu/s, where it was settled on a quiet one.
+    /// Speed at which the robot trembles on the setting of its rollouts, mu/s. Present if the robot was settled on a
+    /// quiet setting.
     trembling: Option<f32>,
 }
 
-/// A job that has no preparation.
+/// Reason for which a job has no preparation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unprepared {
-    /// The caller gave it up.
+    /// The caller stopped the preparation.
     #[error("stopped before the robot had settled")]
     Stopped,
-    /// Its robot can't stand, or its start is blocked.
+    /// The robot can't stand, or its start is blocked.
     #[error(transparent)]
     Refused(#[from] Invalid),
 }
 
-/// A preparation that is not one of its job.
+/// Reason for which a preparation does not fit its job.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unfit {
-    /// It can't be read.
+    /// The bytes can't be read.
     #[error("the preparation can't be read: {0}")]
     Unreadable(#[from] Unreadable),
-    /// The job has a reference setting and the preparation none, or the other way round.
-    #[error("the preparation has {found} settled starts, its job {wanted}")]
+    /// The job has a reference setting and the preparation does not, or the other way round.
+    #[error("the preparation has {found} settled starts, but its job needs {wanted}")]
     Starts {
-        /// Number found.
+        /// Number of settled starts in the preparation.
         found: usize,
-        /// Number needed.
+        /// Number of settled starts that the job needs.
         wanted: usize,
     },
-    /// Another number of joints than the robot has.
-    #[error("a settled start has {found} joint angles, the robot {wanted} joints")]
+    /// The number of joint angles differs from the number of the robot's joints.
+    #[error("a settled start has {found} joint angles, but the robot has {wanted} joints")]
     Joints {
-        /// Number found.
+        /// Number of joint angles in the preparation.
         found: usize,
-        /// Number needed.
+        /// Number of the robot's joints.
         wanted: usize,
     },
-    /// Numbers that no settled robot has.
+    /// A number is impossible for a settled robot.
     #[error(
-        "a settled start has numbers that it can't have: all must be finite, x and y of the pivot 0, its rotation of length 1, \
-         a speed at least 0"
+        "a settled start has impossible numbers: all must be finite, x and y of the pivot 0, the length of its rotation 1, \
+         and the speed at least 0"
     )]
     Numbers,
 }
@@ -101,7 +102,7 @@ pub enum Unfit {
 encoded!(Preparation = FORMAT);
 
 impl fmt::Display for Preparation {
-    /// Such as "settled with its pivot at a height of 0.52 mu (bits 3f051eb8)".
+    /// Writes a summary such as "settled with its pivot at a height of 0.52 mu (bits 3f051eb8)".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let height = self.own.pivot[2];
         write!(f, "settled with its pivot at a height of {height:.2} mu (bits {:08x})", height.to_bits())
@@ -119,7 +120,7 @@ impl Start {
         }
     }
 
-    /// The settled start of a job's robot.
+    /// Returns the settled start of a job's robot.
     fn settled(&self, job: &Checked) -> Settled {
         let [x, y, z, i, j, k, w] = self.pivot;
         let pivot = Pose::from_parts(Vector::new(x, y, z), Rotation::from_xyzw(i, j, k, w));
@@ -141,10 +142,10 @@ impl Start {
 }
 
 impl Checked {
-    /// Settles the robot on the job's setting and on its reference. `stop` is asked before every physics step.
+    /// Settles the robot on the job's setting and on its reference setting. Calls `stop` before every physics step.
     ///
     /// # Errors
-    /// The robot can't stand, its start is blocked, or `stop` says so.
+    /// If the robot can't stand, its start is blocked, or `stop` returns true.
     pub fn prepare(&self, stop: &dyn Fn() -> bool) -> Result<Preparation, Unprepared> {
         let own = self.settle(stop)?;
         let on_reference = |reference: &Checked| match (reference.settle(stop), self.finish()) {
@@ -157,7 +158,7 @@ impl Checked {
         Ok(Preparation { own, reference })
     }
 
-    /// Checks that a preparation can be one of this job. Cheap.
+    /// Checks that a preparation can belong to this job. Simulates nothing.
     pub fn takes(&self, preparation: &Preparation) -> Result<(), Unfit> {
         let wanted = 1 + usize::from(self.on_reference().is_some());
         let found = 1 + usize::from(preparation.reference.is_some());
@@ -171,10 +172,10 @@ impl Checked {
         }
     }
 
-    /// The job with its preparation. Simulates nothing.
+    /// Combines the job with its preparation. Simulates nothing.
     ///
     /// # Errors
-    /// The preparation is not one of this job.
+    /// If the preparation does not fit the job.
     pub fn with(self, preparation: Preparation) -> Result<Job, Invalid> {
         let unfit = |e: Unfit| Invalid::Conflict { field: "preparation".into(), reason: e.to_string() };
         self.takes(&preparation).map_err(unfit)?;
@@ -195,7 +196,7 @@ impl Checked {
         let settled =
             settle_quietly_until(self.chosen().engine, self.robot(), self.physics(), stop).map_err(unsettled)?;
         let start = Start::of(&settled);
-        // Refuses a start that is blocked.
+        // Rejects a start that is blocked.
         self.clone().standing(settled, None)?;
         Ok(start)
     }
@@ -226,7 +227,7 @@ impl Deref for Job {
 }
 
 impl Job {
-    /// Reads, checks and prepares a self-contained job: its robot and environment are written out or ship with evogait.
+    /// Reads, checks and prepares a self-contained job: its robot and environment are written out or built in.
     pub fn from_toml(text: &str) -> Result<Job, Invalid> {
         Self::prepared(Checked::from_toml(text)?)
     }
@@ -240,17 +241,18 @@ impl Job {
         match checked.prepare(&|| false) {
             Ok(preparation) => checked.with(preparation),
             Err(Unprepared::Refused(fault)) => Err(fault),
-            Err(Unprepared::Stopped) => unreachable!("nothing stops it"),
+            Err(Unprepared::Stopped) => unreachable!("`stop` always returns false"),
         }
     }
 
-    /// The same job with other physics, its robot settled there, and without a finish.
+    /// Makes the same job with other physics and without a finish; settles its robot on these physics.
     pub fn with_physics(&self, physics: PhysicsSpec) -> Result<Job, Invalid> {
         Self::prepared(with_physics(self.spec(), physics)?)
     }
 
-    /// The same job with other friction and without a finish. A robot that does not come to rest there by itself starts
-    /// as this job's does if it is known to tremble; else it is refused, as it always was: results keep their bits.
+    /// Makes the same job with other friction and without a finish. If its robot does not come to rest with this
+    /// friction, it starts as in this job if `trembles` is true. Otherwise the job is rejected, as in earlier versions,
+    /// so that results keep their bits.
     pub(crate) fn with_friction(
         &self,
         friction: f64,
@@ -268,33 +270,33 @@ impl Job {
         Ok(other.standing(settled, None)?)
     }
 
-    /// The part of it that is known without a simulation.
+    /// Returns the part of the job that is known without a simulation.
     pub fn checked(&self) -> &Checked {
         &self.0.checked
     }
 
-    /// The setting that the robot was settled on; `None` if it is the job's own.
+    /// Returns the setting that the robot was settled on; `None` if it is the job's own.
     pub fn quiet(&self) -> Option<&Quiet> {
         self.0.quiet.as_ref()
     }
 
-    /// The same job on the reference setting of its finish, if it has one.
+    /// Returns the same job on the reference setting of its finish, if it has one.
     pub fn reference(&self) -> Option<&Job> {
         self.0.reference.as_ref()
     }
 
-    /// The objective.
+    /// Returns the objective.
     pub fn fitness(&self) -> &dyn Objective {
         &*self.0.fitness
     }
 
-    /// The settled start in the canonical frame.
+    /// Returns the settled start in the canonical frame.
     pub fn start(&self) -> &State {
         &self.0.start
     }
 
-    /// The settled start as rollouts begin from it: in the canonical frame, with [`Place::ORIGIN`]; among terrain in the map,
-    /// with where that is.
+    /// Returns the settled start of rollouts with its place: on flat ground in the canonical frame, with
+    /// [`Place::ORIGIN`]; over terrain in the map.
     pub fn start_among_terrain(&self) -> (State, Place) {
         match self.environment().is_flat() {
             true => (self.start().clone(), Place::ORIGIN),
@@ -302,33 +304,33 @@ impl Job {
         }
     }
 
-    /// Returns the place of the pivot at the start.
+    /// Returns the pivot's place at the start.
     pub fn root(&self) -> Place {
         let start = &self.environment().start;
         Place { x: start.x, y: start.y, z: f64::from(self.0.start.pivot.translation.z) + self.0.ground, yaw: start.yaw }
     }
 
-    /// Returns the place of the pivot if the robot starts elsewhere: at (x, y), mu, with this heading, rad.
+    /// Returns the pivot's place for a start at (x, y), mu, with heading `yaw`, rad.
     ///
     /// # Errors
-    /// The robot can't stand there, or it is off the map.
+    /// If the robot can't stand there, or the place is outside the map.
     pub fn root_at(&self, x: f64, y: f64, yaw: f64) -> Result<Place, Invalid> {
         let mut environment = self.environment().clone();
         (environment.start.x, environment.start.y, environment.start.yaw) = (x, y, yaw);
         if !environment.contains(x, y) {
-            return Err(Invalid::Misplaced { what: "the start", x, y, wrong: "off the map".into() });
+            return Err(Invalid::Misplaced { what: "the start", x, y, wrong: "outside the map".into() });
         }
         let ground = standing::ground_of_start(self.robot(), &environment, &self.0.start)?;
         Ok(Place { x, y, z: f64::from(self.0.start.pivot.translation.z) + ground, yaw })
     }
 
-    /// The obstacle that the robot, settled and with its pivot at the goal, touches at every heading, if there is one: such a
-    /// goal is no configuration that the robot can reach as it stands.
+    /// Returns an obstacle that blocks the goal: the settled robot, with its pivot at the goal, touches an obstacle at
+    /// every heading. The robot can't reach such a goal in its settled posture. `None` if the goal is free.
     pub fn blocked_goal(&self) -> Option<usize> {
         standing::blocked_goal(self.robot(), self.environment(), &self.0.start)
     }
 
-    /// Returns the setting of trees.
+    /// Returns robot, environment and gaits that trees are grown for.
     pub fn setting(&self) -> Setting<'_> {
         evaluate::setting(self)
     }

@@ -1,4 +1,4 @@
-//! A prepared job as what its evaluations need.
+//! Access of evaluations to a prepared job.
 
 use super::Job;
 use crate::control::{Controller, GaitsSpec};

@@ -1,4 +1,4 @@
-//! The `[simulate]` table of a job: a motion that is given, and what varies from repeat to repeat.
+//! The `[simulate]` table of a job: a given motion, and the quantities that vary between repeats.
 
 use super::{GaitSet, Reference};
 use crate::base::error::{Faults, Invalid, in_range, whole_in_range};
@@ -9,44 +9,45 @@ use crate::physics::{PhysicsSpec, TICK, Targets};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Name of the procedure that has this table.
+/// Name of the procedure that this table belongs to.
 pub const SIMULATE: &str = "simulate";
-/// Repeats unless told otherwise, where something varies.
+/// Default number of repeats if a quantity varies.
 const REPEATS: u32 = 50;
-/// Times that a repeat may plan anew unless told otherwise.
+/// Default for the most plans of a repeat.
 const REPLANS: u32 = 20;
 /// Shortest motion, s.
 const SHORTEST: f64 = 0.1;
 
-/// The `[simulate]` table. The motion is one of `steps`, `targets` and `stand`; with `replan` it may be left out.
+/// The `[simulate]` table. The motion is one of `steps`, `targets` and `stand`; with `replan` it is optional.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulateSpec {
-    /// Gaits in turn, counted from 1: a plan, or a single gait.
+    /// Gaits in sequence, counted from 1: a plan, or a single gait.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<Vec<u32>>,
-    /// Places that the plan gives for the ends of the steps: x, y, z (mu) and yaw (rad) of the pivot.
+    /// Planned place of the pivot after each step: x, y, z (mu) and yaw (rad).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub places: Option<Vec<[f64; 4]>>,
-    /// A table of joint targets: a path to a CSV file, or the table itself.
+    /// Joint targets: a path to a CSV file, or the table itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub targets: Option<Reference<TargetTable>>,
-    /// Stand in the robot's neutral pose for so long, s.
+    /// Time to stand in the robot's neutral pose, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stand: Option<f64>,
     /// The gaits of `steps` and `replan`: a path to a run's folder or to its gaits.json, or the table itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gaits: Option<Reference<GaitSet>>,
-    /// Ways in which steps follow each other; both unless given.
+    /// Ways in which steps follow each other. Default: both.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ways: Option<Vec<Way>>,
-    /// Repeats, each with draws of its own from what varies. The motion is carried out once more with nothing varied.
+    /// Number of repeats, each with its own draws of the quantities that vary. The motion is carried out once more
+    /// without variation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub repeats: Option<u32>,
     /// Quantities that vary.
     #[serde(skip_serializing_if = "VarySpec::is_nothing")]
     pub vary: VarySpec,
-    /// Plan anew where the motion leads elsewhere than planned.
+    /// Replanning if the motion deviates from the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub replan: Option<ReplanSpec>,
 }
@@ -55,14 +56,14 @@ pub struct SimulateSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Way {
-    /// Every gait from the exact end of the one before, velocities zeroed: as planners assume.
+    /// Every gait starts from the exact end of the one before, with velocities zeroed, as planners assume.
     Resimulated,
     /// One simulation without a stop.
     Continuous,
 }
 
 impl Way {
-    /// As job files call it.
+    /// Returns the name in job files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Resimulated => "resimulated",
@@ -75,50 +76,51 @@ impl Way {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TargetTable {
-    /// The robot's joints, in its order.
+    /// Names of the robot's joints, in the robot's order.
     pub joints: Vec<String>,
-    /// Rows: the time, s, the first 0 and each later than the one before; then a target a joint, rad. Linear between rows.
+    /// Rows of a time, s, and one target per joint, rad. Times begin at 0 and increase. Targets are linear between
+    /// rows.
     pub rows: Vec<Vec<f64>>,
 }
 
-/// Quantities that vary from repeat to repeat. Each is drawn uniformly from its range, by a stream of its own.
+/// Quantities that vary between repeats. Each is drawn uniformly from its range, with its own random stream.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VarySpec {
-    /// Coulomb friction.
+    /// Coefficient of Coulomb friction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<[f64; 2]>,
     /// Factor of every motor's greatest torque.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motor_strength: Option<[f64; 2]>,
-    /// Added to the start's x, mu.
+    /// Offset of the start's x, mu.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub x: Option<[f64; 2]>,
-    /// Added to the start's y, mu.
+    /// Offset of the start's y, mu.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub y: Option<[f64; 2]>,
-    /// Added to the start's heading, rad.
+    /// Offset of the start's heading, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub yaw: Option<[f64; 2]>,
-    /// Number of joints that are locked at their angle of the start, drawn uniformly.
+    /// Number of joints, drawn uniformly, that are locked at their angle at the start.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dead_joints: Option<u32>,
-    /// Standard deviation of noise on every joint's target, rad: normal, drawn anew every 0.1 s, linear between.
+    /// Standard deviation of normal noise on every joint's target, rad. Noise is drawn every 0.1 s and linear between.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target_noise: Option<f64>,
 }
 
-/// Planning anew.
+/// Settings of replanning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReplanSpec {
-    /// Planar distance from the place in the plan, mu, beyond which a new plan is made.
+    /// Planar distance from the planned place beyond which a new plan is made, mu.
     #[serde(default = "deviation")]
     pub deviation: f64,
-    /// Plans that are made at most.
+    /// Most plans of a repeat.
     #[serde(default = "replans")]
     pub most: u32,
-    /// The physics that plans are made on; that of the job unless given.
+    /// Physics on which plans are made. Default: that of the job.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physics: Option<PhysicsSpec>,
 }
@@ -138,7 +140,7 @@ impl Default for ReplanSpec {
 }
 
 impl SimulateSpec {
-    /// Refuses numbers out of range and tables that do not fit each other, and fills in what is not given.
+    /// Rejects numbers out of range and keys that contradict each other, and fills in defaults.
     pub(super) fn resolve(&mut self) -> Result<(), Invalid> {
         let mut faults = Faults::default();
         faults.take(self.one_motion());
@@ -174,8 +176,7 @@ impl SimulateSpec {
         let given = [self.steps.is_some(), self.targets.is_some(), self.stand.is_some()];
         let many = given.iter().filter(|given| **given).count();
         if self.replan.is_some() && (self.targets.is_some() || self.stand.is_some()) {
-            let reason =
-                "plans are made of gaits: give simulate.steps, or no motion, so that the first plan is made, too";
+            let reason = "plans are made of gaits: give simulate.steps, or no motion to have the first plan made, too";
             return Err(conflict("simulate.replan", reason));
         }
         if many > 1 || many == 0 && self.replan.is_none() {
@@ -184,7 +185,7 @@ impl SimulateSpec {
         }
         match (self.uses_gaits(), self.gaits.is_some()) {
             (true, false) => {
-                Err(conflict("simulate.gaits", "simulate.steps and simulate.replan need gaits: give them"))
+                Err(conflict("simulate.gaits", "simulate.steps and simulate.replan need gaits: add this key"))
             }
             (false, true) => Err(conflict("simulate.gaits", "neither simulate.steps nor simulate.replan uses them")),
             _ => Ok(()),
@@ -195,7 +196,10 @@ impl SimulateSpec {
         let Some(places) = &self.places else { return Ok(()) };
         if self.steps.as_ref().is_none_or(|steps| steps.len() != places.len()) {
             let steps = self.steps.as_ref().map_or(0, Vec::len);
-            return Err(conflict("simulate.places", &format!("{} places for {steps} steps: one a step", places.len())));
+            return Err(conflict(
+                "simulate.places",
+                &format!("{} places for {steps} steps: give one place per step", places.len()),
+            ));
         }
         let mut faults = Faults::default();
         for (i, place) in places.iter().enumerate() {
@@ -208,7 +212,7 @@ impl SimulateSpec {
     }
 
     fn resolve_ways(&mut self) -> Result<(), Invalid> {
-        // Other motions are one simulation, and where plans are made anew the robot stops to think.
+        // Other motions are one simulation. With replanning the robot stops at every plan.
         let in_turn = self.steps.as_ref().is_some_and(|steps| steps.len() > 1) && self.replan.is_none();
         let fitting: &[Way] = if in_turn { &[Way::Resimulated, Way::Continuous] } else { &[Way::Resimulated] };
         let ways = self.ways.get_or_insert_with(|| fitting.to_vec());
@@ -217,7 +221,7 @@ impl SimulateSpec {
             let reason = if in_turn {
                 "allowed are \"resimulated\" and \"continuous\", each once"
             } else {
-                "a motion that is not several steps, or is planned anew, is carried out one way only: leave it out"
+                "only a motion of several steps without replan has a choice of ways: leave this key out"
             };
             return Err(conflict("simulate.ways", reason));
         }
@@ -237,13 +241,15 @@ impl SimulateSpec {
         }
     }
 
-    /// Refuses steps of gaits that there are not, places of another map, and tables of another robot.
+    /// Rejects steps with unknown gaits, places outside the map, and tables of another robot.
     pub(super) fn fits(&self, robot: &Robot, environment: &Environment, gaits: u32) -> Result<(), Invalid> {
         let mut faults = Faults::default();
         let off_map = |[x, y, ..]: &[f64; 4]| !environment.contains(*x, *y);
         if let Some(i) = self.places.iter().flatten().position(off_map) {
-            let reason =
-                format!("it lies outside the map of environment \"{}\": the plan is for another environment", environment.name);
+            let reason = format!(
+                "it lies outside the map of environment \"{}\": the plan belongs to another environment",
+                environment.name
+            );
             faults.take::<()>(Err(conflict(&format!("simulate.places[{i}]"), &reason)));
         }
         for (i, &step) in self.steps.iter().flatten().enumerate() {
@@ -254,7 +260,9 @@ impl SimulateSpec {
                 faults.take(table.fits(robot));
             }
             Some(Reference::Named(path)) => {
-                let reason = format!("\"{path}\" is a path, which only `evogait` follows: write the table out");
+                let reason = format!(
+                    "\"{path}\" is a path, and only the `evogait` command reads paths: write the table into the job"
+                );
                 faults.take::<()>(Err(conflict("simulate.targets", &reason)));
             }
             None => {}
@@ -276,7 +284,7 @@ impl TargetTable {
             if row.len() != wanted {
                 return of_row(
                     i,
-                    format!("it has {} numbers: a time and a target for each joint are {wanted}", row.len()),
+                    format!("it has {} numbers: {wanted} are needed, a time and one target per joint", row.len()),
                 );
             }
             if let Some(target) = row[1..].iter().find(|target| !(-PI..=PI).contains(*target)) {
@@ -284,7 +292,7 @@ impl TargetTable {
             }
             let later = before.map_or(row[0] == 0.0, |before| row[0] > before);
             if !later || row[0] > MAX_DURATION {
-                let most = format!("times go from 0 up, to {MAX_DURATION} s at most");
+                let most = format!("times must begin at 0, increase, and be at most {MAX_DURATION} s");
                 return of_row(i, format!("its time is {} s: {most}", row[0]));
             }
             before = Some(row[0]);
@@ -300,10 +308,10 @@ impl TargetTable {
         }
         let told = if self.joints.is_empty() { "none".to_owned() } else { self.joints.join(", ") };
         let (name, joints) = (&robot.name, joints.join(", "));
-        Err(conflict("simulate.targets.joints", &format!("they are {told}, and robot \"{name}\" has {joints}")))
+        Err(conflict("simulate.targets.joints", &format!("they are {told}, but robot \"{name}\" has {joints}")))
     }
 
-    /// The table on ticks, until a time, s, that is not before its last row.
+    /// Returns the targets on ticks, up to a time, s, that is not before the last row.
     pub(crate) fn targets(&self, duration: f64) -> Targets {
         let rows: Vec<(f64, Vec<f64>)> = self.rows.iter().map(|row| (row[0], row[1..].to_vec())).collect();
         Targets::between(&rows, duration)
@@ -341,7 +349,7 @@ impl VarySpec {
     }
 }
 
-/// The first time from `seconds` on, s, that ends a whole physics step and a whole tick.
+/// Returns the first time from `seconds` on, s, that ends both a whole physics step and a whole tick.
 pub(super) fn whole_time(seconds: f64, steps_per_second: u32) -> f64 {
     let ticks_per_second = libm::round(1.0 / TICK) as u32;
     let common = f64::from(greatest_divisor(steps_per_second, ticks_per_second));
@@ -361,7 +369,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn motions_end_with_a_step_and_a_tick() {
+    fn motion_ends_with_whole_step_and_tick() {
         for (seconds, rate, expected) in [
             (1.0, 30, 1.0),
             (0.123, 30, 0.2),

@@ -1,4 +1,4 @@
-//! The tables of a job file, each as its component reads it.
+//! Tables of a job file, each read by its component.
 
 use super::{FinishSpec, PlanSpec, SimulateSpec};
 use crate::control::GaitsSpec;
@@ -14,8 +14,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// A job as in its TOML file; *resolved* once robot and environment stand in it in full and every setting is written
-/// out.
+/// A job as written in its TOML file. It is *resolved* once it holds robot and environment in full and a value for
+/// every setting.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobSpec {
@@ -24,48 +24,48 @@ pub struct JobSpec {
     /// Free text. Not part of the job's identity.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// The one number that all randomness follows from, 0 to 2⁶³ − 1.
+    /// Seed of all random numbers, 0 to 2⁶³ − 1.
     #[serde(default = "one")]
     pub seed: u64,
-    /// A named set of failed modules of the robot, such as "E1".
+    /// Name of a set of failed modules of the robot, such as "E1".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
-    /// Name of the procedure: what is done with the problem that the rest describes. The registry's first unless given.
+    /// Name of the procedure, which defines the work on the other tables. Default: the registry's first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub procedure: Option<String>,
-    /// The gaits. Only motions without gaits can do without.
+    /// Number, duration and controller of the gaits. Optional only for motions without gaits.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub gaits: Option<GaitsSpec>,
-    /// Settings of the planner that grows a candidate's trees.
+    /// Settings of tree growth.
     #[serde(default)]
     pub planner: PlannerSpec,
-    /// Score of a tree. Jobs that plan may omit it: the default is the distance to the goal, or coverage without a
-    /// goal.
+    /// Objective of a tree. Jobs that plan may leave it out: the default is the distance to the goal, or coverage if
+    /// there is no goal.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub fitness: Option<FitnessSpec>,
     /// Search for candidates; in jobs that evolve.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub optimiser: Option<OptimiserSpec>,
-    /// Given gaits, and trees with them; in jobs that plan.
+    /// Given gaits and the number of trees grown with them; in jobs that plan.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plan: Option<PlanSpec>,
-    /// A given motion, and what varies; in jobs that simulate.
+    /// Given motion and its variation; in jobs that simulate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulate: Option<SimulateSpec>,
-    /// Physics of the motions.
+    /// Engine and its setting.
     #[serde(default)]
     pub physics: PhysicsSpec,
-    /// Finish after the search; in jobs that evolve.
+    /// Choice of the winner after the search; in jobs that evolve.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "as_itself")]
     pub finish: Option<FinishSpec>,
-    /// The environment: a name that ships, a path, or the table itself.
+    /// The environment: a built-in name, a path, or the table itself.
     pub environment: Reference<Environment>,
-    /// The robot: a name that ships, a path, or the table itself.
+    /// The robot: a built-in name, a path, or the table itself.
     pub robot: Reference<RobotSpec>,
 }
 
 impl JobSpec {
-    /// The same job with gaits that take so long, s.
+    /// Returns the same job with gaits of this duration, s.
     pub fn lasting(mut self, duration: f64) -> Self {
         if let Some(gaits) = &mut self.gaits {
             gaits.duration = duration;
@@ -74,7 +74,7 @@ impl JobSpec {
     }
 }
 
-/// Writes what is there without the mark of an option: a table that became optional keeps its digest.
+/// Serialises a table without the mark of an option, so that a table that became optional keeps its digest.
 fn as_itself<T: Serialize, S: Serializer>(table: &Option<T>, serializer: S) -> Result<S::Ok, S::Error> {
     match table {
         Some(table) => table.serialize(serializer),
@@ -82,18 +82,18 @@ fn as_itself<T: Serialize, S: Serializer>(table: &Option<T>, serializer: S) -> R
     }
 }
 
-/// Something named, or something written out.
+/// A name or path, or the table itself.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Reference<T> {
-    /// A name that ships, or a path to a TOML file.
+    /// A built-in name, or a path to a file.
     Named(String),
-    /// The thing itself.
+    /// The table itself.
     Inline(Box<T>),
 }
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Reference<T> {
-    /// Written by hand, so that the error of a mistake inside a table stays as it is.
+    /// Written by hand, so that a mistake inside a table is reported as such.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Either<T>(PhantomData<T>);
 
@@ -101,7 +101,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Reference<T> {
             type Value = Reference<T>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a name that ships, a path to a file, or the table itself")
+                f.write_str("a built-in name, a path to a file, or the table itself")
             }
 
             fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<Self::Value, E> {

@@ -1,20 +1,20 @@
-//! Poses of the settled robot on the map: its start on flat ground or on terrain, and its goal.
+//! Pose of the settled robot on the map: at its start on flat ground or terrain, and at its goal.
 
 use crate::base::error::Invalid;
 use crate::base::math::Vector;
 use crate::model::environment::{Block, Environment};
 use crate::model::{Place, Robot, State, state_touches};
 
-/// Heights that differ by less are one, mu.
+/// Least difference of heights that count as different, mu.
 const SAME_HEIGHT: f64 = 1e-6;
-/// Headings of the robot that are tried at the goal.
+/// Number of the robot's headings that are tested at the goal.
 const GOAL_HEADINGS: u32 = 72;
 
-/// Height of the terrain that the robot starts on, mu; 0 on flat ground. The robot is settled on flat ground and set down on
-/// the highest terrain that it would touch there.
+/// Returns the height of the terrain that the robot starts on, mu; 0 on flat ground. The robot is settled on flat
+/// ground and then raised to the highest terrain that it would touch at its start.
 ///
 /// # Errors
-/// Part of the robot stands beside that terrain, or the robot touches an obstacle.
+/// If part of the robot stands beside that terrain, or the robot touches an obstacle.
 pub(super) fn ground_of_start(robot: &Robot, environment: &Environment, start: &State) -> Result<f64, Invalid> {
     let at = &environment.start;
     let place = Place { x: at.x, y: at.y, z: 0.0, yaw: at.yaw };
@@ -22,7 +22,7 @@ pub(super) fn ground_of_start(robot: &Robot, environment: &Environment, start: &
     let mut ground = 0.0;
     let mut below = None;
     let mut state = start.clone();
-    // Each turn ends on another block's top, so there are no more turns than blocks.
+    // Each iteration ends at the top of another block, so there are at most as many iterations as blocks.
     loop {
         let touched = environment
             .terrain
@@ -43,8 +43,8 @@ pub(super) fn ground_of_start(robot: &Robot, environment: &Environment, start: &
         });
         if !stands {
             return misplaced(format!(
-                "where the robot touches environment.terrain[{i}] and part of it is beside that terrain: a start has to be on \
-                 flat ground, or with the whole robot over terrain of one height"
+                "where the robot touches environment.terrain[{i}] and part of the robot is beside that terrain: the whole \
+                 robot must stand on flat ground, or over terrain of one height"
             ));
         }
     }
@@ -54,7 +54,8 @@ pub(super) fn ground_of_start(robot: &Robot, environment: &Environment, start: &
     }
 }
 
-/// The obstacle that the robot, settled and with its pivot at the goal, touches at every heading.
+/// Returns an obstacle at the goal if the settled robot, with its pivot at the goal, touches an obstacle at every
+/// heading.
 pub(super) fn blocked_goal(robot: &Robot, environment: &Environment, start: &State) -> Option<usize> {
     let goal = environment.goal.as_ref()?;
     let over = environment.terrain.iter().filter(|block| block.covers(goal.x, goal.y, 0.0));
@@ -69,7 +70,7 @@ pub(super) fn blocked_goal(robot: &Robot, environment: &Environment, start: &Sta
     (1..GOAL_HEADINGS).all(|heading| touched(heading).is_some()).then_some(first)
 }
 
-/// Corners of the robot's boxes, and outermost points of its capsules, in its frame.
+/// Returns the corners of the robot's boxes and the outermost points of its capsules, in the robot's frame.
 fn footprint(robot: &Robot, state: &State) -> Vec<Vector> {
     let mut points = Vec::new();
     for (body, pose) in robot.bodies.iter().zip(robot.body_poses(state)) {

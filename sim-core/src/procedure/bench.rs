@@ -1,4 +1,4 @@
-//! A job on a worker.
+//! A job as a worker runs it.
 
 use super::{Hooks, NotRun, ProcedureKind, kinds, preparing};
 use crate::base::digest::Digest;
@@ -6,7 +6,8 @@ use crate::base::error::Invalid;
 use crate::problem::{Checked, Job, Preparation};
 use std::sync::{Mutex, PoisonError};
 
-/// A job on a worker: its text read and checked once, which is cheap; prepared once from the bytes that its rounds share.
+/// A job as a worker runs it. Its text is read and checked once, without a simulation. It is prepared once, from the
+/// bytes that its rounds share.
 pub struct Bench {
     problem: Checked,
     kind: &'static dyn ProcedureKind,
@@ -15,28 +16,29 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Reads and checks a job. Nothing is simulated.
+    /// Reads and checks a job. Simulates nothing.
     pub fn open(job_toml: &str) -> Result<Self, Invalid> {
         Self::of(Checked::from_toml(job_toml)?)
     }
 
-    /// That of a job that is checked.
+    /// Makes the worker's side of a checked job.
     pub fn of(problem: Checked) -> Result<Self, Invalid> {
         let kind = kinds::of(problem.spec())?;
         Ok(Self { problem, kind, prepared: Mutex::new(None) })
     }
 
-    /// The job.
+    /// Returns the checked job.
     pub fn problem(&self) -> &Checked {
         &self.problem
     }
 
-    /// The digest of the engine or engines that the job needs.
+    /// Returns the digest of the engine or engines that the job needs.
     pub fn engine_digest(&self) -> Digest {
         self.problem.engine_digest()
     }
 
-    /// Carries out tasks of one round: (index, bytes). Results in their order. `shared` is empty in round 0.
+    /// Carries out tasks of one round, given as (index, bytes), and returns their results in the same order. `shared`
+    /// is empty in round 0.
     pub fn run(
         &self,
         round: u32,
@@ -50,7 +52,7 @@ impl Bench {
         self.kind.run(&self.prepared(shared)?, tasks, hooks)
     }
 
-    /// The job prepared from these bytes. A second caller waits for the first one's instead of making its own.
+    /// Returns the job prepared from these bytes. Concurrent callers wait for the first one's preparation.
     fn prepared(&self, shared: &[u8]) -> Result<Job, NotRun> {
         let digest = Digest::of_bytes("evogait preparation 1", shared);
         let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);

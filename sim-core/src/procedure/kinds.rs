@@ -1,11 +1,11 @@
-//! The registry of procedures: one line each.
+//! Registry of procedures.
 
 use super::{ProcedureKind, evolve, plan, simulate};
 use crate::base::error::Invalid;
 use crate::base::registry::{Registered, Registry};
 use crate::problem::JobSpec;
 
-/// All kinds of procedures; the first is that of a job that names none.
+/// All kinds of procedures; the first is the default.
 static KINDS: Registry<dyn ProcedureKind> = Registry::new(&[&evolve::Kind, &plan::Kind, &simulate::Kind]);
 
 impl Registered for dyn ProcedureKind {
@@ -14,7 +14,7 @@ impl Registered for dyn ProcedureKind {
     }
 }
 
-/// The kind of a job's procedure.
+/// Returns the kind of a job's procedure.
 pub fn of(job: &JobSpec) -> Result<&'static dyn ProcedureKind, Invalid> {
     let Some(name) = &job.procedure else { return Ok(KINDS.default()) };
     KINDS.find(name).ok_or_else(|| Invalid::Unknown {

@@ -1,28 +1,28 @@
-//! Possible values of a task's counts and records: bounds that follow from the job alone.
+//! Bounds on the counts and records in a task's result, which follow from the job alone.
 
 use crate::base::score::Counts;
 use crate::genotype::Genotype;
 use crate::problem::Checked;
 use crate::report::{GaitTrace, PathMode, PathTrace, TraceSample, Traces, TreeRecord};
 
-/// Longest reason of an unstable gait, in bytes.
+/// Longest reason of a gait's instability, in bytes.
 const MAX_UNSTABLE: usize = 1024;
-/// A time may exceed the gait's duration by so much, s: rounding.
+/// Greatest rounding error of a time, s.
 const ROUNDING: f64 = 1e-3;
 
-/// A count that the job's budget rules out.
+/// Error of a count that exceeds the job's budget.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("its count of {what}, {found}, is impossible: at most {most} is allowed")]
 pub struct Uncountable {
-    /// The quantity.
+    /// Name of the counted quantity.
     pub what: &'static str,
     /// The count.
     pub found: u64,
-    /// Most possible.
+    /// Greatest possible count.
     pub most: u64,
 }
 
-/// Bounds of what a task can take.
+/// Bounds on the counts of a task.
 pub(super) struct Most {
     rollouts: u64,
     /// Longest simulated time, ms.
@@ -32,7 +32,8 @@ pub(super) struct Most {
 }
 
 impl Most {
-    /// Those of so many trees, on the job's setting or on that of its reference.
+    /// Returns the bounds for this number of trees, grown on the setting of `on`: the job's own, or that of its
+    /// reference.
     pub(super) fn of_trees(job: &Checked, on: &Checked, trees: u32, as_in_search: bool) -> Self {
         let planner = &job.spec().planner;
         let rollouts = on.rollout_budget(trees, as_in_search);
@@ -41,7 +42,7 @@ impl Most {
         Self { rollouts, simulated_ms: simulated(job, rollouts), edges, nodes }
     }
 
-    /// Those of a given motion, in all of its ways, with the plans that are made on its way.
+    /// Returns the bounds for a given motion in all of its ways, with the plans that are made during it.
     pub(super) fn of_motion(job: &Checked) -> Self {
         let own = job.motion_rollouts();
         let mut most = Self { rollouts: own, simulated_ms: simulated(job, own), edges: 0, nodes: 0 };
@@ -57,8 +58,8 @@ impl Most {
         most
     }
 
-    /// The same for a task that records its first tree, too: the tree's path twice, once as a rollout of its own, and each
-    /// gait.
+    /// Adds the rollouts of a task that also records its first tree: the tree's path executed twice (once as a single
+    /// rollout), and each gait.
     pub(super) fn with_traces(self, job: &Checked) -> Self {
         let gaits = u64::from(job.gaits().count);
         let path = u64::from(job.spec().planner.iterations) * gaits;
@@ -70,12 +71,12 @@ impl Most {
     }
 }
 
-/// Simulated time of so many rollouts, ms.
+/// Returns the simulated time of this number of rollouts, ms.
 fn simulated(job: &Checked, rollouts: u64) -> u64 {
     rollouts.saturating_mul(libm::ceil(job.gaits().duration * 1000.0) as u64)
 }
 
-/// Refuses counts that the bounds rule out.
+/// Rejects counts that exceed the bounds.
 pub(super) fn counted(counts: &Counts, most: &Most) -> Result<(), Uncountable> {
     for (what, found, most) in [
         ("rollouts", counts.rollouts, most.rollouts),
@@ -92,7 +93,7 @@ pub(super) fn counted(counts: &Counts, most: &Most) -> Result<(), Uncountable> {
     Ok(())
 }
 
-/// Refuses records that do not belong to the job's robot and to these gaits.
+/// Rejects records that do not fit the job's robot and these gaits.
 pub(super) fn traces_of(job: &Checked, genotype: &Genotype, traces: &Traces) -> Result<(), String> {
     let gaits = job.gaits().count as usize;
     if traces.gaits.len() != gaits {
@@ -105,11 +106,11 @@ pub(super) fn traces_of(job: &Checked, genotype: &Genotype, traces: &Traces) -> 
     tree_of(job, &traces.tree)?;
     let modes: Vec<PathMode> = traces.paths.iter().map(|path| path.mode).collect();
     if modes != [PathMode::Tree, PathMode::Resimulated, PathMode::Continuous] {
-        return Err(format!("paths {modes:?} instead of all three ways in their order"));
+        return Err(format!("paths {modes:?} instead of the three modes in order"));
     }
     let sound = |path: &&PathTrace| path.end_error >= 0.0 && path.end_error.is_finite() && is_way(&path.way);
     match traces.paths.iter().find(|path| !sound(path)) {
-        Some(path) => Err(format!("path {:?} has no way of finite points, or no finite error", path.mode)),
+        Some(path) => Err(format!("path {:?} needs at least one point, and all its numbers finite", path.mode)),
         None => Ok(()),
     }
 }
@@ -120,10 +121,10 @@ fn gait_of(job: &Checked, gait: &GaitTrace, parameters: &[f64], joints: &[String
         return Err("its parameters are not those of the genome".to_owned());
     }
     if gait.joints != joints {
-        return Err(format!("its joints are not the robot's {}", joints.len()));
+        return Err(format!("its joints are not the robot's {} joints", joints.len()));
     }
     if gait.unstable.as_ref().is_some_and(|reason| reason.is_empty() || reason.len() > MAX_UNSTABLE) {
-        return Err(format!("its reason to be unstable must have 1 to {MAX_UNSTABLE} bytes"));
+        return Err(format!("the reason of its instability must have 1 to {MAX_UNSTABLE} bytes"));
     }
     if gait.samples.is_empty() {
         return Err("it has no samples".to_owned());
@@ -131,7 +132,7 @@ fn gait_of(job: &Checked, gait: &GaitTrace, parameters: &[f64], joints: &[String
     samples_of(&gait.samples, joints.len(), job.gaits().duration)
 }
 
-/// Refuses samples that no motion of so many joints has that lasts so long, s.
+/// Rejects samples that are impossible for a motion of this number of joints and this duration, s.
 pub(super) fn samples_of(samples: &[TraceSample], joints: usize, duration: f64) -> Result<(), String> {
     let mut before = None;
     for (i, sample) in samples.iter().enumerate() {
@@ -146,7 +147,10 @@ pub(super) fn samples_of(samples: &[TraceSample], joints: usize, duration: f64) 
         }
         let later = before.map_or(sample.time == 0.0, |before| sample.time > before);
         if !later || sample.time > duration + ROUNDING {
-            return Err(format!("sample {i} is at {} s: samples go from 0 to the motion's end", sample.time));
+            return Err(format!(
+                "sample {i} is at {} s: times must begin at 0, increase and stay within the motion",
+                sample.time
+            ));
         }
         before = Some(sample.time);
     }
@@ -167,7 +171,9 @@ fn tree_of(job: &Checked, tree: &TreeRecord) -> Result<(), String> {
         };
         let finite = [node.x, node.y, node.z, node.yaw].iter().all(|v| v.is_finite());
         if !hangs || !finite || !node.way.iter().flatten().all(|v| v.is_finite()) {
-            return Err(format!("node {i} of its tree has no such parent or gait, or a number that is not finite"));
+            return Err(format!(
+                "node {i} of its tree has an impossible parent or gait, or a number that is not finite"
+            ));
         }
     }
     let on_path = |pair: &[usize]| tree.nodes.get(pair[1]).is_some_and(|node| node.parent == Some(pair[0]));

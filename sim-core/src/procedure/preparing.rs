@@ -1,4 +1,4 @@
-//! Round 0 of every job: a worker settles the robot. What it found is shared by all tasks of later rounds.
+//! Round 0 of every job: a worker settles the robot. All tasks of later rounds share its result.
 
 use super::{BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Refused, Rejected, Round, Step, Told};
 use crate::base::encoding::{self, Bytes, encoded};
@@ -14,21 +14,21 @@ const OUTCOME: u8 = 0xA2;
 const SAVED: u8 = 0xA3;
 /// Name of the phase.
 pub const PHASE: &str = "preparing";
-/// The task, for people.
+/// Description of the task for people.
 const TASK: &str = "the preparation of the robot";
 
-/// Result of round 0's one task.
+/// Result of the only task of round 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Outcome {
     /// The robot has settled.
     Prepared(Preparation),
-    /// It can't stand, or its start is blocked: for this reason.
+    /// The robot can't stand, or its start is blocked, for this reason.
     Refused(String),
 }
 
 encoded!(Outcome = OUTCOME);
 
-/// A job's procedure with its preparation before it: rounds of the procedure itself are numbered from 1.
+/// A job's procedure with its preparation. Rounds of the procedure itself follow as rounds 1, 2 and so on.
 pub(super) struct Preparing {
     problem: Checked,
     inner: Box<dyn Procedure>,
@@ -43,12 +43,12 @@ struct Saved {
 }
 
 impl Preparing {
-    /// A job before round 0.
+    /// Creates a job before round 0.
     pub fn start(kind: &dyn ProcedureKind, problem: &Checked) -> Result<Self, Invalid> {
         Ok(Self { problem: problem.clone(), inner: kind.start(problem)?, preparation: None })
     }
 
-    /// A job as it was saved.
+    /// Restores a job from a saved state.
     pub fn load(kind: &dyn ProcedureKind, problem: &Checked, saved: &[u8]) -> Result<Self, BadState> {
         let Saved { prepared } = encoding::decode(SAVED, saved).map_err(|e| BadState(e.to_string()))?;
         match prepared {
@@ -160,11 +160,11 @@ impl Procedure for Preparing {
     }
 }
 
-/// Carries round 0's task out.
+/// Carries out the task of round 0.
 pub(super) fn run(problem: &Checked, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
     let prepare = |(index, bytes): &(u32, Vec<u8>)| {
         if *index != 0 || !bytes.is_empty() {
-            return Err(NotRun::Task(format!("round 0 has one task without content, and this is task {index}")));
+            return Err(NotRun::Task(format!("round 0 has one task without content, but this is task {index}")));
         }
         match problem.prepare(&|| hooks.stop()) {
             Ok(preparation) => Ok(Outcome::Prepared(preparation).encode()),
@@ -175,7 +175,7 @@ pub(super) fn run(problem: &Checked, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks
     tasks.iter().map(prepare).collect()
 }
 
-/// A reason of at most [`MAX_REFUSAL`] bytes.
+/// Shortens a reason to at most [`MAX_REFUSAL`] bytes.
 fn shortened(mut reason: String) -> String {
     reason.truncate(reason.floor_char_boundary(MAX_REFUSAL));
     reason

@@ -1,9 +1,9 @@
-//! Values that several procedures tell.
+//! Values in the progress and rows of several procedures.
 
 use super::Value;
 use crate::base::score::Counts;
 
-/// Effort of evaluations, a value for each count.
+/// Returns the effort of evaluations, one value for each count.
 pub(super) fn counted(counts: &Counts) -> [Value; 6] {
     let milliseconds = Value { unit: "ms".into(), ..number("simulated_ms", counts.simulated_ms) };
     [
@@ -16,7 +16,7 @@ pub(super) fn counted(counts: &Counts) -> [Value; 6] {
     ]
 }
 
-/// A whole number with a name.
+/// Makes a named value of a whole number.
 pub(super) fn number(name: &'static str, value: u64) -> Value {
     Value { name: name.into(), unit: "".into(), value: Some(value as f64) }
 }

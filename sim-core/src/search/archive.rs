@@ -1,16 +1,17 @@
-//! The best of a whole search: what the finish chooses the published winner from, and what it audits.
+//! Archive of a search: its best distinct genotypes, from which the finish chooses the winner, and its global bests,
+//! which the finish audits.
 
 use crate::base::score::Direction;
 use crate::search::Scored;
 
-/// Most global bests that are kept; from then on a new one replaces the newest.
+/// Most global bests that are kept. If there are more, a new one replaces the newest.
 pub const MAX_BESTS: usize = 1000;
 
-/// The best distinct genotypes of a search, best first, and every global best it ever had.
+/// The best distinct genotypes of a search, best first, and all of its global bests.
 ///
 /// Genotypes are distinguished by their bits. A genotype that was scored several times (an elite of a genetic
-/// algorithm) counts with its best score, the earliest of equal ones. Equal scores stand in the order of generation and
-/// candidate. The content does not depend on the order of the offers of one generation.
+/// algorithm) counts with its best score, the earliest of equal ones. Genotypes with equal scores are ordered by
+/// generation and candidate. The content does not depend on the order in which candidates of one generation are added.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Archive {
     direction: Direction,
@@ -20,19 +21,19 @@ pub struct Archive {
 }
 
 impl Archive {
-    /// An empty one that keeps up to `capacity` genotypes.
+    /// Creates an empty archive for up to `capacity` genotypes.
     pub fn new(direction: Direction, capacity: u32) -> Self {
         Self { direction, capacity: capacity as usize, entries: Vec::new(), bests: Vec::new() }
     }
 
-    /// Takes up stored [`Archive::entries`] and [`Archive::bests`].
+    /// Restores an archive from stored [`Archive::entries`] and [`Archive::bests`].
     pub fn restore(direction: Direction, capacity: u32, entries: Vec<Scored>, bests: Vec<Scored>) -> Self {
         let mut archive = Self { bests, ..Self::new(direction, capacity) };
         entries.into_iter().for_each(|entry| archive.keep(entry));
         archive
     }
 
-    /// Takes in a generation: its candidates that did not fail, by index.
+    /// Adds the successful candidates of a generation. NaN scores are skipped.
     pub fn generation(&mut self, candidates: impl IntoIterator<Item = Scored>) {
         let mut best: Option<Scored> = None;
         for scored in candidates.into_iter().filter(|s| !s.score.is_nan()) {
@@ -49,12 +50,12 @@ impl Archive {
         }
     }
 
-    /// The best genotypes, best first.
+    /// Returns the best genotypes, best first.
     pub fn entries(&self) -> &[Scored] {
         &self.entries
     }
 
-    /// Every global best, generation by generation: each strictly better than the one before.
+    /// Returns the global bests in order of generation; each is strictly better than the one before.
     pub fn bests(&self) -> &[Scored] {
         &self.bests
     }
@@ -71,7 +72,7 @@ impl Archive {
         self.entries.truncate(self.capacity);
     }
 
-    /// Returns true if `a` ranks before `b`: better, or as good and earlier.
+    /// Returns true if `a` ranks before `b`: it has the better score, or an equal one earlier.
     fn before(&self, a: &Scored, b: &Scored) -> bool {
         if a.score == b.score {
             (a.generation, a.candidate) < (b.generation, b.candidate)
@@ -90,7 +91,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Few scores and few genotypes, so that ties and repeats are common.
+    /// Generates few scores and few genotypes, so that ties and repeats are common.
     fn search() -> impl Strategy<Value = Vec<Vec<Scored>>> {
         let candidate =
             (0u8..6, 0u8..9).prop_map(|(score, genotype)| (f64::from(score) - 3.0, f64::from(genotype) - 1.0));
@@ -108,10 +109,10 @@ mod tests {
         })
     }
 
-    /// Everything that was scored, best first, each genotype once; then cut.
+    /// Returns the best distinct genotypes of everything that was scored, best first.
     fn oracle(direction: Direction, capacity: usize, search: &[Vec<Scored>]) -> Vec<Scored> {
         let mut all: Vec<Scored> = search.iter().flatten().cloned().collect();
-        // Stable: earlier stays before later.
+        // The sort is stable: of equal scores the earlier stays first.
         all.sort_by(|a, b| match direction {
             Direction::Maximise => b.score.total_cmp(&a.score),
             Direction::Minimise => a.score.total_cmp(&b.score),
@@ -146,7 +147,7 @@ mod tests {
             }
             prop_assert_eq!(archive.entries(), oracle(direction, capacity as usize, &search));
 
-            // The best of all is the newest global best; each one was better than all before it.
+            // The best of all is the newest global best; each global best was better than all candidates before it.
             prop_assert_eq!(archive.bests().last(), archive.entries().first());
             for best in archive.bests() {
                 let until: Vec<_> = search[..=best.generation as usize].to_vec();
@@ -160,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn minus_zero_is_another_genotype_and_nan_no_score() {
+    fn minus_zero_is_distinct_genotype_and_nan_is_skipped() {
         let scored = |candidate, score, gene| Scored { generation: 0, candidate, score, genotype: vec![gene].into() };
         let mut archive = Archive::new(Direction::Maximise, 9);
         archive.generation([scored(0, 1.0, 0.0), scored(1, 1.0, -0.0), scored(2, f64::NAN, 5.0)]);

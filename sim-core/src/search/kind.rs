@@ -1,4 +1,4 @@
-//! Kinds of searches, and the `[optimiser]` table of a job that chooses one.
+//! Kinds of searches, and the `[optimiser]` table of a job, which selects one.
 
 use super::real::{Constriction, Ga, Pso};
 use super::{Ask, Search};
@@ -9,28 +9,28 @@ use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings, Table};
 use crate::genotype::{Gene, Length, NamedGene, Space};
 
-/// The searches there are.
+/// The built-in kinds of searches.
 static SEARCHES: Registry<dyn SearchKind> = Registry::new(&[&Pso, &Constriction, &Ga]);
 
-/// Generations that are scored. Every kind has this setting.
+/// Number of generations that are scored. Every kind has this setting.
 pub const GENERATIONS: Setting = Setting::whole("generations", 150).within(1.0, MAX_GENERATIONS as f64);
 
-/// A kind of search, chosen by `kind` in the `[optimiser]` table.
+/// A kind of search, selected by `kind` in the `[optimiser]` table.
 pub trait SearchKind: Configurable {
-    /// Returns the kind of evaluation that it needs.
+    /// Returns the kind of evaluation that the search needs.
     fn asks(&self) -> Ask {
         Ask::Set
     }
 
-    /// Candidates of a generation.
+    /// Returns the number of candidates in a generation.
     fn population(&self, settings: &Settings) -> u32;
 
-    /// Refuses settings that can't stand together. Their ranges are checked beside it.
+    /// Rejects combinations of settings that can't work. Ranges are checked separately.
     fn conflicts(&self, _settings: &Settings) -> Result<(), Invalid> {
         Ok(())
     }
 
-    /// Refuses a space that it can't search in: by default every space except that of real vectors.
+    /// Rejects a space that the kind can't search. By default it accepts only spaces of real vectors.
     fn takes(&self, space: &Space) -> Result<(), Invalid> {
         let choice = |named: &&NamedGene| matches!(named.gene, Gene::Choice { .. });
         let found = match (space.length, space.genes.iter().find(choice)) {
@@ -45,8 +45,8 @@ pub trait SearchKind: Configurable {
         Err(Invalid::Conflict { field: "optimiser.kind".into(), reason })
     }
 
-    /// A search at generation 0, with settings that were accepted, in a space that it takes. All its randomness
-    /// follows from `seed`.
+    /// Creates a search at generation 0. The settings were validated and the space was accepted by
+    /// [`SearchKind::takes`]. All random numbers follow from `seed`.
     fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search>;
 }
 
@@ -56,37 +56,37 @@ impl Registered for dyn SearchKind {
     }
 }
 
-/// The `[optimiser]` table: a search and its settings. The defaults are the paper's where it states one.
+/// The `[optimiser]` table: a kind of search and its settings. The defaults are the paper's if it states a value.
 pub type OptimiserSpec = Table<dyn SearchKind>;
 
 impl OptimiserSpec {
-    /// Revision of how candidates are searched for.
+    /// Returns the revision of the search's algorithm.
     pub(crate) fn revision(&self) -> u32 {
         self.kind.0.revision()
     }
 
-    /// Candidates of a generation.
+    /// Returns the number of candidates in a generation.
     pub fn population(&self) -> u32 {
         self.kind.0.population(&self.settings)
     }
 
-    /// Refuses a space that the search can't search in.
+    /// Rejects a space that the search can't use.
     pub fn takes(&self, space: &Space) -> Result<(), Invalid> {
         self.kind.0.takes(space)
     }
 
-    /// Generations that are scored.
+    /// Returns the number of generations that are scored.
     pub fn generations(&self) -> u32 {
         self.settings.whole(&GENERATIONS)
     }
 
-    /// Refuses settings out of range, and combinations that can't work: swarms that diverge, more elites than
-    /// individuals. Refuses a search that needs evaluations which no procedure does.
+    /// Rejects settings out of range, and combinations that can't work: a swarm that diverges, more elites than
+    /// individuals. Also rejects a search that needs evaluations which no procedure offers.
     pub fn validate(&self) -> Result<(), Invalid> {
         let mut faults = Faults::default();
         if self.kind.0.asks() == Ask::Motion {
             let reason = format!(
-                "\"{}\" asks for evaluations of single motions, which evogait can't do yet: choose another kind",
+                "\"{}\" needs evaluations of single motions, which evogait can't do yet: choose another kind",
                 self.kind.0.name()
             );
             faults.add(Invalid::Conflict { field: "optimiser.kind".into(), reason });

@@ -1,7 +1,7 @@
-//! Searches, as ask and tell: they propose candidates and receive the evaluations.
+//! Searches with an ask–tell interface: they propose candidates and receive their evaluations.
 //!
-//! A search's state serialises, so a coordinator can stop between two generations and continue later with the same
-//! bits. Evaluations are passed for a whole generation at once, by candidate index, never by arrival.
+//! A search's state can be serialised, so a coordinator can stop between two generations and continue later with the
+//! same bits. Evaluations are passed for a whole generation at once, ordered by candidate index, never by arrival.
 
 pub mod archive;
 mod kind;
@@ -16,36 +16,36 @@ use crate::base::score::Direction;
 use crate::genotype::{Genotype, Space};
 use serde::{Deserialize, Serialize};
 
-/// A candidate with where it came from and what it scored.
+/// A scored candidate and its origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scored {
     /// Generation, from 0.
     pub generation: u32,
     /// Index in its generation, from 0.
     pub candidate: u32,
-    /// Its score in the search.
+    /// Score in the search.
     pub score: f64,
-    /// Its parameters.
+    /// Parameters that were scored.
     #[serde(rename = "genome")]
     pub genotype: Genotype,
 }
 
-/// A stored state that does not fit the search it is given to.
+/// Error of a stored state that does not fit its search.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the stored optimiser state can't be used: {0}")]
 pub struct BadState(pub String);
 
-/// Kind of evaluation that a search asks for.
+/// Kind of evaluation that a search needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
-    /// The score of a set of gaits: what a planner does with them.
+    /// The score of a set of gaits, from the tree that a planner grows with them.
     Set,
-    /// The displacement of one motion. No procedure does such evaluations yet, so [`OptimiserSpec::validate`] refuses
+    /// The displacement of one motion. No procedure offers such evaluations yet, so [`OptimiserSpec::validate`] rejects
     /// searches that need them.
     Motion,
 }
 
-/// Candidates of a generation, and the kind of evaluation that each needs.
+/// Candidates of a generation, and the kind of evaluation that they need.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch {
     /// Kind of evaluation.
@@ -55,12 +55,13 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// The evaluations of candidates that were scored as they were sent; `None` = failed.
+    /// Makes the evaluations of candidates that were scored as they were sent; a score of `None` means a failed
+    /// evaluation.
     ///
     /// # Panics
-    /// If the number of scores is not that of candidates.
+    /// If the numbers of scores and candidates differ.
     pub fn scored(self, scores: &[Option<f64>]) -> Vec<Evaluation> {
-        assert_eq!(scores.len(), self.genotypes.len(), "one score a candidate");
+        assert_eq!(scores.len(), self.genotypes.len(), "one score per candidate is needed");
         let evaluation = |(genotype, &score)| Evaluation { genotype, score, descriptors: Vec::new() };
         self.genotypes.into_iter().zip(scores).map(evaluation).collect()
     }
@@ -69,7 +70,7 @@ impl Batch {
 /// Evaluation of a candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// The genotype that was evaluated. It may be another than the one sent, but lies in the same space.
+    /// The genotype that was evaluated. It may differ from the one sent, but lies in the same space.
     pub genotype: Genotype,
     /// The score; `None` if the evaluation failed, which counts as worst.
     pub score: Option<f64>,
@@ -79,44 +80,44 @@ pub struct Evaluation {
 
 /// A population-based search.
 pub trait Search: Send {
-    /// The candidates of the current generation. Always the same until the next `tell`.
+    /// Returns the candidates of the current generation. They stay the same until the next `tell`.
     fn ask(&self) -> Batch;
 
-    /// Takes the evaluations of the current generation, one a candidate, by index, and moves on to the next. A genotype
-    /// other than the one sent takes the candidate's place.
+    /// Receives the evaluations of the current generation, one per candidate, by index, and moves on to the next. If a
+    /// genotype differs from the one sent, it takes the candidate's place.
     ///
     /// # Panics
     /// If the number of evaluations is not the population's size.
     fn tell(&mut self, evaluations: &[Evaluation]);
 
-    /// The current generation, from 0: how often `tell` was called.
+    /// Returns the current generation, from 0: the number of calls of `tell`.
     fn generation(&self) -> u32;
 
-    /// The state, to be stored beside the scores.
+    /// Returns the state, which is stored with the scores.
     fn save(&self) -> Vec<u8>;
 
-    /// Takes up a stored state.
+    /// Restores a stored state.
     ///
     /// # Errors
-    /// It is not the state of such a search. The search is unchanged then.
+    /// If it is not the state of such a search. The search is unchanged then.
     fn restore(&mut self, state: &[u8]) -> Result<(), BadState>;
 
-    /// Returns the direction: larger or smaller scores are better.
+    /// Returns the direction of better scores: larger or smaller.
     fn direction(&self) -> Direction;
 }
 
-/// Makes the search that a validated spec describes, at generation 0. All its randomness follows from `seed`.
+/// Creates the search of a validated table, at generation 0. All random numbers follow from `seed`.
 ///
 /// # Panics
-/// If the space is not one that the search takes, a bound is not finite, or its low end lies above its high end.
+/// If the search does not accept the space, a bound is not finite, or a lower bound exceeds its upper bound.
 pub fn build(spec: &OptimiserSpec, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
     let usable = |(low, high): (f64, f64)| low <= high && (high - low).is_finite();
-    assert!(space.bounds().all(usable), "bounds must be finite, low end first");
-    assert_eq!(spec.takes(&space), Ok(()), "the search must take the space");
+    assert!(space.bounds().all(usable), "bounds must be finite, the lower one first");
+    assert_eq!(spec.takes(&space), Ok(()), "the search must accept the space");
     spec.kind.0.build(&spec.settings, space, direction, seed)
 }
 
-/// Candidate `i` of generation 0: uniform in the space.
+/// Draws candidate `i` of generation 0, uniform in the space.
 fn random_genotype(space: &Space, seed: u64, i: u32) -> Genotype {
     space.draw(&mut Stream::new(seed, Purpose::InitialPosition, 0, i, 0))
 }

@@ -1,17 +1,17 @@
-//! Encoding of an optimiser's state: a tag, then numbers of eight bytes each, floating-point ones by their bits.
+//! Encoding of an optimiser's state: a tag, then numbers of eight bytes each, floating-point numbers by their bits.
 //!
-//! The layout of a kind has a fixed length for a given population and genotype, so a state of another job is refused
-//! before anything is read from it.
+//! The layout of a kind has a fixed length for a given population and genotype. So a state of another job is rejected
+//! before its numbers are read.
 
 use super::BadState;
 use crate::genotype::{Genotype, Misfit, Space};
 
 /// First bytes of every state; the digit is the layout's version.
 const MAGIC: &[u8; 7] = b"evgopt1";
-/// Magic, kind, then seed, generation, population and genotype length.
+/// Length of magic, kind, seed, generation, population and genotype length.
 const HEADER: usize = MAGIC.len() + 1 + 4 * 8;
 
-/// Owner of a state: it fits only an optimiser with the same values.
+/// Identity of the optimiser that a state belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Owner {
     /// `b'p'` for swarms, `b'g'` for the genetic algorithm.
@@ -24,7 +24,7 @@ pub(super) struct Owner {
 pub(super) struct Writer(Vec<u8>);
 
 impl Writer {
-    /// `numbers`: how many will follow the header.
+    /// Writes the header. `numbers` is the count of numbers that follow it.
     pub fn new(owner: Owner, generation: u32, numbers: usize) -> Self {
         let mut bytes = Vec::with_capacity(HEADER + 8 * numbers);
         bytes.extend_from_slice(MAGIC);
@@ -54,32 +54,32 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Checks the header and the length of all that follows; returns the generation with the reader.
+    /// Checks the header and the length of the rest. Returns the reader and the generation.
     pub fn new(bytes: &'a [u8], owner: Owner, numbers: usize) -> Result<(Self, u32), BadState> {
         let refuse = |why: String| Err(BadState(why));
         let Some(after_magic) = bytes.strip_prefix(MAGIC) else {
-            return refuse("it does not begin like one of this version".into());
+            return refuse("its first bytes are not those of a state of this version".into());
         };
         let mut words = after_magic.get(1..).unwrap_or(&[]).chunks_exact(8).map(word);
         let (Some(seed), Some(generation), Some(population), Some(genotype)) =
             (words.next(), words.next(), words.next(), words.next())
         else {
-            return refuse(format!("it is cut off after {} bytes", bytes.len()));
+            return refuse(format!("it ends after {} bytes, before the end of its header", bytes.len()));
         };
         if after_magic[0] != owner.kind {
             return refuse("it belongs to another kind of optimiser".into());
         }
         if seed != owner.seed {
-            return refuse(format!("its seed is {seed}, this job's is {}", owner.seed));
+            return refuse(format!("its seed is {seed}, but this job's is {}", owner.seed));
         }
         if (population, genotype) != (owner.population as u64, owner.genotype as u64) {
             return refuse(format!(
-                "it holds {population} candidates of {genotype} parameters, this job has {} of {}",
+                "it holds {population} candidates of {genotype} parameters, but this job has {} of {}",
                 owner.population, owner.genotype
             ));
         }
         let Ok(generation) = u32::try_from(generation) else {
-            return refuse(format!("its generation, {generation}, is impossible"));
+            return refuse(format!("its generation {generation} is out of range"));
         };
         if bytes.len() != HEADER + 8 * numbers {
             return refuse(format!("it has {} bytes instead of {}", bytes.len(), HEADER + 8 * numbers));
@@ -87,7 +87,7 @@ impl<'a> Reader<'a> {
         Ok((Self { rest: &bytes[HEADER..], genotype: owner.genotype }, generation))
     }
 
-    /// The next number, which must not be NaN.
+    /// Reads the next number, which must not be NaN.
     pub fn number(&mut self) -> Result<f64, BadState> {
         let Some((first, rest)) = self.rest.split_at_checked(8) else {
             return Err(BadState("it is cut off".into()));
@@ -97,13 +97,13 @@ impl<'a> Reader<'a> {
         if value.is_nan() { Err(BadState("it holds a NaN".into())) } else { Ok(value) }
     }
 
-    /// A vector as long as a genotype, of finite numbers.
+    /// Reads a vector of finite numbers, as long as a genotype.
     pub fn vector(&mut self) -> Result<Vec<f64>, BadState> {
         let values = (0..self.genotype).map(|_| self.number()).collect::<Result<Vec<_>, _>>()?;
         if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err(BadState("it holds an infinity".into())) }
     }
 
-    /// A genotype of the space.
+    /// Reads a genotype of the space.
     pub fn genotype(&mut self, space: &Space) -> Result<Genotype, BadState> {
         let genotype = Genotype::from(self.vector()?);
         match space.check(&genotype) {

@@ -33,11 +33,11 @@ fn impossible_preparations_are_refused() {
     assert_eq!(altered(0, 0.0), *sound);
     let refused = vec![
         (Vec::new(), "it is empty"),
-        (of(&bare), "the preparation has 1 settled starts, its job 2"),
+        (of(&bare), "the preparation has 1 settled starts, but its job needs 2"),
         (of(&SMALL.replace("quadropod", "t-shape")), "joint angles"),
-        (altered(0, 1.0), "numbers that it can't have"),
-        (altered(2, f32::NAN), "numbers that it can't have"),
-        (altered(6, 0.5), "numbers that it can't have"),
+        (altered(0, 1.0), "impossible numbers"),
+        (altered(2, f32::NAN), "impossible numbers"),
+        (altered(6, 0.5), "impossible numbers"),
         (Outcome::Refused(String::new()).encode(), "its reason has 0 bytes"),
         (Outcome::Refused("x".repeat(5000)).encode(), "its reason has 5000 bytes"),
         (evaluated(Some(1.0)).encode(), "its format is "),

@@ -263,7 +263,7 @@ fn impossible_results_of_an_evaluation_are_refused() {
         (counted(Counts { nodes: u64::MAX, ..Counts::default() }), "nodes, "),
         (
             TaskResult::Examined { scores: vec![], counts: Counts::default(), traces: None }.encode(),
-            "it is an examination's, not an evaluation's",
+            "it is the result of an examination, not of an evaluation",
         ),
     ];
     refused.extend((1..sound.len()).map(|cut| (sound[..cut].to_vec(), "it can't be decoded")));
@@ -289,8 +289,8 @@ fn impossible_results_of_an_examination_are_refused() {
         (examined(vec![Some(1.0); 3], None), "it has 3 scores; 2 are needed"),
         (examined(vec![Some(1.0), None], None), "they fail together"),
         (examined(vec![Some(1.0), Some(f64::NAN)], None), "score NaN"),
-        (examined(vec![Some(1.0); 2], Some(Traces::default())), "traces, which were not asked for"),
-        (evaluated(Some(1.0)).encode(), "it is an evaluation's, not an examination's"),
+        (examined(vec![Some(1.0); 2], Some(Traces::default())), "traces, which were not requested"),
+        (evaluated(Some(1.0)).encode(), "it is the result of an evaluation, not of an examination"),
     ];
     assert_refused(&*procedure, last, refused);
 }
@@ -322,7 +322,7 @@ fn impossible_traces_are_refused() {
         (with(&|t| t.gaits[1].parameters[0] += 1e-9), "its parameters are not those of the genome"),
         (with(&|t| t.gaits[0].joints[0].push('x')), "its joints are not the robot's"),
         (with(&|t| t.gaits[0].samples.clear()), "it has no samples"),
-        (with(&|t| t.gaits[0].unstable = Some("x".repeat(5000))), "its reason to be unstable"),
+        (with(&|t| t.gaits[0].unstable = Some("x".repeat(5000))), "the reason of its instability"),
         (with(&|t| t.gaits[0].samples[1].angles.push(0.0)), "targets and angles"),
         (with(&|t| t.gaits[0].samples[1].yaw = f64::NAN), "not finite"),
         (with(&|t| t.gaits[0].samples[1].time = 0.0), "sample 1 is at 0 s"),

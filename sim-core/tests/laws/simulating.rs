@@ -258,7 +258,7 @@ fn start_that_is_blocked_is_told_and_its_run_is_no_success() {
         assert!(!run.succeeded(&job) && run.gaits.is_empty());
     }
     let off = simulated(&text(NEAR, "steps = [1]\nrepeats = 1\nvary = { x = [90, 90] }", ""));
-    assert!(matches!(&off.repeats[0][0].ended, Ended::NoStart(reason) if reason.contains("off the map")));
+    assert!(matches!(&off.repeats[0][0].ended, Ended::NoStart(reason) if reason.contains("outside the map")));
 }
 
 #[test]
@@ -284,14 +284,14 @@ fn runs_that_no_motion_has_are_refused() {
     let many = sim_core::base::score::Counts { rollouts: 1000, ..counts };
     let refused: Vec<(Vec<u8>, &str)> = vec![
         (Vec::new(), "it is empty"),
-        (unvaried.clone(), "not of the kind that was asked for"),
-        (with(&|run| run.way = Way::Resimulated), "not of the kind that was asked for"),
+        (unvaried.clone(), "not of the kind that the task needs"),
+        (with(&|run| run.way = Way::Resimulated), "not of the kind that the task needs"),
         (with(&|run| run.drawn.friction = 0.7), "not what its random numbers draw"),
         (with(&|run| run.end[0] = f64::NAN), "not finite"),
         (with(&|run| run.travelled = -1.0), "negative"),
         (with(&|run| run.work = 2.0 * run.turnover + 1.0), "is more than its turnover"),
-        (with(&|run| run.contact[0] = 1.5), "not a share for each body"),
-        (with(&|run| run.contact.push(0.0)), "not a share for each body"),
+        (with(&|run| run.contact[0] = 1.5), "must be a share of 0 to 1 for each body"),
+        (with(&|run| run.contact.push(0.0)), "must be a share of 0 to 1 for each body"),
         (with(&|run| run.gaits = vec![1, 0]), "not those of the motion"),
         (with(&|run| run.gaits = vec![0]), "not those of the motion"),
         (with(&|run| run.replans = 1), "not those of the motion"),
@@ -332,7 +332,7 @@ fn jobs_that_can_not_simulate_are_refused_by_field() {
             steps("steps = [1]\nplaces = [[16, 0, 0, 0]]"),
             "simulate.places[0]: it lies outside the map of environment \"near\"",
         ),
-        (steps("steps = [1]\nways = [\"continuous\"]"), "simulate.ways: a motion that is not several steps"),
+        (steps("steps = [1]\nways = [\"continuous\"]"), "simulate.ways: only a motion of several steps"),
         (steps("steps = [1, 2]\nways = []"), "simulate.ways: allowed are"),
         (good.replace("[0.6, 1.0]", "[1.0, 0.6]"), "simulate.vary.friction: the range begins at 1, above its end 0.6"),
         (
@@ -342,16 +342,13 @@ fn jobs_that_can_not_simulate_are_refused_by_field() {
         (good.replace("friction = [0.6, 1.0]", "target_noise = 4.0"), "simulate.vary.target_noise = 4 is out of range"),
         (good.replace("vary = { friction = [0.6, 1.0] }", ""), "simulate.repeats: nothing varies"),
         (good.replace("repeats = 2", "repeats = 1001"), "simulate.repeats = 1001 is out of range"),
-        (good.replace("count = 2", "count = 3"), "simulate.gaits.genome: there are 2, and gaits.count = 3"),
-        (good.replace("\"quadropod\"", "\"lizard\""), "simulate.gaits: they are of a robot with joints "),
+        (good.replace("count = 2", "count = 3"), "simulate.gaits.genome: it has 2 gaits, but gaits.count = 3"),
+        (good.replace("\"quadropod\"", "\"lizard\""), "simulate.gaits: they belong to a robot with joints "),
         (
             good.replace("gaits = { count = 2, duration = 4.0 }\n", ""),
             "gaits: a job with procedure = \"simulate\" needs this table",
         ),
-        (
-            format!("{good}[planner]\niterations = 5\n"),
-            "planner: a job that simulates grows trees only where it plans anew",
-        ),
+        (format!("{good}[planner]\niterations = 5\n"), "planner: a job that simulates grows trees only if it replans"),
         (
             format!("{good}[fitness]\nkind = \"coverage\"\n"),
             "fitness: a job with procedure = \"simulate\" has no such table",
@@ -361,10 +358,10 @@ fn jobs_that_can_not_simulate_are_refused_by_field() {
         (bare("stand = 1.0\nreplan = { }"), "simulate.replan: plans are made of gaits"),
         (bare("stand = 0.0"), "simulate.stand = 0 is out of range: allowed is 0.1 to 600 s"),
         (bare("stand = 1.0\ngaits = \"out\""), "simulate.gaits: neither simulate.steps nor simulate.replan uses them"),
-        (bare("targets = \"a.csv\""), "\"a.csv\" is a path, which only `evogait` follows"),
+        (bare("targets = \"a.csv\""), "\"a.csv\" is a path, and only the `evogait` command reads paths"),
         (
             bare("targets = { joints = [\"a\"], rows = [[0, 1], [1, 1]] }"),
-            "simulate.targets.joints: they are a, and robot",
+            "simulate.targets.joints: they are a, but robot",
         ),
         (bare("targets = { joints = [\"a\"], rows = [[0, 1], [1]] }"), "simulate.targets.rows[1]: it has 1 numbers"),
         (bare("targets = { joints = [\"a\"], rows = [[0, 1], [0, 1]] }"), "simulate.targets.rows[1]: its time is 0 s"),

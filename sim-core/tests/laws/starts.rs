@@ -90,7 +90,7 @@ fn start_partly_on_terrain_is_refused() {
             error.starts_with("the start at (-10, 0) lies where the robot touches environment.terrain["),
             "{error}"
         );
-        assert!(error.ends_with("flat ground, or with the whole robot over terrain of one height"), "{error}");
+        assert!(error.ends_with("the whole robot must stand on flat ground, or over terrain of one height"), "{error}");
     }
     let blocked = terrain([-10.0, 0.0], [10.0, 10.0], 0.3)
         + "[[obstacle]]\ncenter = [-8.6, 0.4]\nsize = [0.5, 0.5]\nbase = 0.4\ntop = 1.0\n";

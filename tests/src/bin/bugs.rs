@@ -1,8 +1,8 @@
-//! Breaks the code on purpose, one way at a time, and demands that the tests named for it fail: a law that no test holds up
-//! is only a wish.
+//! Mutation test: puts one known bug at a time into a copy of the code and checks that the tests named for it fail.
 //!
-//! `tests/bugs.sh` runs it. The list is `tests/bugs.toml`. It works on a copy of the tree in `target/bugs`, so that nothing of
-//! the tree itself is touched. Every test of the list has to pass there first, as the code is.
+//! `tests/bugs.sh` runs it; `tests/bugs.toml` lists the bugs. The copy is in `target/bugs`, so the tree itself does not
+//! `tests/bugs.sh` runs it; `tests/bugs.toml` lists the bugs. The copy is in `target/bugs`, so the tree itself does not
+//! change. The listed tests must pass on the unchanged copy first.
 
 use cluster_tests::sandbox::cargo;
 use serde::Deserialize;
@@ -14,10 +14,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
-/// A run of tests that takes longer hangs. Most take seconds.
+/// Time after which a test run counts as hanging. Most runs take seconds.
 const CHECK_WITHIN: Duration = Duration::from_secs(400);
 const USAGE: &str = "usage: bugs [--list] [--shard K/N] [WORD...]
-bugs whose names or files contain one of the words, all if none is given; of those the K-th of N shards";
+Runs the bugs whose name or file contains one of the words (all without a word), of these the K-th of N shards.";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -25,30 +25,30 @@ struct List {
     bug: Vec<Bug>,
 }
 
-/// One way to break the code.
+/// One known bug: a change of the code that tests must detect.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Bug {
-    /// What is wrong with it then.
+    /// Short description of the wrong behaviour.
     name: String,
-    /// In which file of the tree.
+    /// File to change, relative to the root of the tree.
     file: PathBuf,
-    /// What stands there, once, ...
+    /// Code to replace. It must stand in the file exactly once.
     find: String,
-    /// ... and what is put in its place.
+    /// Code that replaces `find`.
     replace: String,
-    /// What has to fail: arguments of `cargo test --locked --workspace`, or a script in `tests/` with arguments.
+    /// Checks that must fail: arguments of `cargo test --locked --workspace`, or a script in `tests/` with arguments.
     seen_by: Vec<String>,
 }
 
-/// What came of a run of tests.
+/// Outcome of a test run.
 #[derive(Debug, PartialEq, Eq)]
 enum Outcome {
     Passed,
     Failed,
-    /// Neither, within [`CHECK_WITHIN`].
+    /// The run took longer than [`CHECK_WITHIN`].
     Hangs,
-    /// No test ran, or it could not even be built.
+    /// No test ran, or the build failed.
     Nothing,
 }
 
@@ -60,7 +60,7 @@ fn main() -> ExitCode {
     match run(root(), &wanted) {
         Ok(0) => ExitCode::SUCCESS,
         Ok(unseen) => {
-            eprintln!("bugs: {unseen} not seen as they should be; what the tests said is in target/bugs/log");
+            eprintln!("bugs: the tests did not detect {unseen} of the bugs; their output is in target/bugs/log");
             ExitCode::FAILURE
         }
         Err(reason) => {
@@ -70,11 +70,11 @@ fn main() -> ExitCode {
     }
 }
 
-/// What was asked for.
+/// Parsed command line.
 #[derive(Debug, PartialEq, Eq)]
 struct Wanted {
     only_list: bool,
-    /// K of N, from 1.
+    /// (K, N): the K-th of N shards; K counts from 1.
     shard: (usize, usize),
     words: Vec<String>,
 }
@@ -101,7 +101,7 @@ impl Wanted {
         Some(wanted)
     }
 
-    /// Those that are wanted: every N-th, so that a shard has some of each file.
+    /// Returns the selected bugs. A shard takes every N-th bug, so that it has some of each file.
     fn of(&self, bugs: Vec<Bug>) -> Vec<Bug> {
         let has = |bug: &Bug, word: &String| bug.name.contains(word) || bug.file.to_string_lossy().contains(word);
         let named =
@@ -111,18 +111,18 @@ impl Wanted {
 }
 
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is in the tree")
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ is a folder of the project")
 }
 
-/// How many bugs were not seen.
+/// Runs the checks of all selected bugs and returns the number of bugs that no check detected.
 fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
     let bugs = wanted.of(list(root)?);
     if bugs.is_empty() {
-        return Err(format!("there is none for {wanted:?}; {USAGE}"));
+        return Err(format!("no bug matches {wanted:?}\n{USAGE}"));
     }
     if wanted.only_list {
         for bug in &bugs {
-            println!("{}\n    in {}, seen by {}", bug.name, bug.file.display(), bug.seen_by.join(", "));
+            println!("{}\n    in {}, detected by {}", bug.name, bug.file.display(), bug.seen_by.join(", "));
         }
         return Ok(0);
     }
@@ -131,16 +131,19 @@ fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
     let tree = Tree { root: work.join("tree"), target: work.join("target"), log: work.join("log") };
     fs::create_dir_all(&tree.log).map_err(|e| format!("{}: {e}", tree.log.display()))?;
     copy(root, &tree.root)?;
-    println!("bugs: the code as it is");
+    println!("bugs: checking the unchanged code");
     tree.build()?;
     let checks: BTreeSet<&String> = bugs.iter().flat_map(|bug| &bug.seen_by).collect();
     for check in checks {
-        let outcome = tree.check("as it is", check)?;
+        let outcome = tree.check("unchanged", check)?;
         if outcome != Outcome::Passed {
-            return Err(format!("{check}: {outcome:?} on the code as it is; see {}", tree.log.display()));
+            return Err(format!(
+                "{check}: {outcome:?} on the unchanged code, but it must pass; see {}",
+                tree.log.display()
+            ));
         }
     }
-    println!("bugs: the code as it is passes; now {} ways to break it", bugs.len());
+    println!("bugs: the unchanged code passes; now checking {} bugs", bugs.len());
 
     let mut unseen = 0;
     for bug in &bugs {
@@ -157,7 +160,7 @@ fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
         unseen += usize::from(!seen);
         println!(
             "{} {} ({:.0} s)",
-            if seen { "seen    " } else { "NOT SEEN" },
+            if seen { "detected" } else { "MISSED  " },
             bug.name,
             start.elapsed().as_secs_f64()
         );
@@ -165,11 +168,11 @@ fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
             println!("         {outcome:?}: {check}");
         }
     }
-    println!("bugs: {} of {} seen", bugs.len() - unseen, bugs.len());
+    println!("bugs: {} of {} detected", bugs.len() - unseen, bugs.len());
     Ok(unseen)
 }
 
-/// All bugs, each of which finds its place in the code.
+/// Reads the list and checks that each bug's `find` stands in its file once.
 fn list(root: &Path) -> Result<Vec<Bug>, String> {
     let text = read(&root.join("tests/bugs.toml"))?;
     let List { bug: bugs } = toml::from_str(&text).map_err(|e| format!("tests/bugs.toml: {e}"))?;
@@ -179,19 +182,19 @@ fn list(root: &Path) -> Result<Vec<Bug>, String> {
     Ok(bugs)
 }
 
-/// The file with the bug in it.
+/// Returns the file's text with the bug put in.
 fn broken(bug: &Bug, text: &str) -> Result<String, String> {
     let Bug { name, file, find, replace, seen_by } = bug;
     let wrong = |what: &str| Err(format!("tests/bugs.toml, {name:?}: {what} in {}", file.display()));
     match text.matches(find.as_str()).count() {
-        _ if seen_by.is_empty() => wrong("nobody is asked to see it"),
+        _ if seen_by.is_empty() => wrong("`seen_by` names no test; the bug is"),
         1 => Ok(text.replacen(find.as_str(), replace, 1)),
-        0 => wrong("`find` does not stand"),
-        _ => wrong("`find` stands more than once"),
+        0 => wrong("`find` is missing"),
+        _ => wrong("`find` must stand once, but stands more than once"),
     }
 }
 
-/// The copy of the code.
+/// Copy of the code that the checks run on.
 struct Tree {
     root: PathBuf,
     target: PathBuf,
@@ -202,22 +205,22 @@ impl Tree {
     fn command(&self, program: impl AsRef<std::ffi::OsStr>) -> Command {
         let mut command = Command::new(program);
         command.current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target).stdin(Stdio::null());
-        // It is built again and again, and nobody debugs it.
+        // Debug info is not needed, and building without it is faster.
         command.env("CARGO_PROFILE_DEV_DEBUG", "0");
         command
     }
 
-    /// Builds everything once, however long that takes.
+    /// Builds all tests once, without a time limit.
     fn build(&self) -> Result<(), String> {
         let mut cargo = self.command(cargo());
         let built = cargo.args(["test", "--locked", "--quiet", "--workspace", "--no-run"]).status();
         match built.map_err(|e| format!("cargo: {e}"))?.success() {
             true => Ok(()),
-            false => Err("the code as it is does not build".to_owned()),
+            false => Err("the unchanged code does not build".to_owned()),
         }
     }
 
-    /// Runs a check in a process group of its own, which is killed if it hangs.
+    /// Runs a check in its own process group. A check that hangs is killed.
     fn check(&self, name: &str, check: &str) -> Result<Outcome, String> {
         let mut words = check.split_whitespace();
         let mut command = if check.starts_with("tests/") {
@@ -229,14 +232,14 @@ impl Tree {
             cargo
         };
         command.args(words).process_group(0);
-        let (mut reader, writer) = std::io::pipe().map_err(|e| format!("a pipe: {e}"))?;
-        command.stdout(writer.try_clone().map_err(|e| format!("a pipe: {e}"))?).stderr(writer);
+        let (mut reader, writer) = std::io::pipe().map_err(|e| format!("can't create a pipe: {e}"))?;
+        command.stdout(writer.try_clone().map_err(|e| format!("can't copy the pipe: {e}"))?).stderr(writer);
         let mut child = command.spawn().map_err(|e| format!("{check}: {e}"))?;
-        // It holds the pipe's other end.
+        // `command` holds the pipe's writing end. Without this drop the reader would never see the end.
         drop(command);
         let reading = std::thread::spawn(move || {
             let mut said = Vec::new();
-            // What can't be read any more was said to nobody.
+            // Output after a read error is lost; the exit code still counts.
             let _ = reader.read_to_end(&mut said);
             said
         });
@@ -248,13 +251,13 @@ impl Tree {
                 None => std::thread::sleep(Duration::from_millis(50)),
             }
         };
-        // Also what it left behind, which would hold the pipe.
+        // The check's child processes would keep the pipe open: kill the whole group.
         let _ = Command::new("kill").args(["-9", "--", &format!("-{}", child.id())]).stderr(Stdio::null()).status();
         let _ = child.wait();
-        let said = reading.join().map_err(|_| format!("{check}: it can't be read"))?;
+        let said = reading.join().map_err(|_| format!("{check}: reading its output failed"))?;
         self.keep(name, check, &said)?;
         let said = String::from_utf8_lossy(&said);
-        // What does not compile is no bug.
+        // A bug that does not compile tests nothing.
         let ran =
             !said.contains("error: could not compile") && (check.starts_with("tests/") || said.lines().any(ran_some));
         Ok(match status {
@@ -273,12 +276,12 @@ impl Tree {
     }
 }
 
-/// Whether a line of cargo's says that tests ran.
+/// Returns true for a line of cargo's output that reports at least one running test.
 fn ran_some(line: &str) -> bool {
     line.strip_prefix("running ").is_some_and(|rest| !rest.starts_with("0 "))
 }
 
-/// Makes a copy the same as the tree, without touching what is the same already: cargo goes by the time of a file.
+/// Makes `to` a copy of `from`. Files that are equal already stay untouched, because cargo compares modification times.
 fn copy(from: &Path, to: &Path) -> Result<(), String> {
     let mut git = Command::new("git");
     git.args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]).current_dir(from);
@@ -286,11 +289,12 @@ fn copy(from: &Path, to: &Path) -> Result<(), String> {
     if !output.status.success() {
         return Err(format!("git: {}", String::from_utf8_lossy(&output.stderr)));
     }
-    let names = String::from_utf8(output.stdout).map_err(|_| "git names a file that is no text".to_owned())?;
+    let names =
+        String::from_utf8(output.stdout).map_err(|_| "`git ls-files`: a file name is not valid UTF-8".to_owned())?;
     let mut wanted = BTreeSet::new();
     for name in names.split_terminator('\0') {
         let (source, target) = (from.join(name), to.join(name));
-        // Deleted, and not yet told to git.
+        // Deleted in the tree, but not yet in git's index.
         if !source.exists() {
             continue;
         }
@@ -331,13 +335,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_bug_of_the_list_finds_its_place_in_the_code() {
+    fn each_find_string_stands_once_in_its_file() {
         assert!(!list(root()).unwrap().is_empty());
     }
 
-    /// A filter that matches no test would only be found by the run that needs it.
+    /// Without this test, only the run that needs a filter would find that it matches no test.
     #[test]
-    fn every_test_of_the_list_is_there() {
+    fn each_listed_test_exists() {
         let mut names = String::new();
         let mut open = vec![root().to_owned()];
         while let Some(next) = open.pop() {
@@ -359,12 +363,12 @@ mod tests {
         for check in list(root()).unwrap().iter().flat_map(|bug| &bug.seen_by) {
             let words = check.split_whitespace().filter(|word| !word.starts_with("--") && !word.starts_with("tests/"));
             let missing: Vec<&str> = words.flat_map(|word| word.split("::")).filter(|word| !named(word)).collect();
-            assert!(missing.is_empty(), "{check}: there is no test, module or file named {missing:?}");
+            assert!(missing.is_empty(), "{check}: no test, module or file is named {missing:?}");
         }
     }
 
     #[test]
-    fn every_bug_is_in_one_shard() {
+    fn each_bug_is_in_exactly_one_shard() {
         let wanted = |line: &str| Wanted::read(line.split_whitespace().map(str::to_owned));
         let names = |line: &str| wanted(line).unwrap().of(list(root()).unwrap()).into_iter().map(|bug| bug.name);
         let mut of_shards: Vec<String> = (1..=7).flat_map(|k| names(&format!("--shard {k}/7"))).collect();

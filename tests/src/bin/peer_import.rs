@@ -1,5 +1,5 @@
-//! Our side of `tests/peers/import_check.py`: imports the MJCF and URDF files whose paths stand on standard input, one a
-//! line, and prints a line of JSON for each: the robot, or why it is refused.
+//! Rust side of `tests/peers/import_check.py`: imports MJCF and URDF files. Their paths stand on standard input, one a
+//! line. For each file it prints a line of JSON: the imported robot, or the reason of the refusal.
 
 use serde::Serialize;
 use sim_core::base::error::Invalid;

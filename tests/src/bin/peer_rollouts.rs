@@ -1,7 +1,8 @@
-//! Our side of `tests/peers`: random gaits of a robot as tables of joint targets, and what our engines make of them at
-//! any number of settings, as JSON on standard output.
+//! Rust side of the comparisons in `tests/peers`: random gaits of a robot as tables of joint targets, and the rollouts
+//! of our engines at any number of settings, as JSON on standard output.
 //!
-//! Lengths are in mu, angles in rad, times in s. Tables have a row every 5 ms, linear between, held at the end.
+//! Lengths are in mu, angles in rad, times in s. Tables have one row every 5 ms. Targets are linear between the rows;
+//! the last row is held.
 
 use clap::Parser;
 use serde::Serialize;
@@ -18,32 +19,33 @@ use study::soundness::random_robot;
 
 #[derive(Parser)]
 struct Arguments {
-    /// Name of a robot that ships; with failed modules: NAME:VARIANT; a random tree of 4 to 16 hinges: random:INDEX
+    /// Name of a shipped robot; NAME:VARIANT for a variant with failed modules; random:INDEX for a random tree of 4 to
+    /// 16 hinges
     robot: String,
-    /// Number of random gaits of a Hopf oscillator a joint
+    /// Number of random gaits; each has one Hopf oscillator per joint
     #[arg(long, default_value_t = 10)]
     gaits: u64,
-    /// Where their parameters come from
+    /// Seed of the gaits' parameters
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Length of a gait, s
     #[arg(long, default_value_t = 10.0)]
     duration: f64,
-    /// Gravity and motors of scale "real" instead of "paper"
+    /// Use gravity and motors of scale "real" instead of "paper"
     #[arg(long)]
     real: bool,
-    /// Steps a second and substeps, such as 60x8 or 200x2-lockstep; may be given several times
+    /// Steps per second and substeps, such as 60x8 or 200x2-lockstep; may be given several times
     #[arg(long = "setting", value_parser = setting)]
     settings: Vec<Setting>,
     /// Print the tables of joint targets
     #[arg(long)]
     tables: bool,
-    /// Print the robot as MJCF, as `evogait robot` does it, and nothing else
+    /// Print only the robot as MJCF, as `evogait robot` writes it
     #[arg(long)]
     mjcf: bool,
 }
 
-/// An engine's steps a second and substeps.
+/// Steps per second and substeps of an engine.
 #[derive(Clone, Copy, Debug)]
 struct Setting {
     engine: EngineKind,
@@ -75,14 +77,14 @@ fn setting(text: &str) -> Result<Setting, String> {
     parts
         .filter(|(a, b)| *a > 0 && *b > 0)
         .map(|(steps, substeps)| Setting { engine, steps, substeps })
-        .ok_or_else(|| "a setting is STEPSxSUBSTEPS, such as 60x8 or 200x2-lockstep".to_owned())
+        .ok_or_else(|| "a setting must be STEPSxSUBSTEPS, both at least 1, such as 60x8 or 200x2-lockstep".to_owned())
 }
 
 #[derive(Serialize)]
 struct Answer {
     robot: String,
     scale: Scale,
-    /// What a job gets unless it says otherwise, by engine.
+    /// Settings that a job gets by default, by engine.
     default_settings: BTreeMap<&'static str, Setting>,
     gravity: f32,
     joints: Vec<String>,
@@ -92,7 +94,7 @@ struct Answer {
     limp: Drop,
     tick: f64,
     duration: f64,
-    /// A gait, a tick, a joint.
+    /// Joint targets, indexed by gait, tick and joint.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     tables: Vec<Vec<Vec<f32>>>,
     runs: Vec<Run>,
@@ -103,7 +105,7 @@ struct BodyFacts {
     name: String,
     mass: f32,
     center_of_mass: [f32; 3],
-    /// About the centre of mass, in the axes of the neutral configuration.
+    /// Inertia about the centre of mass, in the axes of the neutral configuration.
     inertia: [[f32; 3]; 3],
     boxes: usize,
 }
@@ -111,7 +113,7 @@ struct BodyFacts {
 #[derive(Serialize)]
 struct Pose {
     position: [f32; 3],
-    /// x, y, z, w.
+    /// Quaternion (x, y, z, w).
     rotation: [f32; 4],
     yaw: f64,
     joints: Vec<f32>,
@@ -124,19 +126,19 @@ impl Pose {
     }
 }
 
-/// The robot let go above its settled start.
+/// Robot dropped from a height above its settled start.
 #[derive(Serialize)]
 struct Drop {
     lift: f32,
     seconds: f64,
-    /// Height of the pivot at the end.
+    /// Height of the pivot at the end, mu.
     height: f32,
 }
 
 #[derive(Serialize)]
 struct Run {
     setting: Setting,
-    /// s of this clock and of simulated time, all gaits together, on one core.
+    /// Wall-clock time and simulated time of all gaits together on one core, s.
     wall: f64,
     simulated: f64,
     ends: Vec<Option<Pose>>,
@@ -152,7 +154,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Ok(());
     }
     let rapier = engine(EngineKind::Rapier);
-    // Some random trees never come to rest on rapier, which wobbles where many corners touch.
+    // On rapier, some random trees never come to rest: they wobble where many corners touch the ground.
     let own = Physics::of(EngineKind::Lockstep, scale);
     let start = settle(rapier, &robot, &physics).or_else(|_| settle(engine(EngineKind::Lockstep), &robot, &own))?;
 
@@ -178,9 +180,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let end = rapier.run(&robot, physics, &[], &[request]).swap_remove(0).end;
         Drop { lift, seconds, height: end.pivot.translation.z }
     };
-    // A step is a tick, so that both engines simulate the same time.
+    // One step per tick, so that both engines simulate the same time.
     let fine = Physics { steps_per_second: 200, ..physics };
-    // A free fall over 10 mu, whatever the gravity; it ends in the air.
+    // Time of a free fall over 10 mu at any gravity, rounded down to ticks. The fall starts higher, so it ends in the
+    // air.
     let fall = 0.005 * (200.0 * (20.0 / f64::from(physics.gravity)).sqrt()).floor();
     let answer = Answer {
         robot: arguments.robot.clone(),
@@ -209,7 +212,7 @@ fn compiled(name: &str) -> Result<Robot, Box<dyn std::error::Error>> {
         return Ok(random_robot(&mut Stream::new(1, Purpose::Sample, index.parse()?, 0, 2)));
     }
     let entry = catalogue::find(catalogue::robots(), name)
-        .ok_or_else(|| format!("no robot named \"{name}\" ships: `evogait scenarios` lists them"))?;
+        .ok_or_else(|| format!("there is no robot named \"{name}\"; `evogait scenarios` lists the robots"))?;
     let spec: RobotSpec = toml::from_str(entry.toml)?;
     Ok(Robot::compile(&variant.map_or(Ok(spec.clone()), |variant| spec.variant(variant))?)?)
 }
@@ -220,7 +223,8 @@ fn gait(robot: &Robot, seed: u64, index: u64, duration: f64) -> Motion {
     for _ in 0..robot.hinges.len() {
         genotype.extend(Hopf.parameters().iter().map(|p| stream.uniform(p.bounds.0, p.bounds.1)));
     }
-    Hopf.compile(&control::Run::new(robot, duration), &genotype).expect("oscillators have signals at all parameters")
+    Hopf.compile(&control::Run::new(robot, duration), &genotype)
+        .expect("a Hopf oscillator compiles at all parameters within its bounds")
 }
 
 fn rows(targets: &Targets) -> Vec<Vec<f32>> {

@@ -1,5 +1,5 @@
-//! Our side of `tests/peers/standing.py`: random robots, each turned to four headings, and whether a job accepts them, as
-//! a line of JSON each on standard output.
+//! Rust side of `tests/peers/standing.py`: random robots, each turned to four headings. For each robot and heading it
+//! prints a line of JSON with the reason for which a job refuses the robot, if any.
 //!
 //! Lengths are in mu, angles in degrees.
 
@@ -13,14 +13,14 @@ use sim_core::physics::{EngineChoice, Physics, Scale};
 use sim_core::problem::Job;
 use std::collections::BTreeMap;
 
-/// The same robot is looked at in these, about z.
+/// Headings that each robot is turned to, about z.
 const HEADINGS: [f64; 4] = [0.0, 90.0, 37.0, 211.0];
-/// Modules or boxes of a robot, from and to.
+/// Least and greatest number of modules (or boxes) of a robot.
 const MODULES: (u32, u32) = (2, 8);
 const BOXES: (u32, u32) = (2, 6);
 /// Distance between two boxes that share a hinge, mu.
 const GAP: f64 = 0.02;
-/// A small job: only its robot matters.
+/// Small job. Only its robot matters.
 const JOB: &str = r#"
 name = "standing"
 robot = "quadropod"
@@ -34,13 +34,13 @@ finish = { archive = 5, seeds = 5 }
 
 #[derive(Parser)]
 struct Arguments {
-    /// What the robots consist of
+    /// Kind of parts that the robots consist of
     kind: Kind,
     /// Index of the first robot
     first: u32,
     /// Number of robots
     count: u32,
-    /// Where they come from
+    /// Seed of the random robots
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -57,11 +57,11 @@ struct Answer {
     kind: Kind,
     index: u32,
     heading: f64,
-    /// The robot file.
+    /// Robot file.
     toml: String,
-    /// As `evogait robot FILE --format mjcf` writes it.
+    /// Robot as `evogait robot FILE --format mjcf` writes it.
     mjcf: String,
-    /// Why a job refuses the robot, by `physics.engine`; null where it accepts it.
+    /// Reason for which a job refuses the robot, by `physics.engine`; null if the job accepts the robot.
     refused: BTreeMap<&'static str, Option<String>>,
 }
 
@@ -92,13 +92,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn refusal(robot: &RobotSpec, engine: EngineChoice) -> Option<String> {
-    let mut job: JobSpec = toml::from_str(JOB).expect("the job is well formed");
+    let mut job: JobSpec = toml::from_str(JOB).expect("JOB is a valid job file");
     job.robot = Reference::Inline(Box::new(robot.clone()));
     job.physics.engine = engine;
     Job::new(job).err().map(|invalid| invalid.to_string())
 }
 
-/// A random tree of modules of all kinds that ship, docked at random faces and turns, on any of its six sides.
+/// Returns a random tree of modules of all shipped kinds, docked at random faces and turns, lying on any of its six
+/// sides.
 fn modules(stream: &mut Stream) -> RobotSpec {
     const COSMO: [&str; 10] =
         ["back", "front", "a-left", "a-right", "a-top", "a-bottom", "b-left", "b-right", "b-top", "b-bottom"];
@@ -123,20 +124,20 @@ fn modules(stream: &mut Stream) -> RobotSpec {
             "{text}[[module]]\nname = \"m{name}\"\nkind = \"{kind}\"\n\
              attach = {{ to = \"m{to}\", port = \"{face}\", own = \"{own}\", turn = {turn} }}\n"
         );
-        // Overlapping modules are refused, and drawn again.
-        if Robot::compile(&toml::from_str(&longer).expect("a generated robot is well formed")).is_ok() {
+        // An overlapping module is refused; the loop then draws another one.
+        if Robot::compile(&toml::from_str(&longer).expect("the generated text is a valid robot file")).is_ok() {
             text = longer;
             kinds.push(kind);
         }
     }
-    toml::from_str(&text).expect("a generated robot is well formed")
+    toml::from_str(&text).expect("the generated text is a valid robot file")
 }
 
-/// A random tree of boxes, each carried by a hinge on a side of another; some are turned against each other.
+/// Returns a random tree of boxes. Each is connected by a hinge to a side of another box; some are turned against it.
 fn boxes(stream: &mut Stream) -> RobotSpec {
     loop {
         let spec = some_boxes(stream);
-        // Overlapping boxes are refused, and drawn again.
+        // Robots with overlapping boxes are refused; the loop then draws another one.
         if Robot::compile(&spec).is_ok() {
             return spec;
         }
@@ -148,7 +149,7 @@ fn some_boxes(stream: &mut Stream) -> RobotSpec {
         center: [f64; 3],
         rotation: [f64; 4],
         half: [f64; 3],
-        /// Of the body's frame.
+        /// Origin of the body's frame.
         origin: [f64; 3],
     }
     let mut placed: Vec<Placed> = Vec::new();
@@ -204,12 +205,13 @@ fn some_boxes(stream: &mut Stream) -> RobotSpec {
         });
         placed.push(Placed { center, rotation, half, origin });
     }
-    let mut spec: RobotSpec = toml::from_str("name = \"boxes\"\npivot = \"b0\"").expect("well formed");
+    let mut spec: RobotSpec =
+        toml::from_str("name = \"boxes\"\npivot = \"b0\"").expect("the text is a valid robot file");
     spec.bodies = bodies;
     spec
 }
 
-/// The whole robot turned about z.
+/// Returns the whole robot turned about z.
 fn turned(robot: &RobotSpec, degrees: f64) -> RobotSpec {
     let mut robot = robot.clone();
     let turn = about_z(degrees);
@@ -233,7 +235,8 @@ fn turned(robot: &RobotSpec, degrees: f64) -> RobotSpec {
     robot
 }
 
-/// The turns about the own x, then y, then z axis, degrees, that are those turns followed by one about the world's z.
+/// Returns turns about the own x, then y, then z axis, degrees, equal to the given turns followed by one about the
+/// world's z.
 fn turns_about_x_y_z(about_world: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let half = |degrees: f64| (degrees.to_radians() / 2.0).sin_cos();
     let ((sx, cx), (sy, cy)) = (half(x), half(y));
@@ -241,10 +244,10 @@ fn turns_about_x_y_z(about_world: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let all = product(about_z(about_world), own);
     let [a, b, c] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| rotated(all, axis));
     let sine = c[0].clamp(-1.0, 1.0);
-    // Where x and z turn about the same axis, all of it is given to x.
+    // At gimbal lock x and z turn about the same axis: x gets the whole turn.
     let (x, z) =
         if sine.abs() > 1.0 - 1e-12 { (b[2].atan2(b[1]), 0.0) } else { ((-c[1]).atan2(c[2]), (-b[0]).atan2(a[0])) };
-    // Whole degrees stay whole: quarter turns are exact then.
+    // Rounding keeps whole degrees whole, so quarter turns are exact.
     [x, sine.asin(), z].map(|angle| (angle.to_degrees() * 1e6).round() / 1e6)
 }
 
@@ -257,7 +260,7 @@ fn about_z(degrees: f64) -> [f64; 4] {
     [0.0, 0.0, sine, cosine]
 }
 
-/// To unit length.
+/// Scales the quaternion to unit length.
 fn quaternion(q: [f64; 4]) -> [f64; 4] {
     let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     q.map(|v| v / length)
@@ -281,7 +284,7 @@ fn rotated(q: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
     [x, y, z]
 }
 
-/// R I Rᵀ of xx, yy, zz, xy, xz, yz.
+/// Returns R I Rᵀ for an inertia given as xx, yy, zz, xy, xz, yz.
 fn inertia_in(q: [f64; 4], [xx, yy, zz, xy, xz, yz]: [f64; 6]) -> [f64; 6] {
     let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map(|row| rotated(q, row));
     let columns: [[f64; 3]; 3] = std::array::from_fn(|j| rotated(q, [rows[0][j], rows[1][j], rows[2][j]]));

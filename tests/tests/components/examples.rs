@@ -1,4 +1,4 @@
-//! A component of every kind, each as another program would write it.
+//! Example components, one of each kind, as another program would write them.
 
 use sim_core::base::error::Invalid;
 use sim_core::base::random::{Purpose, Stream};
@@ -19,7 +19,7 @@ use sim_core::search::{self, Ask, Batch, Evaluation, GENERATIONS, Search, Search
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Once};
 
-/// Puts all of them into their registries, once.
+/// Adds all examples to their registries, once per process.
 pub fn add() {
     static ADDED: Once = Once::new();
     ADDED.call_once(|| {
@@ -32,7 +32,7 @@ pub fn add() {
     });
 }
 
-/// A kind of module: two cubes with a hinge across.
+/// Kind of module with two cubes and a hinge between them.
 pub static ELBOW: Kind = Kind {
     name: "elbow",
     parts: &[
@@ -46,7 +46,8 @@ pub static ELBOW: Kind = Kind {
     ],
 };
 
-/// A controller: each joint to and fro between ± its height, a second each. None higher than [`Square::MOST`].
+/// Controller that moves each joint between + and − its height, holding each for one second. Heights over
+/// [`Square::MOST`] fail.
 pub struct Square;
 
 impl Square {
@@ -66,14 +67,14 @@ impl Controller for Square {
 
     fn signals(&self, gait: &[f64], _: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
         if gait.iter().any(|height| *height > Self::MOST) {
-            return Err(Infeasible("it is too high".to_owned()));
+            return Err(Infeasible("the height is too large".to_owned()));
         }
         let signal = |height: &f64| (0..ticks).map(|t| if t / 200 % 2 == 0 { *height } else { -height }).collect();
         Ok(Signals { joints: gait.iter().map(signal).collect(), end: Vec::new() })
     }
 }
 
-/// A planner: expands nodes in the order in which they were added, and adds wherever a gait arrives.
+/// Planner that expands nodes in the order in which they were added, and adds every place where a gait arrives.
 pub struct BreadthFirst;
 
 #[derive(Debug)]
@@ -117,7 +118,7 @@ impl Planner for Growing {
     }
 }
 
-/// An objective: how far the tree's farthest node is from its root, times a factor.
+/// Objective: distance of the tree's farthest node from its root, times a factor.
 pub struct Reach;
 
 const FACTOR: Setting = Setting::real("factor", "", 1.0).within(0.1, 10.0);
@@ -166,7 +167,7 @@ impl Objective for Farthest {
     }
 }
 
-/// A search: every candidate is drawn anew.
+/// Search that draws every candidate at random.
 pub struct Scatter;
 
 const CANDIDATES: Setting = Setting::whole("candidates", 8).within(1.0, 100.0);
@@ -222,7 +223,7 @@ impl Search for Drawing {
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), search::BadState> {
-        let bytes = state.try_into().map_err(|_| search::BadState("four bytes are needed".to_owned()))?;
+        let bytes = state.try_into().map_err(|_| search::BadState("the state must have 4 bytes".to_owned()))?;
         self.generation = u32::from_le_bytes(bytes);
         Ok(())
     }
@@ -232,7 +233,7 @@ impl Search for Drawing {
     }
 }
 
-/// A procedure: one round of three tasks, each of which multiplies the height of the settled pivot by its number.
+/// Procedure with one round of three tasks. Each task multiplies the height of the settled pivot by its index plus one.
 pub struct Heights {
     pub name: &'static str,
     pub revision: AtomicU32,
@@ -258,7 +259,7 @@ impl ProcedureKind for Heights {
     }
 
     fn load(&self, _: &Checked, saved: &[u8]) -> Result<Box<dyn Procedure>, BadState> {
-        if saved == b"asked" { Ok(Box::new(Asked)) } else { Err(BadState("it is not \"asked\"".to_owned())) }
+        if saved == b"asked" { Ok(Box::new(Asked)) } else { Err(BadState("the state must be \"asked\"".to_owned())) }
     }
 
     fn run(&self, problem: &Job, tasks: &[(u32, Vec<u8>)], _: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
@@ -281,7 +282,7 @@ impl Procedure for Asked {
     }
 
     fn check(&self, index: u32, result: &[u8]) -> Result<(), Rejected> {
-        let reason = "8 bytes are needed".to_owned();
+        let reason = "the result must have 8 bytes".to_owned();
         if result.len() == 8 { Ok(()) } else { Err(Rejected { task: self.describe(index), reason }) }
     }
 

@@ -1,4 +1,4 @@
-//! Jobs with the examples, run by the coordinator and the workers that everybody else has.
+//! Jobs that use the example components, run by the standard coordinator and workers.
 
 use crate::examples;
 use cluster_tests::sandbox::PATIENCE;
@@ -33,11 +33,11 @@ fn job(procedure: &str) -> String {
     )
 }
 
-/// The result of a job on so many workers, all within this process.
+/// Returns the result of a job on the given number of workers, all within this process.
 async fn result(job_toml: &str, workers: usize) -> GetResultResponse {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir().expect("a temporary folder");
     let store = coordinator::StoreUrl::Sqlite(folder.path().join("store.sqlite"));
-    let coordinator = coordinator::serve(coordinator::Config::embedded(store)).await.expect("it serves");
+    let coordinator = coordinator::serve(coordinator::Config::embedded(store)).await.expect("the coordinator serves");
     let url = format!("http://{}", coordinator.local_addr());
     let (stop, stopped) = watch::channel(false);
     let working: Vec<_> = (0..workers)
@@ -48,52 +48,68 @@ async fn result(job_toml: &str, workers: usize) -> GetResultResponse {
             }))
         })
         .collect();
-    let mut client = JobServiceClient::connect(url).await.expect("it answers");
+    let mut client = JobServiceClient::connect(url).await.expect("the coordinator accepts the connection");
     let request = SubmitJobRequest { request_id: "r".to_owned(), job_toml: job_toml.to_owned(), priority: 0 };
-    let id = client.submit_job(request).await.expect("the job is taken").into_inner().job.expect("a job").id;
+    let id = client
+        .submit_job(request)
+        .await
+        .expect("the job is accepted")
+        .into_inner()
+        .job
+        .expect("the response has the job")
+        .id;
     let start = Instant::now();
     loop {
-        let job =
-            client.get_job(GetJobRequest { id: id.clone() }).await.expect("a job").into_inner().job.expect("a job");
+        let job = client
+            .get_job(GetJobRequest { id: id.clone() })
+            .await
+            .expect("the job exists")
+            .into_inner()
+            .job
+            .expect("the response has the job");
         match job.state() {
             JobState::Succeeded => break,
             JobState::Failed => panic!("{}", job.reason),
-            _ => assert!(start.elapsed() < PATIENCE, "it does not end: {job:?}"),
+            _ => assert!(start.elapsed() < PATIENCE, "the job did not end in time: {job:?}"),
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    let result = client.get_result(GetResultRequest { id }).await.expect("a result").into_inner();
-    stop.send(true).expect("workers run");
+    let result = client.get_result(GetResultRequest { id }).await.expect("a succeeded job has a result").into_inner();
+    stop.send(true).expect("the workers run");
     for worker in working {
-        worker.await.expect("it ends").expect("it ends well");
+        worker.await.expect("the worker does not panic").expect("the worker exits without an error");
     }
-    coordinator.shutdown().await.expect("it ends");
+    coordinator.shutdown().await.expect("the coordinator shuts down");
     result
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
-async fn jobs_with_a_component_of_every_kind_run_like_any_other() {
+async fn jobs_with_added_components_succeed() {
     examples::add();
 
-    // Evolved with a kind of module, a controller, a planner, an objective and a search that were added.
+    // Evolves with an added kind of module, controller, planner, objective and search.
     let evolved = result(&job("evolve"), 1).await;
-    assert_eq!(evolved.result_digest, result(&job("evolve"), 3).await.result_digest, "bits go by no number of workers");
-    let report = evolved.artefacts.iter().find(|artefact| artefact.name == "report").expect("a report");
+    assert_eq!(
+        evolved.result_digest,
+        result(&job("evolve"), 3).await.result_digest,
+        "the result must not depend on the number of workers"
+    );
+    let report = evolved.artefacts.iter().find(|artefact| artefact.name == "report").expect("the result has a report");
     let report: serde_json::Value = serde_json::from_slice(&report.content).expect("the report is JSON");
-    let genome = report["winner"]["genome"].as_array().expect("a winner");
+    let genome = report["winner"]["genome"].as_array().expect("the report has a winner");
     assert_eq!(genome.len(), 4, "two gaits of two joints: {report}");
     assert!(
         genome.iter().all(|height| height.as_f64().is_some_and(|h| h <= examples::Square::MOST)),
-        "it can be carried out"
+        "the winner's heights must be feasible"
     );
-    // Of 36 candidates some have a joint that is told to go too high: they have failed, and the job has not.
+    // Some of the 36 candidates have a height that the controller refuses. These candidates fail, but the job does not.
     let failed = evolved.history.iter().flat_map(|row| row.values.iter().filter(|v| v.name == "failed"));
     let failed: f64 = failed.filter_map(|value| value.value).sum();
     assert!((1.0..36.0).contains(&failed), "{failed} failed");
 
-    // A procedure of another program.
+    // Runs an added procedure.
     let measured = result(&job("heights"), 2).await;
-    let settled = Job::from_toml(&job("heights")).expect("a valid job");
+    let settled = Job::from_toml(&job("heights")).expect("the job is valid");
     let height = f64::from(settled.start().pivot.translation.z);
     let [artefact] = &measured.artefacts[..] else { panic!("{:?}", measured.artefacts) };
     assert_eq!(artefact.content, [1.0, 2.0, 3.0].map(|factor| (height * factor).to_le_bytes()).concat());

@@ -1,4 +1,4 @@
-//! A kind of module of another program, with two hinges: a robot file can use it once it is in the registry.
+//! Kind of module with two hinges, added by another program. Robot files can use it once it is in the registry.
 
 use sim_core::base::math::{Vector, about, angle_between};
 use sim_core::base::registry::Registered;
@@ -9,8 +9,8 @@ use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, Targets};
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
 const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// Two halves at the ends of a link of 1 mu, each turning about an axis through its middle; the axes are parallel. The
-/// layout of an M-TRAN module (Murata et al. 2002).
+/// Module with two halves at the ends of a link of 1 mu. Each half turns about an axis through its middle; the axes are
+/// parallel. Layout of an M-TRAN module (Murata et al. 2002).
 static TWO_AXES: Kind = Kind {
     name: "two-axes",
     parts: &[
@@ -52,7 +52,7 @@ fn robot(failed: &str) -> Robot {
 }
 
 #[test]
-fn kind_with_two_hinges_is_compiled_and_rolled_out_on_both_engines() {
+fn kind_with_two_hinges_moves_on_both_engines() {
     let unknown = "name = \"a\"\npivot = \"a\"\n[[module]]\nname = \"a\"\nkind = \"two-axes\"";
     let refused = Robot::compile(&toml::from_str(unknown).unwrap()).unwrap_err().to_string();
     assert!(refused.contains("two-axes") && refused.contains("cosmo"), "{refused}");
@@ -74,7 +74,7 @@ fn kind_with_two_hinges_is_compiled_and_rolled_out_on_both_engines() {
     }
 }
 
-/// With its hinges at α and −α a module's front is parallel to its rear, and lies where the link of 1 mu points:
+/// With its hinges at α and −α, a module's front is parallel to its rear. Its position is the end of the link of 1 mu:
 /// (cos α, 0, −sin α) from the rear's axis, in the rear's frame. Without gravity nothing else acts on the joints.
 fn ends_stay_parallel(kind: EngineKind, robot: &Robot, angle: f32) {
     let physics = Physics { gravity: 0.0, ..Physics::of(kind, Scale::Paper) };
@@ -90,7 +90,7 @@ fn ends_stay_parallel(kind: EngineKind, robot: &Robot, angle: f32) {
 
     let poses = robot.body_poses(&rollout.end);
     assert!(angle_between(poses[0].rotation, poses[2].rotation) < 0.03, "{kind:?}");
-    // The pivot's frame is in the middle of the rear, on its axis.
+    // The origin of the pivot's frame is the middle of the rear, on its axis.
     let seen = poses[0].rotation.inverse() * (poses[2].translation - poses[0].translation);
     let expected = about(Vector::Y, angle) * Vector::X;
     assert!((seen - expected).length() < 0.03, "{kind:?}: {seen} against {expected}");

@@ -1,6 +1,7 @@
-//! Components that another program adds to the registries: robots and jobs use them like those that ship.
+//! Components that another program adds to the registries. Robots and jobs use them like the shipped ones.
 //!
-//! A registry only grows, and serves all tests of this program: each test adds what it uses under names of its own.
+//! Registries only grow and are shared by all tests of this program. Each test therefore adds components under its own
+//! names.
 
 mod examples;
 mod jobs;

@@ -1,4 +1,4 @@
-//! A planner of another program: a job file can use it once it is in the registry.
+//! Planner added by another program. Job files can use it once it is in the registry.
 
 use crate::examples;
 use sim_core::evaluate::{Trial, grow, search_streams};
@@ -19,7 +19,7 @@ fn job(algorithm: &str) -> String {
 }
 
 #[test]
-fn added_planner_is_used_by_a_job_file() {
+fn job_file_can_use_added_planner() {
     let refused = Checked::from_toml(&job("depth-first")).unwrap_err().to_string();
     assert!(
         refused.contains("unknown variant `depth-first`, expected one of `flood-fill`, `original`, `nearest-valid`"),

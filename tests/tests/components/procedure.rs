@@ -1,4 +1,4 @@
-//! A procedure of another kind than those that ship: run, saved and loaded; its revision is part of a job's identity.
+//! Procedure added by another program: it can be run, saved and loaded. Its revision is part of a job's identity.
 
 use crate::examples::{self, Heights};
 use sim_core::base::error::Invalid;
@@ -20,9 +20,11 @@ const JOB: &str = "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\
                    fitness = { kind = \"coverage\" }\noptimiser = { kind = \"pso\" }\nfinish = { kind = \"none\" }\n";
 
 #[test]
-fn procedure_that_was_added_runs_after_the_preparation() {
+fn added_procedure_runs_after_the_preparation() {
     let of = |procedure: &str| Checked::from_toml(&format!("procedure = \"{procedure}\"\n{JOB}")).unwrap();
-    let Err(Invalid::Unknown { field, known, .. }) = procedure::start(&of("depths")) else { panic!("nobody added it") };
+    let Err(Invalid::Unknown { field, known, .. }) = procedure::start(&of("depths")) else {
+        panic!("an unknown procedure must be refused")
+    };
     assert_eq!((field.as_str(), known[0].as_str()), ("procedure", "evolve"));
 
     examples::add();
@@ -53,7 +55,7 @@ fn procedure_that_was_added_runs_after_the_preparation() {
 }
 
 #[test]
-fn a_procedure_that_computes_something_else_makes_another_job() {
+fn procedure_revision_changes_the_job_digest() {
     static REVISED: Heights = Heights { name: "revised", revision: AtomicU32::new(1) };
     <dyn ProcedureKind>::registry().add(&REVISED).unwrap();
     let job = Checked::from_toml(&format!("procedure = \"revised\"\n{JOB}")).unwrap();
@@ -65,7 +67,7 @@ fn a_procedure_that_computes_something_else_makes_another_job() {
 }
 
 #[test]
-fn the_procedure_of_a_job_that_names_none_is_no_part_of_its_identity() {
+fn default_procedure_does_not_change_the_job_digest() {
     let (unnamed, named) = (Checked::from_toml(JOB).unwrap(), format!("procedure = \"evolve\"\n{JOB}"));
     assert_eq!(procedure::name(&unnamed).unwrap(), "evolve");
     assert_eq!(unnamed.digest(), Checked::from_toml(&named).unwrap().digest());

@@ -1,4 +1,4 @@
-//! A search that a program adds is a component like those that ship: its table is read, checked and written out.
+//! Search added by another program. Its settings are read, checked and written like those of shipped searches.
 
 use sim_core::base::registry::{Component, Registered};
 use sim_core::base::score::Direction;
@@ -7,7 +7,7 @@ use sim_core::genotype::Space;
 use sim_core::problem::Checked;
 use sim_core::search::{Ask, GENERATIONS, OptimiserSpec, Pso, Search, SearchKind};
 
-/// A search for single motions, with a setting of its own.
+/// Search for single motions, with a setting of its own.
 struct Repertoire;
 
 const CELLS: Setting = Setting::whole("cells", 100).within(1.0, 1000.0);
@@ -39,7 +39,7 @@ impl SearchKind for Repertoire {
 }
 
 fn add() {
-    // Each test may be the first one, or run alone.
+    // Any of the tests may run first or alone, so each adds the search.
     let _ = <dyn SearchKind>::registry().add(&Repertoire);
 }
 
@@ -52,15 +52,15 @@ fn job(optimiser: &str) -> Result<Checked, String> {
 }
 
 #[test]
-fn job_whose_search_asks_for_motions_is_refused() {
+fn job_with_search_for_single_motions_is_refused() {
     add();
     let said = job("kind = 'repertoire'").unwrap_err();
-    assert!(said.contains("optimiser.kind: \"repertoire\" asks for evaluations of single motions"), "{said}");
+    assert!(said.contains("optimiser.kind: \"repertoire\" needs evaluations of single motions"), "{said}");
     assert!(job("kind = 'pso'").is_ok());
 }
 
 #[test]
-fn added_search_has_its_settings_in_the_table() {
+fn settings_of_added_search_are_read_and_written() {
     add();
     let spec: OptimiserSpec = toml::from_str("kind = 'repertoire'\ncells = 7").unwrap();
     assert_eq!((spec.population(), spec.generations()), (7, 150));

@@ -1,4 +1,4 @@
-//! Spaces of controllers that a program adds: what a job makes of them, and which searches take them.
+//! Spaces of controllers that another program adds: the space of a job, and the searches that accept it.
 
 use sim_core::base::registry::{Component, Registered};
 use sim_core::base::score::Direction;
@@ -10,9 +10,9 @@ use sim_core::problem::Checked;
 use sim_core::search::{GENERATIONS, Pso, Search, SearchKind};
 use std::sync::Once;
 
-/// A controller of one number and one choice, whatever the robot.
+/// Controller with one number and one choice for any robot.
 struct Chooser;
-/// A controller of up to so many segments of three genes.
+/// Controller with a sequence of 2 to [`MOST`] segments of three genes.
 struct Segments;
 
 const MOST: u32 = 9;
@@ -38,7 +38,7 @@ impl Controller for Chooser {
     }
 
     fn signals(&self, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
-        unreachable!("nothing is simulated")
+        unreachable!("the test simulates nothing")
     }
 }
 
@@ -59,11 +59,11 @@ impl Controller for Segments {
     }
 
     fn signals(&self, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
-        unreachable!("nothing is simulated")
+        unreachable!("the test simulates nothing")
     }
 }
 
-/// A search that takes every space.
+/// Search that accepts every space.
 struct Anything;
 
 impl Component for Anything {
@@ -130,7 +130,7 @@ fn search_of_real_vectors_refuses_other_spaces() {
 }
 
 #[test]
-fn space_of_gait_set_is_that_of_one_gait_once_a_gait() {
+fn gait_set_space_repeats_space_of_one_gait() {
     let checked = job("count = 3", "pso").unwrap();
     let (set, gait) = (checked.space(), checked.controller().space(checked.robot()));
     let each = gait.genes.len();
@@ -142,12 +142,12 @@ fn space_of_gait_set_is_that_of_one_gait_once_a_gait() {
         assert_eq!((gene.gene, gene.unit), (own.gene, own.unit));
     }
     let joint = &checked.robot().hinges[1].name;
-    assert_eq!(set.genes[each + 6].name, format!("gait2.{joint}.mu"), "joint after joint");
+    assert_eq!(set.genes[each + 6].name, format!("gait2.{joint}.mu"), "genes are ordered by joint");
     assert_eq!(set.genes[each + 6].parameter(), "mu");
 }
 
 #[test]
-fn job_bounds_hold_for_all_genes_of_a_parameter() {
+fn job_bounds_apply_to_all_genes_of_a_parameter() {
     let checked = job("count = 2, bounds = { omega1 = [1.0, 2.0] }", "pso").unwrap();
     for gene in &checked.space().genes {
         let own = checked.controller().parameters().iter().find(|p| p.name == gene.parameter()).unwrap();
@@ -155,13 +155,16 @@ fn job_bounds_hold_for_all_genes_of_a_parameter() {
         assert_eq!(gene.gene.bounds(), wanted, "{}", gene.name);
     }
     let said = job("count = 2, controller = 'chooser', bounds = { leg = [0.0, 1.0] }", "anything").unwrap_err();
-    assert_eq!(said, "gaits.bounds = \"leg\" is unknown: known are swing", "a choice has no bounds");
+    assert_eq!(said, "gaits.bounds = \"leg\" is unknown: known are swing", "a choice must have no bounds");
 }
 
 #[test]
-fn candidate_has_one_sequence() {
+fn job_with_two_sequences_per_candidate_is_refused() {
     let said = job("count = 2, controller = 'segments'", "anything").unwrap_err();
-    assert_eq!(said, "gaits.count: a gait of controller \"segments\" is a sequence, of which a candidate has one");
+    assert_eq!(
+        said,
+        "gaits.count: a gait of controller \"segments\" is a sequence, and a candidate has only one sequence: set it to 1"
+    );
     let one = job("count = 1, controller = 'segments'", "anything").unwrap();
     assert_eq!(one.space().names(), ["gait1.from", "gait1.to", "gait1.speed"]);
     assert_eq!(one.space().longest(), 3 * MOST as usize);

@@ -25,6 +25,7 @@ Examples:
   evogait bench rollout
   evogait bench rollout lizard --settings 30x8,60x16,60x16-multibody --gaits 50
   evogait bench rollout quadropod --settings 30x8,200x2-lockstep --gaits 128
+
 Simulates random gaits from the settled start on one thread. A SETTING is
 written STEPSxSUBSTEPS: steps per simulated second, substeps per step. The
 ending -multibody selects multibody joints, -lockstep the lockstep engine. The
@@ -38,6 +39,7 @@ bootstrap intervals over the gaits.")]
     #[command(after_help = "\
 Example:
   evogait bench evaluate quadropod-empty --evaluations 20
+
 Evaluates candidates of the job's first generation, one after the other on one
 thread. On the lockstep engine as many candidates are evaluated together as one
 slot of this machine gets of a generation. Shares are shares of CPU time:
@@ -54,21 +56,24 @@ Examples:
   evogait bench fidelity quadropod --settings 30x8,200x2-lockstep
   evogait bench fidelity lizard --environment stairs --settings 200x2-lockstep
   evogait bench fidelity quadropod --table scenarios/fidelity.toml
+
 Simulates the same gaits from the same settled start with every setting and with
 the reference. Errors are errors of the pivot's pose after the gait. The rank
 correlation is Spearman's, of the travelled distances. Two more lines give the
 scale of errors:
-  ceiling        the reference against itself, with the joint angles of the start
-                 changed by a millionth rad
+  ceiling        the reference against itself, with the joint angles of the
+                 start changed by a millionth rad
   halved steps   the reference against itself with twice its substeps, and with
                  twice its steps
 docs/performance.md explains how to read them.
+
 Settings of both engines may be compared with a reference of either engine.
 --table measures settings of the lockstep engine against its converged reference
 (default: the default setting of the scale, and settings with a half, a quarter
-and an eighth of its step). It stores them as rows of the table by which engine
-= \"auto\" chooses an engine. tests/fidelity-table.sh does this for every robot
+and an eighth of its step). It stores them as rows of the table by which
+engine = \"auto\" chooses an engine. tests/fidelity-table.sh does this for every robot
 that ships.
+
 Evolved gaits are the gaits of a stored run's winner (--gaits). Without --gaits
 they are evolved now on the engine of the reference, by genetic algorithms for
 coverage with 8 generations of 17 candidates of two gaits of 4 s. Each search
@@ -84,6 +89,7 @@ Files in the output folder:
     #[command(after_help = "\
 Example:
   evogait bench plan quadropod-empty --iterations 20000
+
 Takes that of the job's first candidates whose gaits lead farthest, and
 simulates all its transitions. Then it grows trees from these transitions alone.
 Each tree has twice the iterations of the previous one.")]
@@ -94,6 +100,7 @@ Each tree has twice the iterations of the previous one.")]
 Examples:
   evogait bench dispatch quadropod-quick
   evogait bench dispatch my-job.toml --slots 1,2,4,8 --evaluations 500
+
 Each line of the table is a process of its own with a coordinator, a store on
 disk and one worker with the given number of slots, over a loopback connection.
 The job has one generation of --evaluations candidates, so slots wait for each
@@ -115,6 +122,7 @@ Examples:
   evogait bench reuse --out bench/reuse
   evogait bench reuse my-job.toml --robot lizard --genomes 40 --gait-seconds 4
   evogait bench reuse --run runs/quadropod-empty-3f2a9c01d4e5 --environments empty
+
 Half of the genomes are from the first generation. The other half are from the
 last generations of a genetic algorithm, which runs first, or of the stored run.
 Each genome is scored
@@ -137,6 +145,7 @@ Examples:
   evogait bench fitness --out bench/fitness
   evogait bench fitness --settings 200x2-lockstep,30x8,60x16,240x8 --reference 480x8
   evogait bench fitness --runs runs/one,runs/two --genomes 0
+
 Takes genomes of all generations, from first to last, of stored runs or of a
 genetic algorithm that runs first on the job's own setting. Each genome is
 scored with every setting and with the job's own reuse, as in a job. The score
@@ -158,6 +167,7 @@ Examples:
   evogait bench soundness
   evogait bench soundness --rollouts 1000000 --duration 1
   evogait bench soundness --setting 30x8 --rollouts 500
+
 Simulates random trees of 4 to 16 CoSMO modules with random gaits. They are
 thrown in any orientation from up to 1 mu above the ground. The engine reports
 rollouts that leave its bounds as unstable. An observer that uses only the poses
@@ -204,7 +214,7 @@ pub struct BenchRollout {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed())]
     pub seed: u64,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -218,7 +228,7 @@ pub struct BenchEvaluate {
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=1_000_000))]
     pub evaluations: u32,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -228,7 +238,7 @@ pub struct BenchFidelity {
     #[command(flatten)]
     pub subject: Subject,
 
-    /// Environment (name or file) whose terrain and start are used instead of flat ground
+    /// Environment (name or file) that supplies terrain and start instead of flat ground
     #[arg(long, value_name = "NAME")]
     pub environment: Option<String>,
 
@@ -236,8 +246,8 @@ pub struct BenchFidelity {
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
     pub settings: Vec<Setting>,
 
-    /// Converged setting as the reference
-    /// [default: 480x8 for the scale paper, 960x16 for real; if all settings are lockstep, 1600x4-lockstep and 4800x4-lockstep]
+    /// Converged setting as the reference [default: 480x8 for the scale paper, 960x16 for real; if all settings are
+    /// lockstep, 1600x4-lockstep and 4800x4-lockstep]
     #[arg(long, value_name = "SETTING")]
     pub reference: Option<Setting>,
 
@@ -273,7 +283,7 @@ pub struct BenchFidelity {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["gaits", "environment"])]
     pub table: Option<PathBuf>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -291,7 +301,7 @@ pub struct BenchPlan {
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=10_000))]
     pub candidates: u32,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -321,7 +331,7 @@ pub struct BenchDispatch {
     #[arg(long, value_enum, hide = true)]
     pub line: Option<Load>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -384,7 +394,7 @@ pub struct BenchReuse {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -443,7 +453,7 @@ pub struct BenchFitness {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -474,7 +484,7 @@ pub struct BenchSoundness {
     #[arg(long, value_name = "N", value_parser = whole(1..=1024))]
     pub threads: Option<u32>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }

@@ -37,7 +37,7 @@ pub struct OnCoordinator {
     #[command(flatten)]
     pub shown: Shown,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }

@@ -281,7 +281,7 @@ pub struct Compare {
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -310,7 +310,7 @@ pub struct Verify {
     #[arg(long)]
     pub full: bool,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -324,7 +324,7 @@ pub struct Validate {
     #[arg(long)]
     pub no_estimate: bool,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -356,7 +356,7 @@ pub struct Robot {
     #[arg(long, value_name = "SCALE")]
     pub scale: Option<RobotScale>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }
@@ -392,7 +392,7 @@ pub struct Scenarios {
     #[command(subcommand)]
     pub action: Option<ScenariosAction>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }

@@ -1,6 +1,8 @@
-//! `evogait bench dispatch`: coordinator and worker over a loopback connection, as `evogait run` starts them.
+//! `evogait bench dispatch`: cost of dispatching evaluations. Coordinator and worker are connected over a loopback
+//! connection, as in `evogait run`.
 //!
-//! Every line is measured in a process of its own, so that its peak memory is its own, too.
+//! Each line of the table is measured in a process of its own, so its peak memory is not mixed with that of other
+//! lines.
 
 use super::subject::Machine;
 use crate::arguments::{self, BenchDispatch, Load};
@@ -38,7 +40,7 @@ kind = "coverage"
 kind = "pso"
 "#;
 
-/// How long a worker may take to connect.
+/// Time limit for the worker to connect.
 const CONNECT: Duration = Duration::from_secs(30);
 
 #[derive(Serialize)]
@@ -46,13 +48,13 @@ struct View {
     job: String,
     machine: Machine,
     lines: Vec<Line>,
-    /// A trivial evaluation on one thread without coordinator and worker, µs.
+    /// Time of a trivial evaluation on one thread without coordinator and worker, µs.
     #[serde(skip_serializing_if = "Option::is_none")]
     direct_us: Option<f64>,
-    /// What coordinator, store, connection and worker add to it, µs: with one slot.
+    /// Time that coordinator, store, connection and worker add to a trivial evaluation, with one slot, µs.
     #[serde(skip_serializing_if = "Option::is_none")]
     overhead_us: Option<f64>,
-    /// Peak memory that one more slot takes, MiB, of the job and of the plain one; from the fewest to the most slots.
+    /// Peak memory of one more slot, MiB, for the loads job and plain; from the fewest to the most slots.
     memory_per_slot: Vec<Memory>,
 }
 
@@ -62,17 +64,17 @@ struct Memory {
     mib: f64,
 }
 
-/// One process.
+/// Measurement of one process.
 #[derive(Clone, Serialize, Deserialize)]
 struct Line {
     load: Load,
     slots: u32,
     evaluations: u32,
-    /// s from the end of the preparation to the end of the generation.
+    /// Time from the end of the preparation to the seal of the generation, s.
     seconds: f64,
-    /// Peak resident set, MiB; `null` where the system does not tell.
+    /// Peak resident set, MiB; `null` if the system does not report it.
     peak_mib: Option<f64>,
-    /// Evaluations a second, against those of the fewest slots times their number.
+    /// Evaluations per second and slot, relative to those of the line with the fewest slots.
     #[serde(default)]
     efficiency: Option<f64>,
 }
@@ -83,7 +85,7 @@ impl Line {
     }
 }
 
-/// Measures and tells.
+/// Measures all lines and prints them.
 pub fn run(args: BenchDispatch, quiet: bool) -> Result<(), Error> {
     let slots = if args.slots.is_empty() { doublings(arguments::cores()) } else { args.slots.clone() };
     let job = load::checked(&args.file.clone().into())?;
@@ -126,13 +128,13 @@ fn evaluations(args: &BenchDispatch, load: Load) -> u32 {
     }
 }
 
-/// 1, 2, 4, … and the number itself.
+/// Returns 1, 2, 4, … below the number of cores, and the number itself.
 fn doublings(cores: u32) -> Vec<u32> {
     let powers = std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < cores);
     powers.chain([cores]).collect()
 }
 
-/// Runs this program again for one line.
+/// Runs this program in a new process for one line.
 fn in_a_process(args: &BenchDispatch, load: Load, slots: u32) -> Result<Line, Error> {
     let failed = |reason: String| Error::LocalWorker { reason };
     let program = std::env::current_exe().map_err(|e| failed(e.to_string()))?;
@@ -165,7 +167,7 @@ fn measure(job: &Checked, load: Load, evaluations: u32, slots: u32) -> Result<Li
     Ok(Line { load, slots, evaluations, seconds, peak_mib: peak_mib("self"), efficiency: None })
 }
 
-/// A job of one generation of so many candidates.
+/// Returns a job with one generation of this number of candidates.
 fn one_generation(job: &Checked, load: Load, evaluations: u32) -> Result<Checked, Error> {
     let refused = |source| Error::Invalid { file: "the job to dispatch".to_owned(), source };
     let mut spec: JobSpec = match load {
@@ -180,7 +182,7 @@ fn one_generation(job: &Checked, load: Load, evaluations: u32) -> Result<Checked
     Checked::new(spec).map_err(refused)
 }
 
-/// s from the end of a job's preparation to the end of its only generation.
+/// Returns the time from the end of a job's preparation to the seal of its only generation, s.
 async fn dispatched(job: &Checked, folder: &Path, slots: u32) -> Result<f64, Error> {
     let mut local = Local::start(&folder.join("store.sqlite"), slots).await?;
     let url = local.url().clone();
@@ -197,7 +199,9 @@ async fn generation(job: &Checked, url: &crate::client::Url) -> Result<f64, Erro
     let begun = Instant::now();
     while client.workers().await?.is_empty() {
         if begun.elapsed() > CONNECT {
-            return Err(Error::LocalWorker { reason: format!("it does not connect within {} s", CONNECT.as_secs()) });
+            return Err(Error::LocalWorker {
+                reason: format!("the worker did not connect within {} s", CONNECT.as_secs()),
+            });
         }
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
@@ -224,12 +228,12 @@ async fn generation(job: &Checked, url: &crate::client::Url) -> Result<f64, Erro
             }
         }
     };
-    // The report is not measured.
+    // The report is not part of the measurement.
     client.cancel(&submitted.id).await?;
     Ok(seconds)
 }
 
-/// A trivial evaluation on this thread, µs.
+/// Returns the time of a trivial evaluation on this thread, µs.
 fn direct(evaluations: u32) -> Result<f64, Error> {
     let refused = |source| Error::Invalid { file: "the trivial job".to_owned(), source };
     let job = Job::from_toml(TRIVIAL).map_err(refused)?;
@@ -249,7 +253,7 @@ fn compare(lines: &mut [Line]) {
     }
 }
 
-/// MiB that each slot beyond the fewest takes.
+/// Returns the peak memory of each slot beyond the fewest, MiB.
 fn per_slot(lines: &[Line], load: Load) -> Option<f64> {
     let of = || lines.iter().filter(|l| l.load == load);
     let (fewest, most) = (of().min_by_key(|l| l.slots)?, of().max_by_key(|l| l.slots)?);
@@ -257,18 +261,18 @@ fn per_slot(lines: &[Line], load: Load) -> Option<f64> {
     (slots > 0).then_some((most.peak_mib? - fewest.peak_mib?) / f64::from(slots))
 }
 
-/// Peak resident set of a process, MiB.
+/// Returns the peak resident set of a process, MiB; `self` is this process.
 pub fn peak_mib(process: &str) -> Option<f64> {
     let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok().map(|kib| kib / 1024.0)
 }
 
-/// A folder that goes away.
+/// Temporary folder that is removed on drop.
 pub struct Scratch(pub PathBuf);
 
 impl Scratch {
-    /// An empty one.
+    /// Creates an empty folder.
     pub fn new() -> Result<Self, Error> {
         let path = std::env::temp_dir().join(format!("evogait-bench-{}", std::process::id()));
         fs::create_dir_all(&path).map_err(|e| Error::write(&path, e))?;
@@ -278,7 +282,7 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // What can't be removed is a small file among temporary ones.
+        // If this fails, some small temporary files remain.
         let _ = fs::remove_dir_all(&self.0);
     }
 }
@@ -320,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn twice_the_slots_in_half_the_time_is_full_efficiency() {
+    fn efficiency_is_relative_to_fewest_slots() {
         let mut lines = [line(1, 8.0, 30.0), line(2, 4.0, 33.0), line(4, 4.0, 39.0)];
         compare(&mut lines);
         assert_eq!(lines.each_ref().map(|l| l.efficiency), [Some(1.0), Some(1.0), Some(0.5)]);
@@ -329,12 +333,12 @@ mod tests {
     }
 
     #[test]
-    fn slots_double_up_to_the_cores() {
+    fn slot_counts_double_up_to_core_count() {
         assert_eq!((doublings(1), doublings(2), doublings(6)), (vec![1], vec![1, 2], vec![1, 2, 4, 6]));
     }
 
     #[test]
-    fn what_is_dispatched_is_one_generation_of_the_job() {
+    fn plain_load_is_one_generation_without_reuse() {
         let job = Checked::from_toml(TRIVIAL).unwrap();
         let plain = one_generation(&job, Load::Plain, 7).unwrap();
         assert_eq!((plain.optimiser_spec().population(), plain.optimiser_spec().generations()), (7, 1));

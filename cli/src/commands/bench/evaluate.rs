@@ -1,4 +1,4 @@
-//! `evogait bench evaluate`: what an evaluation costs, and what its time goes to.
+//! `evogait bench evaluate`: cost of an evaluation, and the shares of its time.
 
 use super::subject::Machine;
 use crate::arguments::{BenchEvaluate, cores};
@@ -18,26 +18,26 @@ struct View<'a> {
     job: &'a str,
     job_digest: Digest,
     evaluations: u32,
-    /// The engine and its setting.
+    /// Engine and its setting.
     engine: Setting,
     /// Candidates evaluated together.
     at_once: u32,
     machine: Machine,
-    /// On one slot, by the wall.
+    /// Evaluations per second of wall time, on one slot.
     evaluations_per_second: f64,
-    /// CPU s of an evaluation.
+    /// CPU time of an evaluation, s.
     cpu_seconds_per_evaluation: f64,
     rollouts_per_evaluation: f64,
-    /// Simulated s a CPU s of the engine.
+    /// Simulated seconds per CPU second of the engine.
     simulated_per_physics_cpu: f64,
-    /// Lanes of the engine that simulated a rollout somebody asked for, of all; `null` for an engine without lanes.
+    /// Share of the engine's lanes that simulated a requested rollout; `null` for an engine without lanes.
     useful_lanes: Option<f64>,
     /// Shares of the CPU time.
     shares: Shares,
     counts: Counts,
 }
 
-/// Measures and tells.
+/// Measures the evaluations and prints the result.
 pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
     let job = load::evolving(&args.file.into())?;
     let budget = Budget { evaluations: args.evaluations, time: Duration::MAX, first: Duration::MAX };

@@ -25,10 +25,10 @@ use study::gaits;
 use study::setting::Setting;
 use view::View;
 
-/// Files of the output folder.
+/// Names of the files in the output folder.
 const FILES: [&str; 4] = ["fidelity.md", "frontier.svg", "frontier.png", "fidelity.json"];
 
-/// Measures and tells.
+/// Measures the settings and prints the result.
 pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
@@ -55,7 +55,11 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     let drawn = gaits::random(&job, args.random, args.seed);
     let (evolved, from) = evolved(&args, &job, stored, quiet)?;
     if drawn.is_empty() && evolved.is_empty() {
-        return Err(Error::Usage { message: "--random 0 --evolved 0 leaves no gaits to compare".to_owned() });
+        return Err(Error::Usage {
+            message:
+                "--random and --evolved are both 0, so there are no gaits to compare: set one of them to at least 1"
+                    .to_owned(),
+        });
     }
     let progress = Pieces::new("gaits", (drawn.len() + evolved.len()) as u64, quiet);
     let mut sets = Vec::new();
@@ -89,7 +93,8 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
     if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
 }
 
-/// The engine whose settings are compared unless it is said: that of all settings given, or of the table.
+/// Returns the engine of the default settings: that of the reference if given, else lockstep if all settings are
+/// lockstep or a table is written, else rapier.
 fn engine_meant(args: &BenchFidelity) -> EngineKind {
     let all = |engine| !args.settings.is_empty() && args.settings.iter().all(|s| s.engine == engine);
     match args.reference {
@@ -99,8 +104,8 @@ fn engine_meant(args: &BenchFidelity) -> EngineKind {
     }
 }
 
-/// The job that says robot, physics (the reference's) and gaits; the setting that it would have by itself; and the stored
-/// winner's gaits if a folder was given.
+/// Returns the job with robot, physics (of the reference) and gaits; the default setting of that job; and the stored
+/// winner's gaits if `--gaits` is given.
 fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype>>), Error> {
     let meant = engine_meant(args);
     let Some(folder) = &args.gaits else {
@@ -121,21 +126,21 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype
     Ok((job, Setting::of(&stored.job), Some(gaits)))
 }
 
-/// The environment that was asked for, if any.
+/// Returns the environment of `--environment`, if given.
 fn ground(args: &BenchFidelity) -> Result<Option<Environment>, Error> {
     args.environment.as_deref().map(|name| Ok(load::environment(name)?.0)).transpose()
 }
 
-/// The reference with twice its substeps, and with twice its steps.
+/// Returns the reference with twice its substeps, and with twice its steps.
 fn halves(reference: Setting) -> Result<[Setting; 2], Error> {
     reference.halved().ok_or_else(|| Error::Usage {
         message: format!(
-            "--reference {reference} can't be halved: at most 5000 steps a second and 500 substeps leave room for that"
+            "--reference {reference} can't be halved: allowed are at most 5000 steps a second and 500 substeps"
         ),
     })
 }
 
-/// The evolved gaits and where they are from.
+/// Returns the evolved gaits and a text with their source.
 fn evolved(
     args: &BenchFidelity,
     job: &Job,
@@ -146,11 +151,11 @@ fn evolved(
         gaits.truncate(args.evolved as usize);
         return Ok((gaits, "the winner of a stored run".to_owned()));
     }
-    // A search finds the weak points of the engine that it runs on.
+    // A search exploits errors of its engine, so the gaits are evolved on the engine of the reference.
     let own = subject::own(&args.subject, job.chosen().engine);
     let (subject, file) = subject::read(&args.subject, ground(args)?)?;
     let evolutions = subject.evolutions(own, args.seed).map_err(|source| Error::Invalid { file, source })?;
-    // These jobs differ from the compared one in their setting and duration only.
+    // These jobs differ from the compared job only in setting and duration.
     let generations = gaits::generations(job, args.evolved);
     let progress = Pieces::new("generations of evolving gaits", generations, quiet);
     let gaits = gaits::evolved(evolutions, args.evolved, &|| progress.one_done());

@@ -1,4 +1,4 @@
-//! `evogait bench fitness`: whether engine settings agree on what genotypes are worth.
+//! `evogait bench fitness`: comparison of genotypes' scores and ranking between engine settings.
 
 mod report;
 mod view;
@@ -22,12 +22,12 @@ use study::genotypes::of_all_ages;
 use study::setting::Setting;
 use view::View;
 
-/// Files of the output folder.
+/// Names of the files in the output folder.
 const FILES: [&str; 4] = ["fitness.md", "scatter.svg", "scatter.png", "fitness.json"];
-/// Candidates of a generation where genotypes are evolved on the spot.
+/// Candidates of a generation if the genotypes are evolved by this command.
 const POPULATION: u32 = 20;
 
-/// Measures and tells.
+/// Scores the genotypes with all settings and prints the result.
 pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
@@ -45,7 +45,11 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
         runs => stored(runs, args.genomes as usize)?,
     };
     if subjects.is_empty() {
-        return Err(Error::Usage { message: "--genomes 0 without --runs leaves nothing to score".to_owned() });
+        return Err(Error::Usage {
+            message:
+                "--genomes is 0 without --runs, so there is nothing to score: set --genomes to at least 1 or name runs"
+                    .to_owned(),
+        });
     }
     let runs: Vec<String> = args.runs.iter().map(|folder| folder.display().to_string()).collect();
     let progress = Pieces::new("scored genomes", (columns.len() * subjects.len()) as u64, quiet);
@@ -58,7 +62,7 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
     if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
 }
 
-/// The job whose genotypes are scored, on its own setting.
+/// Returns the job of the scored genotypes, on its own setting.
 fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
     let job = match runs {
         [] => load::evolving(&JobFile { job: args.job.clone(), seed: args.seed })?,
@@ -66,7 +70,7 @@ fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
             let but_seed = |job: &Job| JobSpec { seed: 0, ..job.spec().clone() };
             if let Some(other) = others.iter().find(|other| but_seed(&other.job) != but_seed(&first.job)) {
                 let [first, other] = [first, other].map(|stored| stored.folder.display());
-                let message = format!("--runs: {other} is of another job than {first}; only their seeds may differ");
+                let message = format!("--runs: the jobs of {other} and {first} differ: only their seeds may differ");
                 return Err(Error::Usage { message });
             }
             first.job.clone()
@@ -86,7 +90,7 @@ fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
         .map_err(|source| Error::Invalid { file, source })
 }
 
-/// Those asked for; otherwise the job's own, what rapier ships with at its scale, and the one of its finish.
+/// Returns the settings of `--settings`, or else the job's own, rapier's default at its scale, and that of its finish.
 fn settings(args: &BenchFitness, base: &Job) -> Vec<Setting> {
     if !args.settings.is_empty() {
         return args.settings.clone();
@@ -110,7 +114,7 @@ fn columns(base: &Job, reference: Setting, settings: &[Setting]) -> Result<Vec<C
     })
 }
 
-/// Genotypes of all ages of an evolution on the spot.
+/// Evolves genotypes and samples them from all generations.
 fn evolved(args: &BenchFitness, base: &Job, threads: usize, quiet: bool) -> Result<Vec<Subject>, Error> {
     if args.genomes == 0 {
         return Ok(Vec::new());
@@ -120,11 +124,11 @@ fn evolved(args: &BenchFitness, base: &Job, threads: usize, quiet: bool) -> Resu
     Ok(samples.map(|s| Subject { genotype: s.genotype, generation: s.generation, run: None, role: None }).collect())
 }
 
-/// Genotypes of all ages of stored runs, then what each run found.
+/// Samples genotypes from all generations of stored runs, and adds the winner and the search's best of each run.
 fn stored(runs: &[Stored], count: usize) -> Result<Vec<Subject>, Error> {
     let mut subjects = Vec::new();
     for (i, run) in runs.iter().enumerate() {
-        // As many of each run as there are, a remainder from the first.
+        // All runs give the same number; the first runs give one more if there is a remainder.
         let of_this = count / runs.len() + usize::from(i < count % runs.len());
         if of_this > 0 {
             let samples = of_all_ages(&genotypes::stored(&run.folder)?, of_this).into_iter();

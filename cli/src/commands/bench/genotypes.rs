@@ -1,4 +1,4 @@
-//! Candidates of a search, by generation: of an evolution on the spot, or of a stored run.
+//! Candidates of all generations of a search, which this command runs or which a stored run contains.
 
 use crate::commands::with_runtime;
 use crate::error::Error;
@@ -12,7 +12,7 @@ use std::io;
 use std::path::Path;
 use study::genotypes::{self, evolution, searched};
 
-/// Those of a genetic algorithm with the job's own reuse.
+/// Returns the generations of a genetic algorithm with the job's own reuse.
 pub fn evolved(
     job: &Job,
     population: u32,
@@ -26,14 +26,14 @@ pub fn evolved(
     Ok(genotypes::evolved(&search, threads, &|| progress.one_done()))
 }
 
-/// Those of a finished run: its optimiser is led through the search again by the scores that the run's store holds.
+/// Returns the generations of a finished run: replays its optimiser with the scores in the run's store.
 pub fn stored(folder: &Path) -> Result<Vec<Vec<Genotype>>, Error> {
     let job = Stored::read(folder)?.job;
     let path = folder.join(STORE);
     if !path.is_file() {
         return Err(Error::Usage {
             message: format!(
-                "{}: it has no {STORE}, which `evogait run` leaves and `fetch` does not",
+                "{} has no {STORE}: give a folder that `evogait run` wrote (`evogait fetch` writes no store)",
                 folder.display()
             ),
         });
@@ -59,11 +59,11 @@ pub fn stored(folder: &Path) -> Result<Vec<Vec<Genotype>>, Error> {
     let population = job.optimiser_spec().population() as usize;
     searched(&job, |generation, _| match scores.get(generation as usize) {
         Some(scores) if scores.len() == population => Ok(scores.clone()),
-        _ => Err(unreadable(format!("it lacks the scores of generation {generation}"))),
+        _ => Err(unreadable(format!("the store has no complete scores of generation {generation}"))),
     })
 }
 
-/// The score of an evaluation's result, which has none if it failed; `None` if the bytes are no such result.
+/// Returns the score in a task result, with `None` inside for a failed evaluation. Returns `None` for any other bytes.
 fn score(result: &[u8]) -> Option<Option<f64>> {
     match TaskResult::decode(result).ok()? {
         TaskResult::Evaluated { score, .. } => Some(score),

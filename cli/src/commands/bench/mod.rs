@@ -1,4 +1,4 @@
-//! `evogait bench`: what things cost on this machine, a file each.
+//! `evogait bench`: measurements on this machine, one file each.
 
 mod dispatch;
 mod evaluate;
@@ -15,7 +15,7 @@ mod subject;
 use crate::arguments::Bench;
 use crate::error::Error;
 
-/// Measures what was asked for.
+/// Runs one measurement.
 pub fn run(what: Bench, quiet: bool) -> Result<(), Error> {
     match what {
         Bench::Rollout(args) => rollout::run(args, quiet),

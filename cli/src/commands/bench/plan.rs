@@ -1,4 +1,4 @@
-//! `evogait bench plan`: what the planner costs, with nothing left to simulate.
+//! `evogait bench plan`: cost of the planner when all transitions are known.
 
 use super::subject::Machine;
 use crate::arguments::BenchPlan;
@@ -14,19 +14,21 @@ use study::planning::{self, Row};
 struct View<'a> {
     job: &'a str,
     job_digest: Digest,
-    /// The candidate of generation 0 whose gaits were taken.
+    /// Index of the candidate in generation 0 that supplied the gaits.
     candidate: u32,
     machine: Machine,
     trees: Vec<Row>,
 }
 
-/// Measures and tells.
+/// Measures the trees and prints the result.
 pub fn run(args: BenchPlan, quiet: bool) -> Result<(), Error> {
     let job = load::evolving(&args.file.into())?;
     if !job.environment().is_flat() {
-        // Over terrain a node's transitions are its own: there are none to be known before.
-        let message =
-            format!("{} has terrain: transitions are known beforehand on flat ground only", job.environment().name);
+        // Over terrain each node has transitions of its own, so none can be computed beforehand.
+        let message = format!(
+            "{} has terrain: `bench plan` needs an environment with flat ground, where transitions can be computed beforehand",
+            job.environment().name
+        );
         return Err(Error::Usage { message });
     }
     let progress =

@@ -1,4 +1,4 @@
-//! `evogait bench reuse`: the same genotypes scored with and without transition reuse.
+//! `evogait bench reuse`: scores of the same genotypes with and without transition reuse.
 
 mod report;
 
@@ -20,30 +20,30 @@ use std::path::Path;
 use study::genotypes::{LEAST_POPULATION, first_and_last};
 use study::reuse::{Found, Study};
 
-/// What was found.
+/// Content of `reuse.json`.
 #[derive(Debug, Serialize)]
 struct View {
     job: String,
     robot: String,
     seed: u64,
-    /// s.
+    /// Duration of a gait, s.
     gait_seconds: f64,
-    /// k.
+    /// Number of gaits of a genotype, k.
     gaits: u32,
-    /// K.
+    /// Iterations of a tree, K.
     iterations: u32,
     /// The job's own tolerance and number of variants.
     own: (f64, u32),
-    /// Where the evolved genotypes are from.
+    /// Source of the evolved genotypes, as a text.
     evolved: String,
     /// Name of the score.
     score: &'static str,
-    /// Its unit.
+    /// Unit of the score.
     unit: &'static str,
     environments: Vec<Found>,
 }
 
-/// Measures and tells.
+/// Scores the genotypes and prints the result.
 pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         fs::create_dir_all(out).map_err(|e| Error::write(out, e))?;
@@ -63,7 +63,7 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
         inputs::refuse_all(out, names.iter().map(String::as_str))?;
     }
     let Some(first) = jobs.first() else {
-        return Err(Error::Usage { message: "--environments names none".to_owned() });
+        return Err(Error::Usage { message: "--environments is empty: name at least one environment".to_owned() });
     };
     let evolved = match &args.run {
         Some(_) => "the last generations of a stored run".to_owned(),
@@ -102,7 +102,7 @@ pub fn run(args: BenchReuse, quiet: bool) -> Result<(), Error> {
     if args.json { console::say_json(&view) } else { console::say(&report::text(&view)) }
 }
 
-/// The job in another environment, with another robot and shorter gaits if these were asked for.
+/// Returns the job in another environment, with the robot and the gait duration of the options if given.
 fn in_environment(args: &BenchReuse, base: &Job, name: &str) -> Result<Job, Error> {
     let (environment, label) = load::environment(name)?;
     let mut spec = base.spec().clone();
@@ -115,7 +115,7 @@ fn in_environment(args: &BenchReuse, base: &Job, name: &str) -> Result<Job, Erro
     Job::new(spec).map_err(|source| Error::Invalid { file, source })
 }
 
-/// The file of an environment's picture.
+/// Returns the file name of an environment's picture.
 fn scatter(job: &Job, ending: &str) -> String {
     format!("scatter-{}.{ending}", job.environment().name)
 }

@@ -1,4 +1,4 @@
-//! `evogait bench rollout`: what physics costs.
+//! `evogait bench rollout`: speed of physics.
 
 use super::subject::{self, Machine};
 use crate::arguments::BenchRollout;
@@ -14,14 +14,14 @@ use study::speed::{self, Row};
 struct View {
     robot: String,
     gaits: u32,
-    /// s.
+    /// Duration of a gait, s.
     duration: f64,
     seed: u64,
     machine: Machine,
     settings: Vec<Row>,
 }
 
-/// Measures and tells.
+/// Measures the settings and prints the result.
 pub fn run(args: BenchRollout, quiet: bool) -> Result<(), Error> {
     let own = subject::own(&args.subject, EngineKind::Rapier);
     let settings = if args.settings.is_empty() { vec![own] } else { args.settings };

@@ -1,4 +1,4 @@
-//! `evogait bench soundness`: does the engine report all that goes wrong?
+//! `evogait bench soundness`: search for faults that an engine does not report.
 
 use super::subject::{self, Machine};
 use crate::arguments::{BenchSoundness, cores};
@@ -13,14 +13,14 @@ use study::setting::Setting;
 use study::soundness::{Soundness, of_robot};
 use study::threads::in_order;
 
-/// Rollouts of a robot.
+/// Number of rollouts of each robot.
 const EACH: u32 = 64;
 
 #[derive(Serialize)]
 struct View {
     setting: Setting,
     scale: Scale,
-    /// s.
+    /// Duration of a rollout, s.
     duration: f64,
     seed: u64,
     robots: u32,
@@ -30,10 +30,10 @@ struct View {
     found: Soundness,
 }
 
-/// Measures and tells.
+/// Simulates the robots and prints the result.
 ///
 /// # Errors
-/// If a bound was left and not reported.
+/// If a rollout left a bound and the engine did not report it.
 pub fn run(args: BenchSoundness, quiet: bool) -> Result<(), Error> {
     subject::check(&[args.setting], args.duration)?;
     let scale: Scale = args.scale.into();

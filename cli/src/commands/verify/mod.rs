@@ -1,4 +1,4 @@
-//! `evogait verify`: computes a stored result again and compares bits.
+//! `evogait verify`: computes a stored result again and compares its bits.
 
 mod plans;
 mod simulations;
@@ -26,22 +26,22 @@ struct View {
     folder: String,
     job_digest: Digest,
     engine_digest: Digest,
-    /// The engine of this build; numbers of another may have other bits.
+    /// Engine of this build. Another engine may compute other bits.
     engine_digest_here: Digest,
     checks: Vec<Check>,
 }
 
-/// A comparison.
+/// Comparison of a stored with a recomputed value.
 #[derive(Serialize)]
 struct Check {
     what: &'static str,
     same: bool,
-    /// Both values, where they are short enough to read and differ.
+    /// Both values, if they differ and are short.
     #[serde(skip_serializing_if = "Option::is_none")]
     difference: Option<String>,
 }
 
-/// Recomputes, compares, tells.
+/// Computes the result again, compares it and prints the checks.
 pub fn run(args: Verify, quiet: bool) -> Result<(), Error> {
     let (checks, made, here) = if let Some(stored) = StoredPlans::read(&args.folder)? {
         let PlanFile { job_digest, engine_digest, versions, .. } = &stored.result;
@@ -81,7 +81,7 @@ fn checks(stored: &Stored, full: bool) -> Result<Vec<Check>, Error> {
     let no_winner = || Error::NoWinner { folder: stored.folder.clone() };
     let winner = result.winner.as_ref().ok_or_else(no_winner)?.scored();
     let mut checks = Vec::new();
-    // The job digest has the engine's in it: with another engine it differs, and says nothing about the job.
+    // The job digest depends on the engine digest, so digests of different engines can't be compared.
     if result.engine_digest == stored.job.engine_digest() {
         checks.push(compare("job digest", &result.job_digest, &stored.job.digest()));
     }
@@ -104,7 +104,7 @@ fn checks(stored: &Stored, full: bool) -> Result<Vec<Check>, Error> {
     Ok(checks)
 }
 
-/// Does all examinations of a report again, from what it says that the search found.
+/// Repeats all examinations of a report, with the stored findings of the search.
 fn report_again(job: &Job, kept: &Report) -> Result<Report, Error> {
     let plan = Plan::of(job);
     let found = kept.found(&plan);
@@ -123,7 +123,7 @@ fn report_again(job: &Job, kept: &Report) -> Result<Report, Error> {
     Ok(report(&plan, found, winner, &done, traces, counts))
 }
 
-/// Does a task of a procedure again, as a worker does.
+/// Runs a task of a procedure as a worker does.
 fn again<R>(
     kind: &dyn ProcedureKind,
     job: &Job,
@@ -141,14 +141,14 @@ fn again<R>(
     decode(&results.concat()).map_err(|e| failed(e.to_string()))
 }
 
-/// Answers by index, on all cores.
+/// Returns the answers in the order of the examinations. Uses all cores.
 fn examine_all(job: &Job, examinations: &[Examination]) -> Result<Vec<Answer>, Error> {
     each(examinations.len(), |index| {
         examine(job, &examinations[index], &|| false).map_err(|_| Error::Interrupted { hint: String::new() })
     })
 }
 
-/// Does so many pieces of work on all cores; results by index.
+/// Does `count` pieces of work on all cores. Returns the results in order of their index.
 fn each<T: Send>(count: usize, work: impl Fn(usize) -> Result<T, Error> + Sync) -> Result<Vec<T>, Error> {
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::new());
@@ -186,7 +186,7 @@ fn compare_reports(kept: &Report, made: &Report) -> Vec<Check> {
     ]
 }
 
-/// Compares by bits.
+/// Compares scores by their bits.
 fn compare_score(what: &'static str, kept: Option<f64>, made: Option<f64>) -> Check {
     let same = kept.map(f64::to_bits) == made.map(f64::to_bits);
     let told = |value: Option<f64>| value.map_or_else(|| "a failed evaluation".to_owned(), |v| v.to_string());
@@ -202,13 +202,13 @@ fn compare(what: &'static str, kept: &Digest, made: &Digest) -> Check {
     }
 }
 
-/// Compares by what would be stored: text that tells numbers of different bits apart, 0 and −0 too.
+/// Compares values by their stored text, which differs for numbers of different bits, also for 0 and −0.
 fn same<T: Serialize>(what: &'static str, kept: &T, made: &T) -> Check {
     let text = |value: &T| serde_json::to_string(value).unwrap_or_default();
     Check { what, same: text(kept) == text(made), difference: None }
 }
 
-/// Job, engine and version behind a result.
+/// Job, engine and program version of a stored result.
 struct Made {
     job: Digest,
     engine: Digest,
@@ -222,7 +222,7 @@ fn explain(check: &Check, made: &Made, here: &Digest) -> String {
     }
     if made.engine != *here {
         text += &format!(
-            "; engine {} of evogait {} made it, this is engine {} of evogait {}: verify with that version",
+            "; the result is from engine {} of evogait {}, this is engine {} of evogait {}: verify it with the version that made it",
             made.engine.short(),
             made.version,
             here.short(),
@@ -239,7 +239,7 @@ fn text(view: &View, full: bool) -> String {
         .map(|check| format!("  {}  {}", if check.same { "same     " } else { "DIFFERENT" }, check.what))
         .collect();
     if view.engine_digest != view.engine_digest_here {
-        lines.push("  note: another engine made this result, so the job digest could not be compared".to_owned());
+        lines.push("  note: this result is from another engine, so the job digest could not be compared".to_owned());
     }
     lines.insert(0, format!("{}: recomputed, compared bit by bit", Path::new(&view.folder).display()));
     if view.verified && !full {

@@ -1,4 +1,4 @@
-//! The checks of a run that planned.
+//! Checks of a run that planned.
 
 use super::{Check, compare, compare_score, each, same};
 use crate::error::Error;
@@ -6,7 +6,7 @@ use crate::output::StoredPlans;
 use sim_core::problem::Job;
 use sim_core::procedure::plan::{self, Task, TaskResult};
 
-/// The best tree of a run that planned, and its traces; with `full` all trees.
+/// Checks the best tree and its traces; with `full` all trees.
 pub(super) fn checks(stored: &StoredPlans, full: bool) -> Result<Vec<Check>, Error> {
     let StoredPlans { job, result, report } = stored;
     let mut checks = Vec::new();
@@ -31,7 +31,7 @@ pub(super) fn checks(stored: &StoredPlans, full: bool) -> Result<Vec<Check>, Err
     Ok(checks)
 }
 
-/// Does a task again.
+/// Runs a task of the procedure again.
 fn again(job: &Job, task: Task) -> Result<TaskResult, Error> {
     super::again(&plan::Kind, job, task.encode(), TaskResult::decode)
 }

@@ -1,4 +1,4 @@
-//! The checks of a run that simulated.
+//! Checks of a run that simulated.
 
 use super::{Check, compare, each, same};
 use crate::error::Error;
@@ -6,7 +6,7 @@ use crate::output::StoredSimulation;
 use sim_core::problem::Job;
 use sim_core::procedure::simulate::{self, Task, TaskResult};
 
-/// The motion with nothing varied, and the first repeat; with `full` all repeats.
+/// Checks the motion with nothing varied and the first repeat; with `full` all repeats.
 pub(super) fn checks(stored: &StoredSimulation, full: bool) -> Result<Vec<Check>, Error> {
     let StoredSimulation { job, result, report } = stored;
     let mut checks = Vec::new();
@@ -28,7 +28,7 @@ pub(super) fn checks(stored: &StoredSimulation, full: bool) -> Result<Vec<Check>
     Ok(checks)
 }
 
-/// Does a task again.
+/// Runs a task of the procedure again.
 fn again(job: &Job, task: Task) -> Result<TaskResult, Error> {
     super::again(&simulate::Kind, job, task.encode(), TaskResult::decode)
 }

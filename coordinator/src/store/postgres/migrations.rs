@@ -1,8 +1,8 @@
-//! The PostgreSQL store's schema, step by step. Steps are never changed, only added.
+//! Schema of the PostgreSQL store, as a sequence of steps. Steps are never changed, only added.
 //!
-//! Everything is in a schema of its own, so that a database can be shared with other programs.
+//! All tables are in their own schema, so that other programs can share the database.
 
-/// Step n brings a schema of version FIRST + n - 1 to FIRST + n.
+/// Steps: step n upgrades the schema from version FIRST + n - 1 to FIRST + n.
 pub(super) const MIGRATIONS: [&str; 1] = ["
     -- One row: who is at work. Every commit goes through it, which is what keeps an old coordinator out.
     CREATE TABLE coordinator (
@@ -81,6 +81,6 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
     );
 "];
 
-/// The version that the first step makes. Schemas of version 1 are refused: their jobs are generations of genotypes, which
-/// can't be told as rounds of tasks whose digests are known.
+/// Version after the first step. Schemas of version 1 are refused: they hold generations of genotypes, without the
+/// rounds, tasks and digests of later versions.
 pub(super) const FIRST: usize = 2;

@@ -1,9 +1,10 @@
-//! The PostgreSQL store: one database that several coordinators can reach, of which one is at work.
+//! PostgreSQL store: one database that several coordinators share, with one active coordinator.
 //!
-//! Who is at work stands in one row, with its epoch. A commit begins by writing to that row and touches no row at all if a
-//! later epoch has begun, so there can be two coordinators that think they are the one, but never two that change anything.
-//! Whoever is at work renews the row's stamp; a stamp that is too old, by the database's own clock, or that was released,
-//! lets the next one in.
+//! One row holds the lock on the store, with the epoch of the active coordinator. A commit first updates this row, on
+//! condition of its epoch. After a later epoch has begun the condition fails, and the commit changes nothing. So two
+//! coordinators may both consider themselves active, but only one can change data. The active coordinator renews the
+//! time stamp of the row. Another coordinator may start an epoch if the stamp is too old by the database's clock, or if
+//! the lock was released.
 
 mod failure;
 mod migrations;
@@ -24,20 +25,22 @@ use std::time::Duration;
 use tokio::sync::Mutex;
 use tokio::time::Instant;
 
-/// Connections for queries. Commits and renewals have two of their own, which no query can keep from them.
+/// Number of connections for queries. Commits and renewals have two other connections, so that queries can't delay
+/// them.
 const READERS: u32 = 4;
-/// Between two tries to reach the database again.
+/// Pause between two attempts to reach the database.
 const RETRY: Duration = Duration::from_millis(100);
-/// Least time that a try is given, whatever the time to a takeover.
+/// Shortest time limit of an attempt, for any takeover time.
 const LEAST_PATIENCE: Duration = Duration::from_secs(1);
-/// A server that is there and lets anybody in does so within this time.
+/// Limit on the time for connecting.
 const CONNECT_WITHIN: Duration = Duration::from_secs(10);
-/// Making the tables, or loading all jobs at a takeover, takes its time where a store is large, but no longer than this.
+/// Limit on the time for creating the tables or loading all jobs at a takeover. A large store takes long.
 const PREPARE_WITHIN: Duration = Duration::from_secs(300);
-/// Held while the schema is made or changed: "evogait" as a number.
+/// Advisory lock for changes of the schema: "evogait" as a number.
 const MIGRATION_LOCK: i64 = 0x65_766f_6761_6974;
 
-/// A stamp from the future is one, too, after the database's clock was set back.
+/// Query for the active coordinator. The absolute age counts, since a stamp is in the future after the database's clock
+/// was set back.
 macro_rules! at_work {
     ($lock:literal) => {
         concat!(
@@ -49,29 +52,30 @@ macro_rules! at_work {
     };
 }
 
-/// A store in a PostgreSQL database.
+/// Store in a PostgreSQL database.
 pub struct PostgresStore {
-    /// Without the password.
+    /// URL without the password.
     name: String,
     readers: PgPool,
     writers: PgPool,
-    /// Without a renewal for this long this coordinator is taken for dead, and so it must not try for longer.
+    /// Takeover time: without a renewal for this long another coordinator may take over. So this coordinator must not
+    /// retry for longer.
     takeover: Duration,
     prepare_within: Duration,
-    /// Commits of this epoch.
+    /// Number of commits in this epoch.
     commits: Mutex<u64>,
 }
 
 impl PostgresStore {
-    /// Connects, makes the tables if there are none, and brings older ones up to date. `takeover` is for how long this
-    /// coordinator can be out of touch before another one may take over.
+    /// Connects, and creates or upgrades the tables. `takeover`: without a renewal for this long another coordinator
+    /// may take over.
     pub async fn open(url: &PostgresUrl, takeover: Duration) -> Result<Self, StoreError> {
         let name = url.to_string();
         let options = url.options().map_err(|e| StoreError::Open { store: name.clone(), reason: e.to_string() })?;
         if url.is_exposed() {
-            tracing::warn!(store = %name, "the connection to the database may be read or changed on its way: add ?sslmode=verify-full");
+            tracing::warn!(store = %name, "the connection to the database is not protected against reading and tampering: add ?sslmode=verify-full to --store");
         }
-        // Else a file that is missing looks like a database that is.
+        // Checked here: the driver would report a missing file as an unreachable database.
         if let Some(file) = url.root_certificate() {
             let unusable = |e: PemError| StoreError::Open { store: name.clone(), reason: e.to_string() };
             proto::credentials::authority(&file).map_err(unusable)?;
@@ -84,7 +88,7 @@ impl PostgresStore {
                  SET idle_in_transaction_session_timeout TO {};
                  SELECT set_config('synchronous_commit', 'on', false)
                  WHERE current_setting('synchronous_commit') IN ('off', 'local')",
-                // A transaction whose coordinator was cut off holds the row that others wait for.
+                // A transaction of a disconnected coordinator would hold the row that the others wait for.
                 patience.as_millis()
             );
             PgPoolOptions::new()
@@ -105,7 +109,7 @@ impl PostgresStore {
             prepare_within: PREPARE_WITHIN,
             commits: Mutex::default(),
         };
-        // Not from a pool, which would try again until its time is over.
+        // Without a pool, which would retry until its time limit.
         let connected = tokio::time::timeout(CONNECT_WITHIN, options.connect()).await;
         let mut connection = connected.map_err(|_| store.silent(CONNECT_WITHIN))?.map_err(|e| store.failure(e))?;
         let migrated = tokio::time::timeout(PREPARE_WITHIN, store.migrate(&mut connection)).await;
@@ -124,11 +128,11 @@ impl PostgresStore {
         let encoding = setting(&mut *tx, "SELECT current_setting('server_encoding')").await?;
         if encoding != "UTF8" {
             return Err(foreign(&format!(
-                "its encoding is {encoding}: make it with CREATE DATABASE … ENCODING 'UTF8'"
+                "its encoding is {encoding}: create it with CREATE DATABASE … ENCODING 'UTF8'"
             )));
         }
         if setting(&mut *tx, "SELECT current_setting('fsync')").await? == "off" {
-            tracing::warn!(store = %self.name, "the database runs with fsync = off: what is acknowledged does not survive a power failure");
+            tracing::warn!(store = %self.name, "the database runs with fsync = off: committed data may be lost in a power failure");
         }
         let lock = sqlx::query("SELECT pg_advisory_xact_lock($1)").bind(MIGRATION_LOCK).execute(&mut *tx).await;
         lock.map_err(|e| self.failure(e))?;
@@ -139,7 +143,7 @@ impl PostgresStore {
             let ours = "SELECT to_regclass('evogait.schema_version') IS NOT NULL";
             let ours: bool = sqlx::query_scalar(ours).fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
             if !ours {
-                return Err(foreign("its schema 'evogait' is that of another program"));
+                return Err(foreign("its schema 'evogait' belongs to another program"));
             }
             let version = sqlx::query_scalar::<_, i64>("SELECT version FROM evogait.schema_version");
             let version = version.fetch_one(&mut *tx).await.map_err(|e| self.failure(e))?;
@@ -147,7 +151,7 @@ impl PostgresStore {
                 Ok(0) => 0,
                 Ok(version) if version < FIRST => return Err(foreign(OLDER)),
                 Ok(version) if version < FIRST + MIGRATIONS.len() => version - FIRST + 1,
-                _ => return Err(foreign("it was written by a newer version; use that one")),
+                _ => return Err(foreign("it was written by a newer version: use that version")),
             };
         } else {
             let make = "CREATE SCHEMA evogait;
@@ -165,18 +169,18 @@ impl PostgresStore {
         tx.commit().await.map_err(|e| self.failure(e))
     }
 
-    /// For how long an answer is waited for.
+    /// Time limit for an answer.
     fn patience(&self) -> Duration {
         self.takeover.max(LEAST_PATIENCE)
     }
 
-    /// No answer came within this time.
+    /// Returns the error for a missing answer.
     fn silent(&self, within: Duration) -> StoreError {
-        let reason = format!("it did not answer within {} s", within.as_secs_f64());
+        let reason = format!("the database did not respond within {} s", within.as_secs_f64());
         StoreError::Unreachable { store: self.name.clone(), reason }
     }
 
-    /// Asks again for as long as nobody else takes over.
+    /// Repeats a request while the database is unreachable and the takeover time has not passed.
     async fn patiently<F>(&self, epoch: u64, ask: impl Fn() -> F) -> Result<(), StoreError>
     where
         F: Future<Output = Result<(), StoreError>>,
@@ -193,7 +197,7 @@ impl PostgresStore {
         }
     }
 
-    /// Whether a later epoch has begun: it may have been this coordinator that stood still, and not the database.
+    /// Returns an error if a later epoch has begun: this coordinator may have been suspended, rather than the database.
     async fn replaced_meanwhile(&self, epoch: u64) -> Option<StoreError> {
         let current = async {
             let mut connection = self.readers.acquire().await?;
@@ -203,7 +207,7 @@ impl PostgresStore {
         (by != epoch).then_some(StoreError::Superseded { own: epoch, by })
     }
 
-    /// Commits a group as the epoch's commit of this number.
+    /// Commits the changes as commit `number` of the epoch.
     async fn commit_as(&self, epoch: u64, number: u64, writes: &[Write]) -> Result<(), StoreError> {
         let mut tx = self.writers.begin().await.map_err(|e| self.failure(e))?;
         let fence = "UPDATE coordinator SET commits = $2, renewed_at = clock_timestamp()
@@ -214,11 +218,12 @@ impl PostgresStore {
             let row = row.map_err(|e| self.failure(e))?;
             let column = |i| row.number(i).map(|n| n as u64).map_err(|e| self.failure(e));
             return match (column(0)?, column(1)?) {
-                // It was committed before, but the answer was lost.
+                // The commit had succeeded, but its answer was lost.
                 (current, commits) if (current, commits) == (epoch, number) => Ok(()),
                 (current, _) if current != epoch => Err(StoreError::Superseded { own: epoch, by: current }),
                 (_, commits) => {
-                    let what = format!("{commits} commits where {} or {number} were expected", number - 1);
+                    let what =
+                        format!("the number of commits is {commits}, but {} or {number} was expected", number - 1);
                     Err(StoreError::Corrupt { what })
                 }
             };
@@ -239,7 +244,7 @@ impl PostgresStore {
         Err(StoreError::Superseded { own: epoch, by: current.await.map_err(|e| self.failure(e))? as u64 })
     }
 
-    /// Begins an epoch, unless somebody else did meanwhile, and loads the jobs.
+    /// Begins an epoch, unless another coordinator did meanwhile, and loads the jobs.
     async fn take_over(&self, connection: &mut PgConnection) -> Result<Loaded, StoreError> {
         let mut tx = connection.begin().await.map_err(|e| self.failure(e))?;
         self.nobody_at_work(&mut tx, at_work!(" FOR UPDATE")).await?;
@@ -248,14 +253,14 @@ impl PostgresStore {
         let takeover = Value::Number(self.takeover.as_millis() as i64);
         let row = tx.rows(next, vec![takeover]).await.map_err(|e| self.failure(e))?.pop();
         let loaded = tables::start(&mut *tx, row).await.map_err(|e| self.trouble(e))?;
-        // Last, since loading takes a while.
+        // Renewed at the end, since loading takes a while.
         let stamp = "UPDATE coordinator SET renewed_at = clock_timestamp()";
         tx.run(stamp, vec![]).await.map_err(|e| self.failure(e))?;
         tx.commit().await.map_err(|e| self.failure(e))?;
         Ok(loaded)
     }
 
-    /// Refuses if another coordinator is at work.
+    /// Returns an error if another coordinator is active.
     async fn nobody_at_work(&self, connection: &mut PgConnection, query: &'static str) -> Result<(), StoreError> {
         let row = sqlx::query(query).fetch_one(connection).await.map_err(|e| self.failure(e))?;
         let column = |i| row.number(i).map_err(|e| self.failure(e));
@@ -264,14 +269,14 @@ impl PostgresStore {
     }
 }
 
-/// How long a database that does not answer is asked again.
+/// Time limit for repeated requests to a database that does not respond.
 struct Patience<'a> {
     store: &'a PostgresStore,
     end: Instant,
 }
 
 impl Patience<'_> {
-    /// The answer, or `None` if it should be tried again.
+    /// Waits for an answer. Returns `None` if the request should be repeated.
     async fn attempt<T>(&self, answer: impl Future<Output = Result<T, StoreError>>) -> Option<Result<T, StoreError>> {
         let error = match tokio::time::timeout_at(self.end, answer).await {
             Ok(Err(error @ StoreError::Unreachable { .. })) => error,
@@ -281,7 +286,7 @@ impl Patience<'_> {
         if Instant::now() + RETRY >= self.end {
             return Some(Err(error));
         }
-        tracing::warn!(%error, "trying again");
+        tracing::warn!(%error, "store unreachable: retrying");
         tokio::time::sleep(RETRY).await;
         None
     }
@@ -328,7 +333,7 @@ impl Dialect for PostgresStore {
     async fn start(&self) -> Result<Loaded, StoreError> {
         let mut commits = self.commits.lock().await;
         let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
-        // First without the lock, for which the one at work would have to wait.
+        // The first check takes no row lock: the active coordinator would have to wait for it.
         let look = self.nobody_at_work(&mut connection, at_work!(""));
         let (answer, within) = match tokio::time::timeout(self.patience(), look).await {
             Ok(Ok(())) => {
@@ -339,7 +344,7 @@ impl Dialect for PostgresStore {
             Err(silence) => (Err(silence), self.patience()),
         };
         let Ok(answer) = answer else {
-            // Lost on its way, as would be whatever goes the same way.
+            // Closes the connection: a later request on it would get no answer either.
             drop(connection.detach());
             return Err(self.silent(within));
         };
@@ -378,9 +383,9 @@ impl Dialect for PostgresStore {
             self.readers.close().await;
             self.writers.close().await;
         };
-        // A farewell that a database out of reach does not get.
+        // An unreachable database does not receive the end of the connections.
         if tokio::time::timeout(LEAST_PATIENCE, close).await.is_err() {
-            tracing::warn!(store = %self.name, "left without saying goodbye: it does not answer");
+            tracing::warn!(store = %self.name, "connections dropped without a clean close: the database does not respond");
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! What only a store that several can reach has to hold. Run by `tests/postgres.sh`.
+//! Tests of a store that several coordinators share. Run by `tests/postgres.sh`.
 
 use super::super::Store;
 use super::super::tests::places::{ask_server, new_database};
@@ -17,7 +17,7 @@ fn start(store: &PostgresStore) -> impl Future<Output = Result<Loaded, StoreErro
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn one_coordinator_is_at_work_until_it_lets_go() {
+async fn one_coordinator_is_active_until_lock_release() {
     let (_, url) = new_database("").await;
     let (first, second) = (open(&url, LONG).await, open(&url, LONG).await);
     let epoch = start(&first).await.unwrap().epoch;
@@ -26,12 +26,12 @@ async fn one_coordinator_is_at_work_until_it_lets_go() {
         other => panic!("{other:?}"),
     };
     let before = stamp().await;
-    assert_eq!(stamp().await, before, "asking is no sign of life");
+    assert_eq!(stamp().await, before, "a refused start must not renew the lock");
     Store::renew(&first, epoch).await.unwrap();
     assert!(stamp().await > before);
     let before = stamp().await;
     Store::commit(&first, epoch, vec![submit(&record(1))]).await.unwrap();
-    assert!(stamp().await > before, "nor does a busy one have to renew");
+    assert!(stamp().await > before, "a commit renews the lock");
 
     Store::release(&first, epoch).await.unwrap();
     assert_eq!(start(&second).await.unwrap().epoch, epoch + 1);
@@ -39,12 +39,15 @@ async fn one_coordinator_is_at_work_until_it_lets_go() {
         assert!(matches!(late, Err(StoreError::Superseded { .. })), "{late:?}");
     }
     Store::release(&first, epoch).await.unwrap();
-    assert!(matches!(start(&first).await, Err(StoreError::Active { .. })), "nobody lets go for another");
+    assert!(
+        matches!(start(&first).await, Err(StoreError::Active { .. })),
+        "a coordinator can't release the lock of another one"
+    );
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_coordinator_that_gives_no_sign_of_life_is_replaced_by_exactly_one() {
+async fn silent_coordinator_is_replaced_by_exactly_one() {
     let (_, url) = new_database("").await;
     let takeover = Duration::from_millis(700);
     let silent = open(&url, takeover).await;
@@ -65,18 +68,18 @@ async fn a_coordinator_that_gives_no_sign_of_life_is_replaced_by_exactly_one() {
     let mut epochs: Vec<_> = [a, b, c].into_iter().flatten().collect();
     epochs.sort_unstable();
     assert_eq!(epochs, [epoch + 1]);
-    assert!(since.elapsed() >= takeover, "not before its time");
+    assert!(since.elapsed() >= takeover, "the takeover is too early");
     assert!(since.elapsed() < takeover + Duration::from_secs(3), "{:?}", since.elapsed());
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_commit_is_done_once_however_often_it_is_sent() {
+async fn repeated_commit_is_applied_once() {
     let (_, url) = new_database("").await;
     let store = open(&url, LONG).await;
     let epoch = start(&store).await.unwrap().epoch;
     for _ in 0..3 {
-        // As if the answer had been lost.
+        // Simulates a lost answer.
         store.commit_as(epoch, 1, &[submit(&record(1))]).await.unwrap();
     }
     assert_eq!(store.jobs(u64::MAX, 10, &[]).await.unwrap(), [record(1)]);
@@ -86,7 +89,7 @@ async fn a_commit_is_done_once_however_often_it_is_sent() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn broken_connections_are_made_again_and_lose_nothing() {
+async fn broken_connections_are_replaced_without_loss() {
     let (name, url) = new_database("").await;
     let store = open(&url, LONG).await;
     let epoch = start(&store).await.unwrap().epoch;
@@ -102,7 +105,7 @@ async fn broken_connections_are_made_again_and_lose_nothing() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_coordinator_that_was_cut_off_in_mid_commit_stops_nobody_for_long() {
+async fn coordinator_cut_off_in_commit_delays_takeover_briefly() {
     let (_, url) = new_database("").await;
     let takeover = Duration::from_millis(500);
     let cut_off = open(&url, takeover).await;
@@ -119,33 +122,33 @@ async fn a_coordinator_that_was_cut_off_in_mid_commit_stops_nobody_for_long() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_takeover_that_hears_nothing_any_more_is_given_up_and_tried_again() {
+async fn takeover_without_answer_fails_and_can_be_repeated() {
     let (_, url) = new_database("").await;
     let mut store = open(&url, LONG).await;
     store.prepare_within = LEAST_PATIENCE;
     let other = open(&url, LONG).await;
     let mut silence = other.writers.begin().await.unwrap();
     silence.run("LOCK TABLE jobs IN ACCESS EXCLUSIVE MODE", vec![]).await.unwrap();
-    // More often than it has connections.
+    // More attempts than the store has connections.
     for _ in 0..4 {
-        let heard = tokio::time::timeout(LEAST_PATIENCE * 2, start(&store)).await.expect("it is given up");
+        let heard = tokio::time::timeout(LEAST_PATIENCE * 2, start(&store)).await.expect("the start fails in time");
         assert!(matches!(heard, Err(StoreError::Unreachable { .. })), "{heard:?}");
     }
     silence.rollback().await.unwrap();
-    assert_eq!(start(&store).await.unwrap().epoch, 1, "what was given up began no epoch");
+    assert_eq!(start(&store).await.unwrap().epoch, 1, "a failed start began no epoch");
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn a_coordinator_that_stood_still_in_mid_commit_knows_that_it_was_replaced() {
-    // On a busy machine the server may answer so fast that all of a commit is sent before it stands still: then again.
+async fn coordinator_suspended_in_commit_reports_takeover() {
+    // On a busy machine the commit may be sent as a whole before the pause: then the attempt is repeated.
     for _ in 0..20 {
         let (name, url) = new_database("").await;
         let store = open(&url, LEAST_PATIENCE).await;
         let epoch = start(&store).await.unwrap().epoch;
         Store::commit(&store, epoch, vec![]).await.unwrap();
         let mut late = std::pin::pin!(Store::commit(&store, epoch, vec![submit(&record(1))]));
-        // It begins, and then nothing of this process goes on for longer than its patience.
+        // The commit begins, and then the process pauses for longer than its time limit.
         let begun = tokio::time::timeout(Duration::ZERO, late.as_mut()).await;
         std::thread::sleep(LEAST_PATIENCE * 2);
         ask_server(&name, "UPDATE evogait.coordinator SET epoch = epoch + 1, commits = 0").await;
@@ -155,7 +158,7 @@ async fn a_coordinator_that_stood_still_in_mid_commit_knows_that_it_was_replaced
         };
         let kept = store.jobs(u64::MAX, 10, &[]).await.unwrap().len();
         if found.is_ok() {
-            assert_eq!(kept, 1, "what is acknowledged is kept");
+            assert_eq!(kept, 1, "an acknowledged commit is kept");
             continue;
         }
         assert!(
@@ -165,14 +168,14 @@ async fn a_coordinator_that_stood_still_in_mid_commit_knows_that_it_was_replaced
         assert_eq!(kept, 0);
         return;
     }
-    panic!("no commit was caught in its middle");
+    panic!("no attempt paused in the middle of a commit");
 }
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
+async fn unusable_store_is_refused_with_reason() {
     let refused = async |url: &PostgresUrl| match PostgresStore::open(url, Duration::ZERO).await {
-        Ok(_) => panic!("{url} opened"),
+        Ok(_) => panic!("{url} must be refused"),
         Err(error) => (error.to_string(), error),
     };
     let (name, url) = new_database("").await;
@@ -202,7 +205,7 @@ async fn what_can_not_be_a_store_is_refused_with_a_sentence() {
 
 #[tokio::test]
 #[ignore = "needs PostgreSQL: tests/postgres.sh"]
-async fn two_that_start_on_an_empty_database_at_once_make_one_store() {
+async fn concurrent_starts_on_empty_database_create_one_store() {
     let (_, url) = new_database("").await;
     let (a, b) = tokio::join!(open(&url, Duration::ZERO), open(&url, Duration::ZERO));
     let (a, b) = tokio::join!(start(&a), start(&b));

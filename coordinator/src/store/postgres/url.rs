@@ -1,4 +1,4 @@
-//! `postgres://…`: where a database is, and who asks for it.
+//! `postgres://…` URLs: address of a database, and the user.
 
 use sqlx::ConnectOptions as _;
 use sqlx::postgres::{PgConnectOptions, PgSslMode};
@@ -6,7 +6,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// What can follow the `?`; the database driver would ignore anything else.
+/// Allowed parameters after the `?`; the database driver would ignore any others.
 const PARAMETERS: [&str; 14] = [
     "sslmode",
     "sslrootcert",
@@ -24,37 +24,37 @@ const PARAMETERS: [&str; 14] = [
     "ssl-root-cert",
 ];
 
-/// Names a database. Shows itself without the password, in logs and errors alike.
+/// URL of a database. It is displayed without the password, in logs and errors alike.
 #[derive(Clone, PartialEq, Eq)]
 pub struct PostgresUrl {
-    /// As it was given: holds the password.
+    /// URL as given, with the password.
     text: String,
     shown: String,
     exposed: bool,
 }
 
-/// A text that names no database. Does not tell the text, which may hold a password.
+/// Text that is not a database URL. The error does not quote the text, which may contain a password.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "a store that starts with postgres: can't be read ({0}): write postgres://USER@HOST:PORT/DATABASE, with the password in PGPASSWORD or ~/.pgpass"
+    "the postgres URL in --store is invalid ({0}): write postgres://USER@HOST:PORT/DATABASE, with the password in PGPASSWORD or ~/.pgpass"
 )]
 pub struct BadPostgresUrl(String);
 
 impl PostgresUrl {
-    /// For the driver.
+    /// Returns the options for the driver.
     pub(in crate::store) fn options(&self) -> Result<PgConnectOptions, BadPostgresUrl> {
         parse(&self.text)
     }
 
-    /// The file with the CA that has to have signed the database's certificate, if one is named.
+    /// Returns the file with the CA of the database's certificate, if the URL has one.
     pub(super) fn root_certificate(&self) -> Option<PathBuf> {
         let url = parse(&self.text).ok()?.to_url_lossy();
         let given = url.query_pairs().find(|(key, _)| key == "sslrootcert")?.1.into_owned();
-        // So the driver tells a file from the certificate itself, which the variable of the same name may hold.
+        // The driver marks a file by this prefix; without it, the value is the certificate itself.
         given.strip_prefix("file: ").map(PathBuf::from)
     }
 
-    /// Whether the way to the database leaves this machine without its other end being verified.
+    /// Returns true if the connection leaves this machine and the certificate of the database is not verified.
     pub(super) fn is_exposed(&self) -> bool {
         self.exposed
     }
@@ -63,23 +63,23 @@ impl PostgresUrl {
 fn parse(text: &str) -> Result<PgConnectOptions, BadPostgresUrl> {
     let bad = |reason: &str| BadPostgresUrl(reason.to_owned());
     if !text.starts_with("postgres://") && !text.starts_with("postgresql://") {
-        // The driver would take the user's own name and database for what is missing.
+        // The driver would replace missing parts with the user's name and database.
         return Err(bad("it does not begin with postgres://"));
     }
     let (place, query) = text.split_once('?').unwrap_or((text, ""));
     for key in query.split('&').filter_map(|pair| pair.split('=').next()).filter(|key| !key.is_empty()) {
         if !PARAMETERS.contains(&key) && !key.starts_with("options[") {
-            return Err(bad(&format!("parameter '{key}' is not known")));
+            return Err(bad(&format!("parameter '{key}' is unknown")));
         }
     }
     let database = place.splitn(4, '/').nth(3).unwrap_or_default();
     if database.contains(['@', ':', '/']) {
-        return Err(bad("'/' in a password is written %2F, '?' %3F, '#' %23"));
+        return Err(bad("in a password, write %2F for '/', %3F for '?' and %23 for '#'"));
     }
     match text.parse::<PgConnectOptions>() {
         Ok(options) => Ok(options),
         Err(sqlx::Error::Configuration(reason)) => Err(bad(&reason.to_string())),
-        Err(_) => Err(bad("it is no URL")),
+        Err(_) => Err(bad("it is not a URL")),
     }
 }
 
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_password_is_never_shown() {
+    fn password_is_never_shown() {
         for text in [
             "postgres://ann:s3cret@db.example:5433/gaits",
             "postgres://ann@db.example:5433/gaits?password=s3cret",
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_connection_that_leaves_the_machine_unverified_is_told_from_others() {
+    fn unverified_remote_connection_is_exposed() {
         let exposed = |text: &str| text.parse::<PostgresUrl>().unwrap().is_exposed();
         assert!(
             exposed("postgres://ann@db.example/gaits") && exposed("postgres://ann@db.example/gaits?sslmode=require")
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_file_of_a_ca_is_the_one_that_was_named() {
+    fn ca_file_is_read_from_the_url() {
         let file = |text: &str| text.parse::<PostgresUrl>().unwrap().root_certificate();
         let named = "postgres://ann@db.example/gaits?sslmode=verify-full&sslrootcert=/etc/evogait/ca.pem";
         assert_eq!(file(named), Some(PathBuf::from("/etc/evogait/ca.pem")));

@@ -1,6 +1,6 @@
-//! The SQLite store's schema, step by step. Steps are never changed, only added.
+//! Schema of the SQLite store, as a sequence of steps. Steps are never changed, only added.
 
-/// Step n brings a file with `user_version = FIRST + n - 1` to `FIRST + n`.
+/// Steps: step n upgrades a file from `user_version = FIRST + n - 1` to `FIRST + n`.
 pub(super) const MIGRATIONS: [&str; 1] = ["
     CREATE TABLE meta (
         id INTEGER PRIMARY KEY CHECK (id = 1),
@@ -68,9 +68,9 @@ pub(super) const MIGRATIONS: [&str; 1] = ["
     ) STRICT;
 "];
 
-/// The version that the first step makes. Files of versions 1 to 3 are refused: their jobs are generations of genotypes,
-/// which can't be told as rounds of tasks whose digests are known.
+/// Version after the first step. Files of versions 1 to 3 are refused: they hold generations of genotypes, without the
+/// rounds, tasks and digests of later versions.
 pub(super) const FIRST: usize = 4;
 
-/// Marks a file as an evogait store: "evog" as SQLite's application id.
+/// SQLite application id of an evogait store: "evog" as a number.
 pub(super) const APPLICATION_ID: i32 = 0x6576_6f67;

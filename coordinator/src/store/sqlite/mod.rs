@@ -1,7 +1,8 @@
-//! The SQLite store: one file, one connection, one writer.
+//! SQLite store: one file, one connection, one writer.
 //!
-//! WAL with `synchronous = FULL`: a commit is on the disk when it returns. The file is locked for as long as it is open,
-//! so two coordinators can't share it by accident; the system frees the lock when a process dies, however it dies.
+//! It uses WAL with `synchronous = FULL`: a commit is on the disk when it returns. The file is locked while it is open,
+//! so two coordinators can't share it by accident. The operating system releases the lock when the process ends, also
+//! after a crash.
 
 mod migrations;
 mod place;
@@ -16,15 +17,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard};
 
-/// A store in a SQLite file.
+/// Store in a SQLite file.
 pub struct SqliteStore {
     path: PathBuf,
-    /// `None` once it is closed.
+    /// `None` after closing.
     connection: Mutex<Option<SqliteConnection>>,
 }
 
 impl SqliteStore {
-    /// Opens the file, or makes it if it is not there; its folder must exist. Brings an older store up to date.
+    /// Opens the file, or creates it if it does not exist; its folder must exist. Upgrades an older store.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         let connection = SqliteConnectOptions::new()
             .filename(place::check(path)?)
@@ -33,8 +34,8 @@ impl SqliteStore {
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Full)
             .busy_timeout(Duration::from_millis(500))
-            // The state of a search of 10,000 candidates is 17 MB: it should neither be spilled before the commit, nor copied
-            // from the log into the file after every one.
+            // The state of a search with 10,000 candidates is 17 MB. The cache must hold it until the commit, and the
+            // log must not be copied into the file after each commit.
             .pragma("cache_size", "-65536")
             .pragma("wal_autocheckpoint", "16384")
             .disable_statement_logging()
@@ -48,7 +49,7 @@ impl SqliteStore {
 
     async fn migrate(&self) -> Result<(), StoreError> {
         let mut connection = self.connection().await?;
-        // Takes the lock, or finds out that somebody else has it.
+        // Takes the lock, or fails if another process holds it.
         let mut tx = connection.begin_with("BEGIN IMMEDIATE").await.map_err(|e| self.failure(e))?;
         let pragma = |row: SqliteRow| row.number(0);
         let version = sqlx::query("PRAGMA user_version")
@@ -74,7 +75,7 @@ impl SqliteStore {
             Ok(0) => 0,
             Ok(version) if version < FIRST => return Err(foreign(OLDER)),
             Ok(version) if version < FIRST + MIGRATIONS.len() => version - FIRST + 1,
-            _ => return Err(foreign("it was written by a newer version; use that one")),
+            _ => return Err(foreign("it was written by a newer version: use that version")),
         };
         for (step, sql) in MIGRATIONS.iter().enumerate().skip(done) {
             let version = FIRST + step;
@@ -85,7 +86,7 @@ impl SqliteStore {
     }
 }
 
-/// What an error of SQLite means for whoever runs the coordinator.
+/// Converts an error of SQLite to a store error.
 fn failure(path: &Path, error: sqlx::Error) -> StoreError {
     let store = path.display().to_string();
     let sqlx::Error::Database(database) = &error else { return StoreError::Database(error.to_string()) };
@@ -156,7 +157,7 @@ impl Dialect for SqliteStore {
         tx.commit().await.map_err(|e| self.failure(e))
     }
 
-    /// Folds the write-ahead log back into the file, which can then be copied as it is.
+    /// Closes the file and moves the write-ahead log into it, so that the file can be copied.
     async fn close(&self) -> Result<(), StoreError> {
         match self.connection.lock().await.take() {
             Some(connection) => connection.close().await.map_err(|e| self.failure(e)),

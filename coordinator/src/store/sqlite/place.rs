@@ -1,26 +1,27 @@
-//! The place of a SQLite file, checked and made absolute before the driver sees it.
+//! Path of a SQLite file, checked and made absolute before it is passed to the driver.
 //!
-//! SQLite takes `:memory:`, an empty name and `file:…` for something else than a file of that name, and what goes wrong with
-//! a file reads "disk I/O error" or "unable to open database file". An absolute path is always a file's.
+//! SQLite does not treat `:memory:`, an empty name and `file:…` as file names, and its messages for file errors are
+//! "disk I/O error" or "unable to open database file". An absolute path always names a file.
 
 use super::StoreError;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf, absolute};
 
-/// The absolute path of a store, whose folder exists and can be written; the file itself may be made by opening it.
+/// Checks the path of a store and returns it as an absolute path. The folder must exist and be writable; the file may
+/// be missing.
 pub(super) fn check(path: &Path) -> Result<PathBuf, StoreError> {
     let unusable = |reason: String| StoreError::Open { store: path.display().to_string(), reason };
     let full = absolute(path).map_err(|e| unusable(plain(&e)))?;
     if full.to_str().is_none_or(|text| text.contains('\0')) {
-        return Err(unusable("its path must be UTF-8 text without zero bytes".to_owned()));
+        return Err(unusable("its path must be UTF-8 text without NUL characters".to_owned()));
     }
     let file = target(&full);
     let folder = file.parent().unwrap_or(Path::new("/"));
     if !folder.is_dir() {
         return Err(unusable(match file == full {
             true => format!("there is no folder {}", named_folder(path).display()),
-            false => format!("it is a link to {}, whose folder is not there", file.display()),
+            false => format!("it is a link to {}, in a folder that does not exist", file.display()),
         }));
     }
     let failed = |error: io::Error, what: &str| match error.kind() {
@@ -30,25 +31,25 @@ pub(super) fn check(path: &Path) -> Result<PathBuf, StoreError> {
     match fs::metadata(&file) {
         Ok(found) if found.is_dir() => return Err(unusable("it is a folder".to_owned())),
         Ok(found) if !found.is_file() => {
-            return Err(unusable("it is a device, pipe or socket, and jobs need a file on a disk".to_owned()));
+            return Err(unusable("it is a device, pipe or socket: jobs need a file on a disk".to_owned()));
         }
         Ok(_) => File::options().write(true).open(&file).map(drop).map_err(|e| failed(e, "the file"))?,
         Err(_) if full.as_os_str().as_encoded_bytes().ends_with(b"/") => {
-            return Err(unusable("it ends in a slash, as a folder does".to_owned()));
+            return Err(unusable("it ends in a slash: name a file, not a folder".to_owned()));
         }
         Err(_) => {}
     }
-    // The write-ahead log is made beside the file.
+    // The write-ahead log is created in the same folder.
     writable(folder).map_err(|e| failed(e, &format!("its folder {}", folder.display())))?;
     Ok(full)
 }
 
-/// The folder as the user named it.
+/// Returns the folder as given by the user.
 fn named_folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// The file behind a link, which may not be there; the path itself where it is none.
+/// Returns the target of a link, which may be missing, or the path itself if it is not a link.
 fn target(path: &Path) -> PathBuf {
     match fs::canonicalize(path) {
         Ok(file) if path.is_symlink() => file,
@@ -60,17 +61,17 @@ fn target(path: &Path) -> PathBuf {
     }
 }
 
-/// Makes a file and removes it: permissions alone do not tell.
+/// Checks that files can be created in a folder, by creating and removing one: permissions alone are not reliable.
 fn writable(folder: &Path) -> io::Result<()> {
     let probe = folder.join(format!(".evogait-store-{}.tmp", std::process::id()));
     match File::options().write(true).create_new(true).open(&probe) {
-        // Of a process that has gone, or of another store of this one, being opened.
+        // The file is left over from an earlier process, or another store is being opened by this one.
         Err(e) if e.kind() == ErrorKind::AlreadyExists => Ok(()),
         made => made.and_then(|_| fs::remove_file(&probe)),
     }
 }
 
-/// An I/O error in words, without the system's "(os error 2)".
+/// Returns the message of an I/O error without "(os error 2)".
 fn plain(error: &io::Error) -> String {
     let text = error.to_string();
     text.find(" (os error").map_or(text.clone(), |end| text[..end].to_owned())
@@ -107,7 +108,7 @@ mod tests {
         assert!(std::process::Command::new("mkfifo").arg(at("pipe")).status().unwrap().success());
         assert!(refused(&at("pipe")).contains("it is a device, pipe or socket"));
         symlink(at("none/s.db"), at("broken")).unwrap();
-        assert!(refused(&at("broken")).contains("none/s.db, whose folder is not there"));
+        assert!(refused(&at("broken")).contains("none/s.db, in a folder that does not exist"));
         assert!(refused(&at("none/s.db")).contains("there is no folder"));
         assert!(refused(&at("new.db/")).contains("ends in a slash"));
         std::fs::write(at("file"), "").unwrap();
@@ -117,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn place_that_can_not_be_written_is_named() {
+    fn unwritable_place_is_named() {
         for path in ["/proc/s.db", "/proc/self/s.db"] {
             let said = refused(Path::new(path));
             assert!(said.contains("can't be written") && said.contains("choose another place"), "{said}");

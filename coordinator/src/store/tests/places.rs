@@ -1,13 +1,13 @@
-//! Where the stores under test are, and how they are opened again.
+//! Places of the stores under test, and their reopening.
 
 use super::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// The variable that names a PostgreSQL server to make databases on; `tests/postgres.sh` sets it.
+/// Environment variable with the URL of a PostgreSQL server for test databases; `tests/postgres.sh` sets it.
 const POSTGRES: &str = "EVOGAIT_TEST_POSTGRES";
 
-/// Opens again what was stored, as after a crash.
+/// Reopens a store, as after a crash.
 pub(crate) trait Reopen {
     async fn reopen(self) -> Self;
 }
@@ -18,14 +18,14 @@ impl Reopen for MemoryStore {
     }
 }
 
-/// A SQLite file in a folder of its own.
+/// SQLite file in its own folder.
 pub(crate) struct File {
     store: SqliteStore,
     pub folder: tempfile::TempDir,
 }
 
 pub(crate) async fn open_file(path: &Path) -> SqliteStore {
-    // The lock of a store that was just dropped is gone within a moment.
+    // The lock of a dropped store is released within a moment.
     for _ in 0..100 {
         match SqliteStore::open(path).await {
             Err(StoreError::InUse { .. }) => tokio::time::sleep(Duration::from_millis(20)).await,
@@ -57,28 +57,28 @@ impl std::ops::Deref for File {
     }
 }
 
-/// A PostgreSQL database of its own, on a server that ends with the tests.
+/// PostgreSQL database of one test. The server stops after the tests.
 pub(crate) struct Database {
     store: PostgresStore,
     pub url: PostgresUrl,
 }
 
-/// The server's URL, with a database of this name.
+/// Returns the server's URL with this database.
 fn on_server(database: &str) -> PostgresUrl {
     let server = std::env::var(POSTGRES)
-        .unwrap_or_else(|_| panic!("{POSTGRES} names no server: these tests are run by tests/postgres.sh"));
-    server.replace("DATABASE", database).parse().expect("the variable holds a URL")
+        .unwrap_or_else(|_| panic!("{POSTGRES} is not set: run these tests with tests/postgres.sh"));
+    server.replace("DATABASE", database).parse().expect("the variable must hold a URL")
 }
 
-/// Asks the server itself.
+/// Runs SQL on the server.
 pub(crate) async fn ask_server(database: &str, sql: &str) {
     use sqlx::ConnectOptions as _;
     let mut connection = on_server(database).options().unwrap().connect().await.expect("the server answers");
-    sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut connection).await.expect("the server does as it is told");
+    sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut connection).await.expect("the server runs the SQL");
     sqlx::Connection::close(connection).await.unwrap();
 }
 
-/// Makes a database that no other test has.
+/// Creates a database for one test.
 pub(crate) async fn new_database(with: &str) -> (String, PostgresUrl) {
     static MADE: AtomicU32 = AtomicU32::new(0);
     let name = format!("store_{}_{}", std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
@@ -88,7 +88,7 @@ pub(crate) async fn new_database(with: &str) -> (String, PostgresUrl) {
 }
 
 impl Database {
-    /// With nobody at work for longer than a moment.
+    /// Opens a store with takeover time zero: another coordinator can take over at once.
     pub async fn new() -> Self {
         let (_, url) = new_database("").await;
         Self { store: PostgresStore::open(&url, Duration::ZERO).await.expect("the store opens"), url }

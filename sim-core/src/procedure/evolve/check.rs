@@ -1,4 +1,4 @@
-//! Requirements on a task's result before any of it is stored.
+//! Checks of a task's result before any of it is stored.
 
 use super::task::{Task, TaskResult};
 use crate::base::encoding::Unreadable;
@@ -9,21 +9,21 @@ use crate::procedure::possible::{Most, Uncountable, counted, traces_of};
 /// A fault of a result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
-    /// It can't be read.
+    /// The bytes can't be read.
     #[error("{0}")]
     Unreadable(#[from] Unreadable),
-    /// That of an evaluation for an examination, or the other way round.
-    #[error("it is {found}, not {wanted}")]
+    /// The result of an evaluation for an examination, or the other way round.
+    #[error("it is the result of {found}, not of {wanted}")]
     Kind {
-        /// Kind found.
+        /// Kind of task that the result belongs to.
         found: &'static str,
-        /// Kind needed.
+        /// Kind of the task.
         wanted: &'static str,
     },
-    /// A genotype or descriptors that the search has no use for.
-    #[error("it has {0}, which this search does not take")]
+    /// A genotype or descriptors that the search does not use.
+    #[error("it has {0}, which this search does not use")]
     Uncalled(&'static str),
-    /// A score outside of what the fitness can give.
+    /// A score outside the range of the fitness.
     #[error("score {score} is out of range: allowed is {min} to {max}")]
     Score {
         /// The score.
@@ -33,32 +33,32 @@ pub enum Fault {
         /// Greatest possible.
         max: f64,
     },
-    /// Another number of scores than trees.
+    /// The number of scores is not the number of trees.
     #[error("it has {found} scores; {wanted} are needed")]
     Scores {
-        /// Number found.
+        /// Number of scores in the result.
         found: usize,
-        /// Number needed.
+        /// Number of scores needed.
         wanted: usize,
     },
-    /// Some of its trees failed and others not: they share a budget, so they fail together.
-    #[error("some of its scores failed and others not; they fail together")]
+    /// Some trees failed and others did not. They share a budget, so they fail together.
+    #[error("some of its trees failed and others did not: they share a budget, so they fail together")]
     HalfFailed,
-    /// Counts that the job's budget rules out.
+    /// A count exceeds the job's budget.
     #[error(transparent)]
     Count(#[from] Uncountable),
-    /// Traces where none are asked for, or none where they are.
-    #[error("{}", if *.wanted { "its traces are missing" } else { "it has traces, which were not asked for" })]
+    /// Traces that were not requested, or requested traces that are missing.
+    #[error("{}", if *.wanted { "its traces are missing" } else { "it has traces, which were not requested" })]
     TracesPresence {
-        /// True if they are needed.
+        /// True if traces were requested.
         wanted: bool,
     },
-    /// Traces that do not belong to the job's robot and gaits.
+    /// Traces that do not fit the job's robot and gaits.
     #[error("its traces are impossible: {0}")]
     Traces(String),
 }
 
-/// Refuses a result that can't be that of the task.
+/// Rejects a result that is impossible for the task.
 pub(super) fn check(job: &Checked, task: &Task, result: &[u8]) -> Result<(), Fault> {
     match (task, TaskResult::decode(result)?) {
         (Task::Evaluate { .. }, TaskResult::Evaluated { genotype, score, descriptors, counts }) => {
@@ -89,15 +89,15 @@ pub(super) fn check(job: &Checked, task: &Task, result: &[u8]) -> Result<(), Fau
             }
         }
         (Task::Evaluate { .. }, TaskResult::Examined { .. }) => {
-            Err(Fault::Kind { found: "an examination's", wanted: "an evaluation's" })
+            Err(Fault::Kind { found: "an examination", wanted: "an evaluation" })
         }
         (Task::Examine(_), TaskResult::Evaluated { .. }) => {
-            Err(Fault::Kind { found: "an evaluation's", wanted: "an examination's" })
+            Err(Fault::Kind { found: "an evaluation", wanted: "an examination" })
         }
     }
 }
 
-/// Scores that answer a question, one a tree.
+/// Returns the number of scores that answer a question, one per tree.
 pub(super) fn scores_of(job: &Checked, question: Question) -> usize {
     match question {
         Question::WithoutReuse => job.spec().planner.repeats as usize,
@@ -108,7 +108,7 @@ pub(super) fn scores_of(job: &Checked, question: Question) -> usize {
     }
 }
 
-/// Refuses scores that the job's fitness can't give, NaN and infinities among them.
+/// Rejects scores outside the range of the job's fitness, among them NaN and infinities.
 pub(super) fn in_range(job: &Checked, score: Option<f64>) -> Result<(), Fault> {
     let (min, max) = job.score_range();
     match score {
@@ -117,7 +117,7 @@ pub(super) fn in_range(job: &Checked, score: Option<f64>) -> Result<(), Fault> {
     }
 }
 
-/// Bounds of what a question can take.
+/// Returns the bounds on the counts of a question's answer.
 fn of_question(job: &Checked, question: Question) -> Most {
     let planner = &job.spec().planner;
     match question {

@@ -1,7 +1,7 @@
-//! Evolution: generation after generation is scored; then the archive is examined, the winner chosen and reported.
+//! Evolution: scores generation after generation, then examines the archive, chooses the winner and reports it.
 //!
-//! Rounds are the search's generations; one of *finishing*, if the job has a reference setting; one of *reporting*. See
-//! [`crate::procedure::evolve::finish`] for the examinations of the last two.
+//! Rounds are the search's generations, then one of *finishing* if the job has a reference setting, then one of
+//! *reporting*. The examinations of the last two are in [`crate::procedure::evolve::finish`].
 
 mod check;
 pub mod finish;
@@ -33,7 +33,7 @@ use crate::search::{Ask, Batch, Evaluation, Scored, Search};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The kind, for the registry.
+/// The procedure `evolve`, for the registry.
 pub struct Kind;
 
 impl Component for Kind {
@@ -64,32 +64,32 @@ pub struct Evolve {
     archive: Archive,
     /// Effort of all evaluations of the search.
     counts: Counts,
-    /// Evaluations of the search that failed.
+    /// Number of the search's evaluations that failed.
     failed: u64,
-    /// Answers of the finishing round, once it is over; empty if there was none.
+    /// Answers of the finishing round, once it is over; empty if there was no such round.
     examined: Option<Vec<Examined>>,
     work: Work,
 }
 
-/// An answer, without traces.
+/// An answer without its traces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Examined {
     scores: Vec<Option<f64>>,
     counts: Counts,
 }
 
-/// The tasks of the round at hand.
+/// Tasks of the current round.
 enum Work {
-    /// Candidates of a generation, by index.
+    /// Evaluations of a generation's candidates, by index.
     Searching { generation: u32, batch: Batch },
-    /// The archive's entries and the global bests are examined.
+    /// Examinations of the archive's entries and the global bests.
     Finishing(Vec<Examination>),
-    /// The winner and the first generation's best are examined.
+    /// Examinations of the winner and of the first generation's best.
     Reporting(Vec<Examination>),
 }
 
 impl Evolve {
-    /// An evolution before generation 0.
+    /// Creates an evolution before generation 0.
     pub fn new(job: &Checked) -> Self {
         let (optimiser, plan) = (job.optimiser(), Plan::of(job));
         let work = Work::Searching { generation: 0, batch: optimiser.ask() };
@@ -105,7 +105,7 @@ impl Evolve {
         }
     }
 
-    /// Returns the number of scored generations.
+    /// Returns the number of generations that are scored.
     fn generations(&self) -> u32 {
         self.job.optimiser_spec().generations()
     }
@@ -114,17 +114,17 @@ impl Evolve {
         self.job.optimiser_spec().population()
     }
 
-    /// Evaluations of the search so far.
+    /// Returns the number of the search's evaluations so far.
     fn evaluations(&self) -> u64 {
         u64::from(self.optimiser.generation()) * u64::from(self.population())
     }
 
-    /// The best of the search so far: the newest global best.
+    /// Returns the best of the search so far: the newest global best.
     fn best(&self) -> Option<&Scored> {
         self.archive.bests().last()
     }
 
-    /// Returns the findings of the search, if any of its evaluations succeeded.
+    /// Returns the result of the search, if any of its evaluations succeeded.
     fn found(&self) -> Option<Found> {
         Some(Found {
             first: self.archive.bests().first()?.clone(),
@@ -134,7 +134,7 @@ impl Evolve {
         })
     }
 
-    /// The finishing round's answers.
+    /// Returns the finishing round's examinations with their answers.
     fn done(&self, found: &Found) -> Vec<Done> {
         let answers = self.examined.iter().flatten().map(|answer| answer.scores.clone());
         self.plan.finishing(found).into_iter().zip(answers).collect()
@@ -146,7 +146,7 @@ impl Evolve {
                 let genotype = batch.genotypes.get(index as usize)?.clone();
                 match batch.ask {
                     Ask::Set => Some(Task::Evaluate { generation: *generation, candidate: index, genotype }),
-                    // No checked job has a search that needs it.
+                    // Checked jobs have no search that needs this.
                     Ask::Motion => None,
                 }
             }
@@ -154,7 +154,7 @@ impl Evolve {
         }
     }
 
-    /// The work that follows the search, or the finishing round. `None` if there is no best.
+    /// Returns the tasks of the next round; `None` if there is no best.
     fn next_work(&self) -> Option<Work> {
         let generation = self.optimiser.generation();
         if generation < self.generations() {
@@ -169,7 +169,7 @@ impl Evolve {
         Some(Work::Reporting(self.plan.reporting(&found, &winner, &done)))
     }
 
-    /// Goes on to the next round.
+    /// Moves on to the next round.
     fn next(&mut self) -> Step {
         if self.optimiser.generation() >= self.generations()
             && self.examined.is_none()
@@ -212,7 +212,7 @@ impl Evolve {
         Told { row: Some(row), step: self.next() }
     }
 
-    /// All is examined: the report.
+    /// Makes the report, once all examinations are complete.
     fn report(&self, examinations: &[Examination], results: Vec<TaskResult>) -> Step {
         let Some(found) = self.found() else { return Step::Failed("the search is over without a best".to_owned()) };
         let mut done = self.done(&found);
@@ -234,12 +234,12 @@ impl Evolve {
                 media_type: "application/json".to_owned(),
                 content,
             }]),
-            Err(e) => Step::Failed(format!("the report can't be put together: {e}")),
+            Err(e) => Step::Failed(format!("the report can't be serialised: {e}")),
         }
     }
 }
 
-/// Returns the end of a job with results that are not those of its tasks, although they were checked.
+/// Fails a job because results do not fit their tasks although they were checked.
 fn unusable(reason: &str) -> Told {
     Told { row: None, step: Step::Failed(format!("a result is unusable: {reason}")) }
 }
@@ -284,7 +284,7 @@ impl Procedure for Evolve {
                 format!("the evaluation of candidate {candidate} of generation {generation}")
             }
             Some(Task::Examine(examination)) => format!("the examination of {examination}"),
-            None => format!("task {index}, which the round has not"),
+            None => format!("task {index}, which the round does not have"),
         }
     }
 
@@ -301,7 +301,7 @@ impl Procedure for Evolve {
     fn tell(&mut self, results: &[Arc<[u8]>]) -> Told {
         let wanted = self.round().tasks as usize;
         if results.len() != wanted {
-            return unusable(&format!("the round has {wanted} tasks and {} results", results.len()));
+            return unusable(&format!("the round has {wanted} tasks, but {} results", results.len()));
         }
         let read: Result<Vec<TaskResult>, Unreadable> = results.iter().map(|r| TaskResult::decode(r)).collect();
         let results = match read {

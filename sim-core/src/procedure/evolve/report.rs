@@ -1,5 +1,5 @@
-//! The report of a finished job: examined by workers once the search is over, put together by the coordinator, stored
-//! with the job, drawn by the command line.
+//! Report of a job that evolves. Workers do the examinations, the coordinator assembles the report and stores it with
+//! the job, and the command line draws it.
 
 use super::finish::{Done, Found, Plan, Question, scores};
 use crate::base::score::{Counts, mean};
@@ -8,75 +8,75 @@ use crate::search::Scored;
 use crate::search::archive::Archive;
 use serde::{Deserialize, Serialize};
 
-/// The report. Lengths in mu, angles in rad, times in s. Scores are `null` where an evaluation failed; lists of scores are
-/// empty where the job's finish does not ask for them.
+/// Report of a job that evolves. Lengths in mu, angles in rad, times in s. Scores are `null` for failed evaluations;
+/// lists of scores are empty if the job's finish does not include them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// The published winner.
     pub winner: Scored,
-    /// Its scores beside the search's.
+    /// The winner's scores in the finish.
     pub winner_scores: Rescored,
     /// The best of generation 0.
     pub first: Scored,
-    /// Its scores beside the search's.
+    /// Scores of the first generation's best in the finish.
     pub first_scores: Rescored,
-    /// The best of the search, by the search's own score.
+    /// The best of the search by the search's own score.
     pub best: Scored,
-    /// The archive, best on the reference setting first.
+    /// The archive, ordered by score on the reference setting, best first.
     pub archive: Vec<Archived>,
-    /// Every global best of the search, scored again without reuse, as they came.
+    /// Every global best of the search, scored again without reuse, in the order of generations.
     pub audits: Vec<Audit>,
-    /// Each of the winner's gaits, applied at the start.
+    /// Each of the winner's gaits, executed at the start.
     pub gaits: Vec<GaitTrace>,
-    /// The winner's tree, as the search scored it (its first, where a candidate has several).
+    /// The winner's tree as the search scored it; the first one if a candidate has several trees.
     pub tree: TreeRecord,
-    /// The tree's best path, run three ways.
+    /// The tree's best path, executed in three ways.
     pub paths: Vec<PathTrace>,
     /// Effort of the whole finish.
     pub counts: Counts,
 }
 
-/// Scores of one candidate, one a tree.
+/// Scores of one candidate, one per tree.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rescored {
-    /// On fresh RRT seeds, on the search's setting.
+    /// Scores on fresh RRT seeds, on the search's setting.
     pub fresh: Vec<Option<f64>>,
-    /// On fresh RRT seeds, on the reference setting.
+    /// Scores on fresh RRT seeds, on the reference setting.
     pub reference: Vec<Option<f64>>,
-    /// The trees of the search with every expansion simulated, none reused.
+    /// Scores of the search's trees with every expansion simulated and none reused.
     pub without_reuse: Vec<Option<f64>>,
-    /// As on the reference setting, with friction × 0.9.
+    /// Scores as in `reference`, with friction × 0.9.
     pub less_friction: Vec<Option<f64>>,
-    /// As on the reference setting, with friction × 1.1.
+    /// Scores as in `reference`, with friction × 1.1.
     pub more_friction: Vec<Option<f64>>,
 }
 
 /// A genotype of the archive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Archived {
-    /// With its score in the search.
+    /// The genotype with its score in the search.
     pub candidate: Scored,
-    /// Its scores on the reference setting.
+    /// Scores on the reference setting.
     pub reference: Vec<Option<f64>>,
 }
 
 /// A global best of the search, scored again without reuse.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Audit {
-    /// With its score in the search.
+    /// The global best with its score in the search.
     pub candidate: Scored,
-    /// The same trees with every expansion simulated.
+    /// Scores of the same trees with every expansion simulated.
     pub without_reuse: Vec<Option<f64>>,
 }
 
 impl Audit {
-    /// Score with reuse minus score without; `None` if that failed.
+    /// Returns the score with reuse minus the score without; `None` if the latter failed.
     pub fn gap(&self) -> Option<f64> {
         mean(&self.without_reuse).map(|without| self.candidate.score - without)
     }
 }
 
-/// Puts the report together from the answers of both rounds. `counts`: what they took.
+/// Assembles the report from the answers of both rounds. `counts` is the effort of both.
 pub fn report(plan: &Plan, found: Found, winner: Scored, done: &[Done], traces: Traces, counts: Counts) -> Report {
     let rescored = |candidate: &Scored| {
         let scores = |question| scores(done, question, candidate);
@@ -110,10 +110,10 @@ pub fn report(plan: &Plan, found: Found, winner: Scored, done: &[Done], traces: 
 }
 
 impl Report {
-    /// Returns the findings of the search, as far as the report has them: enough to repeat all examinations.
+    /// Returns the result of the search as far as the report holds it, which is enough to repeat all examinations.
     pub fn found(&self, plan: &Plan) -> Found {
         let entries = self.archive.iter().map(|a| a.candidate.clone()).collect();
-        // Back in the order of the search.
+        // Restores the order of the search.
         let archive = Archive::restore(plan.direction, plan.archive, entries, Vec::new());
         Found {
             first: self.first.clone(),

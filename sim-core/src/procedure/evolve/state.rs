@@ -1,4 +1,4 @@
-//! An evolution between two rounds, as it is stored.
+//! Stored state of an evolution between two rounds.
 
 use super::{Evolve, Examined, check};
 use crate::base::encoding::{self, Bytes};
@@ -23,7 +23,7 @@ struct Saved {
 }
 
 impl Evolve {
-    /// The state between two rounds.
+    /// Returns the state between two rounds.
     pub(super) fn state(&self) -> Vec<u8> {
         encoding::encode(
             FORMAT,
@@ -38,23 +38,23 @@ impl Evolve {
         )
     }
 
-    /// An evolution as it was saved.
+    /// Restores an evolution from a saved state.
     pub fn load(job: &Checked, saved: &[u8]) -> Result<Self, BadState> {
         let saved: Saved = encoding::decode(FORMAT, saved).map_err(|e| BadState(e.to_string()))?;
         let mut evolve = Self::new(job);
         evolve.optimiser.restore(&saved.optimiser.0).map_err(|e| BadState(e.0))?;
         let (generation, generations) = (evolve.optimiser.generation(), evolve.generations());
         if generation > generations {
-            return Err(BadState(format!("it is at generation {generation} and the job has {generations}")));
+            return Err(BadState(format!("it is at generation {generation}, but the job has {generations}")));
         }
         evolve.archive = archive(&evolve, saved.entries, saved.bests)?;
         let evaluations = evolve.evaluations();
         if saved.failed > evaluations {
-            return Err(BadState(format!("{} of {evaluations} evaluations failed", saved.failed)));
+            return Err(BadState(format!("it counts {} failed of {evaluations} evaluations", saved.failed)));
         }
         if (saved.failed == evaluations) != evolve.best().is_none() {
             return Err(BadState(
-                "it has a best although all evaluations failed, or none although not all did".to_owned(),
+                "it has a best although all evaluations failed, or no best although some succeeded".to_owned(),
             ));
         }
         (evolve.counts, evolve.failed) = (saved.counts, saved.failed);
@@ -68,7 +68,7 @@ impl Evolve {
     }
 }
 
-/// The archive, if it holds what a search of this job can have found.
+/// Restores the archive, if its entries are possible for a search of this job.
 fn archive(evolve: &Evolve, entries: Vec<Scored>, bests: Vec<Scored>) -> Result<Archive, BadState> {
     let (plan, job) = (&evolve.plan, &evolve.job);
     let (generation, population) = (evolve.optimiser.generation(), evolve.population());
@@ -80,13 +80,13 @@ fn archive(evolve: &Evolve, entries: Vec<Scored>, bests: Vec<Scored>) -> Result<
     };
     if let Some(odd) = entries.iter().chain(&bests).find(|scored| !fits(scored)) {
         return Err(BadState(format!(
-            "candidate {} of generation {} in its archive is none of this job",
+            "candidate {} of generation {} in its archive does not fit this job",
             odd.candidate, odd.generation
         )));
     }
     let rises = bests.windows(2).all(|pair| plan.direction.better(Some(pair[1].score), Some(pair[0].score)));
     if bests.len() > MAX_BESTS || !rises {
-        return Err(BadState("its global bests do not get better one by one".to_owned()));
+        return Err(BadState("each of its global bests must be better than the one before".to_owned()));
     }
     let restored = Archive::restore(plan.direction, plan.archive, entries.clone(), bests);
     if restored.entries() != entries {
@@ -95,7 +95,7 @@ fn archive(evolve: &Evolve, entries: Vec<Scored>, bests: Vec<Scored>) -> Result<
     Ok(restored)
 }
 
-/// Refuses answers before the search is over, and others than the finishing round asks for.
+/// Rejects answers before the end of the search, and answers that do not match the finishing round's examinations.
 fn check_answers(evolve: &Evolve) -> Result<(), BadState> {
     let Some(answers) = &evolve.examined else { return Ok(()) };
     let over = evolve.optimiser.generation() == evolve.generations();
@@ -108,5 +108,5 @@ fn check_answers(evolve: &Evolve) -> Result<(), BadState> {
             answer.scores.len() == check::scores_of(&evolve.job, examination.question)
                 && answer.scores.iter().all(|&score| check::in_range(&evolve.job, score).is_ok())
         });
-    if fits { Ok(()) } else { Err(BadState("its answers are not those of the examinations".to_owned())) }
+    if fits { Ok(()) } else { Err(BadState("its answers do not match the examinations".to_owned())) }
 }

@@ -1,15 +1,15 @@
-//! The distribution of a generation's scores in seven numbers.
+//! Statistics of a generation's scores.
 
 use crate::base::score::Counts;
 use crate::base::statistics::quantile;
 use crate::procedure::values::{counted, number};
 use crate::procedure::{Row, Value};
 
-/// The series of the rows.
+/// Name of the series.
 pub(super) const SERIES: &str = "generations";
 
-/// A generation's row: statistics over the evaluations that did not fail, without a value if all did, then what it took.
-/// For the definition of quartiles see [`quantile`].
+/// Returns a generation's row: statistics of the evaluations that succeeded (without values if all failed), and the
+/// effort of all. Quartiles are defined as in [`quantile`].
 pub(super) fn row(
     generation: u32,
     scores: &[Option<f64>],
@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn quartiles_are_those_of_numpy() {
+    fn quartiles_match_numpy() {
         let row = row(3, &[Some(4.0), None, Some(1.0), Some(2.0), Some(3.0)], Counts::default(), Some(9.0), "%");
         assert_eq!(values(&row)[..5], [1.0, 1.75, 2.5, 3.25, 4.0].map(Some));
         assert_eq!(
@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_success_there_is_no_number() {
+    fn statistics_without_success_have_no_values() {
         let row = row(0, &[None, None], Counts::default(), None, "%");
         assert_eq!(values(&row)[..7], [None; 7]);
         assert_eq!(values(&row)[7], Some(2.0));

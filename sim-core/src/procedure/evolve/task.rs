@@ -1,4 +1,4 @@
-//! Tasks of an evolution and their results, as bytes.
+//! Tasks of an evolution and their results, encoded as bytes.
 
 use crate::base::encoding::encoded;
 use crate::base::score::Counts;
@@ -13,10 +13,10 @@ const TASK: u8 = 0xB1;
 /// First byte of an encoded result.
 const RESULT: u8 = 0xC1;
 
-/// One piece of work of a round.
+/// A task of a round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Task {
-    /// A candidate of the search has to be scored.
+    /// Scoring of a candidate of the search.
     Evaluate {
         /// Generation, from 0.
         generation: u32,
@@ -25,29 +25,29 @@ pub enum Task {
         /// Its parameters.
         genotype: Genotype,
     },
-    /// A question about a candidate has to be answered.
+    /// Examination of a candidate.
     Examine(Examination),
 }
 
 /// Outcome of a task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TaskResult {
-    /// That of [`Task::Evaluate`].
+    /// Result of [`Task::Evaluate`].
     Evaluated {
         /// The genotype that was scored, if it is not the one sent.
         genotype: Option<Genotype>,
-        /// The score; `None` where the evaluation failed.
+        /// The score; `None` if the evaluation failed.
         score: Option<f64>,
         /// Descriptors of the candidate's behaviour, for searches that use them.
         descriptors: Vec<f64>,
-        /// Its effort.
+        /// Effort of the evaluation.
         counts: Counts,
     },
-    /// That of [`Task::Examine`].
+    /// Result of [`Task::Examine`].
     Examined {
-        /// One a tree; `None` where the evaluation failed.
+        /// Scores, one per tree; `None` for a failed evaluation.
         scores: Vec<Option<f64>>,
-        /// Its effort.
+        /// Effort of the examination.
         counts: Counts,
         /// Traces, for the question that needs them.
         traces: Option<Traces>,
@@ -57,7 +57,7 @@ pub enum TaskResult {
 encoded!(Task = TASK, TaskResult = RESULT);
 
 impl fmt::Display for TaskResult {
-    /// Such as "score 12.5 (bits 4029000000000000)", "scores failed, failed" or "traces".
+    /// Writes a summary such as "score 12.5 (bits 4029000000000000)", "scores failed, failed" or "traces".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let shown = |score: &Option<f64>| match score {
             Some(score) => format!("{score} (bits {:016x})", score.to_bits()),

@@ -17,13 +17,13 @@ impl From<Stopped> for NotRun {
 /// Candidates of one generation.
 #[derive(Default)]
 struct Batch {
-    /// Each one's place among the tasks.
+    /// Position of each candidate among the tasks.
     places: Vec<usize>,
     /// Index in the generation, and genotype.
     candidates: Vec<(u32, Genotype)>,
 }
 
-/// Carries tasks out: all evaluations of a generation in one batch, so that they fill an engine's lanes together.
+/// Carries out tasks: all evaluations of a generation in one batch, so that together they fill an engine's lanes.
 pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
     let stop = || hooks.stop();
     let mut generations: BTreeMap<u32, Batch> = BTreeMap::new();
@@ -62,8 +62,8 @@ fn answer(job: &Job, examination: &Examination, stop: &dyn Fn() -> bool) -> Resu
     Ok(TaskResult::Examined { scores, counts, traces })
 }
 
-/// Refuses a candidate that no search of the job can have sent.
+/// Rejects a candidate that is impossible for a search of the job.
 fn fits(job: &Job, index: u32, genotype: &Genotype) -> Result<(), NotRun> {
-    let refused = |misfit| NotRun::Task(format!("task {index}: its genome is not of this job: {misfit}"));
+    let refused = |misfit| NotRun::Task(format!("task {index}: its genome does not fit this job: {misfit}"));
     job.space().check(genotype).map_err(refused)
 }

@@ -1,11 +1,11 @@
-//! Requirements on a task's result before any of it is stored.
+//! Checks of a task's result before any of it is stored.
 
 use super::{Fault, Grown, Task, TaskResult, Tried};
 use crate::model::Place;
 use crate::problem::Checked;
 use crate::procedure::possible::{Most, counted, traces_of};
 
-/// Refuses a result that can't be that of the task.
+/// Rejects a result that is impossible for the task.
 pub(super) fn check(job: &Checked, task: Task, result: &[u8]) -> Result<(), Fault> {
     match (task, TaskResult::decode(result)?) {
         (Task::Grow { .. }, TaskResult::Grown(one)) => tried(job, &one),
@@ -19,7 +19,7 @@ pub(super) fn check(job: &Checked, task: Task, result: &[u8]) -> Result<(), Faul
     }
 }
 
-/// Refuses a tree that can't be one of the job.
+/// Rejects a tree that is impossible for the job.
 pub(super) fn tried(job: &Checked, Tried { grown, counts }: &Tried) -> Result<(), Fault> {
     counted(counts, &Most::of_trees(job, job, 1, true))?;
     grown.as_ref().map_or(Ok(()), |grown| in_short(job, grown).map_err(Fault::Impossible))
@@ -31,7 +31,7 @@ fn in_short(job: &Checked, grown: &Grown) -> Result<(), String> {
         return Err(format!("score {} is out of range: allowed is {min} to {max}", grown.score));
     }
     if grown.coverage.is_some_and(|coverage| !(0.0..=100.0).contains(&coverage)) {
-        return Err("its coverage is no share: allowed is 0 to 100 %".to_owned());
+        return Err("its coverage is out of range: allowed is 0 to 100 %".to_owned());
     }
     let (gaits, most) = (job.gaits().count, job.spec().planner.iterations as usize);
     if grown.plan.len() > most {
@@ -40,7 +40,7 @@ fn in_short(job: &Checked, grown: &Grown) -> Result<(), String> {
     for (i, step) in grown.plan.iter().enumerate() {
         let finite = [step.x, step.y, step.z, step.yaw].iter().all(|v| v.is_finite());
         if step.gait >= gaits || !finite || !job.environment().contains(step.x, step.y) {
-            return Err(format!("step {i} of its plan is with no gait of the job, or leads off the map"));
+            return Err(format!("step {i} of its plan has an unknown gait, or leads outside the map"));
         }
     }
     let start = job.environment().start;

@@ -1,8 +1,9 @@
-//! Planning with given gaits, as in section V-C of Vonásek and Faigl (2016): trees with random numbers of their own, and
-//! of each the plan that leads nearest to the goal, or farthest where there is none.
+//! Planning with given gaits, as in section V-C of Vonásek and Faigl (2016). Grows several trees with their own random
+//! numbers. The plan of a tree leads to the node nearest to the goal, or without a goal to the node farthest from the
+//! root.
 //!
-//! Rounds are *planning*, a task a tree; and *tracing*, where the best tree is grown again and written down with its plan
-//! run in three ways. The best has the best score by the job's fitness, ties to the first.
+//! There are two rounds. *Planning* has one task per tree. *Tracing* grows the best tree again and records it, with its
+//! plan executed in three ways. The best tree has the best score by the job's fitness; ties go to the first.
 
 mod check;
 mod report;
@@ -28,7 +29,7 @@ use std::sync::Arc;
 /// First byte of a saved state.
 const FORMAT: u8 = 0xD2;
 
-/// The kind, for the registry.
+/// The procedure `plan`, for the registry.
 pub struct Kind;
 
 impl Component for Kind {
@@ -54,20 +55,20 @@ impl ProcedureKind for Kind {
 /// The coordinator's side of a job that plans.
 struct Planning {
     job: Checked,
-    /// Once planning is over: what came of each tree, and which is the best.
+    /// After planning, the result of each tree and the index of the best one.
     grown: Option<(Vec<Tried>, u32)>,
 }
 
 /// Result of a tree.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tried {
-    /// `None` where the evaluation failed.
+    /// The tree; `None` if the evaluation failed.
     pub grown: Option<Grown>,
-    /// Its effort.
+    /// Effort of the tree.
     pub counts: Counts,
 }
 
-/// A state between two rounds.
+/// Saved state between two rounds.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     tried: Option<Vec<Tried>>,
@@ -83,7 +84,7 @@ impl Planning {
         let mut planning = Self { job: job.clone(), grown: None };
         let Some(tried) = tried else { return Ok(planning) };
         if tried.len() != planning.seeds() as usize {
-            return Err(BadState(format!("it has {} trees and the job {}", tried.len(), planning.seeds())));
+            return Err(BadState(format!("it has {} trees, but the job has {}", tried.len(), planning.seeds())));
         }
         for one in &tried {
             check::tried(job, one).map_err(|fault| BadState(fault.to_string()))?;
@@ -93,7 +94,7 @@ impl Planning {
         Ok(planning)
     }
 
-    /// The tree with the best score, ties to the first; `None` if all failed.
+    /// Returns the tree with the best score; ties go to the first. `None` if all failed.
     fn best(&self, tried: &[Tried]) -> Option<u32> {
         let scores: Vec<Option<f64>> = tried.iter().map(|t| t.grown.as_ref().map(|grown| grown.score)).collect();
         self.job.direction().best(&scores).map(|(index, _)| index as u32)
@@ -116,7 +117,7 @@ impl Planning {
             TaskResult::Traced { .. } => None,
         });
         let Some(tried) = tried.collect::<Option<Vec<Tried>>>() else {
-            return Step::Failed("a result is unusable: traces where a tree was asked for".to_owned());
+            return Step::Failed("a result is unusable: traces instead of a tree".to_owned());
         };
         match self.best(&tried) {
             Some(best) => {
@@ -154,7 +155,7 @@ impl Procedure for Planning {
         match self.at(index) {
             Some(Task::Grow { seed }) => format!("tree {seed}"),
             Some(Task::Trace { seed }) => format!("the traces of tree {seed}"),
-            None => format!("task {index}, which the round has not"),
+            None => format!("task {index}, which the round does not have"),
         }
     }
 
@@ -174,7 +175,7 @@ impl Procedure for Planning {
         let step = match (read, &self.grown) {
             (Err(unreadable), _) => Step::Failed(format!("a result is unusable: {unreadable}")),
             (Ok(read), _) if read.len() != wanted => {
-                Step::Failed(format!("the round has {wanted} tasks and {} results", read.len()))
+                Step::Failed(format!("the round has {wanted} tasks, but {} results", read.len()))
             }
             (Ok(read), None) => self.planned(read),
             (Ok(mut read), Some((tried, best))) => match read.pop() {
@@ -185,10 +186,10 @@ impl Procedure for Planning {
                             media_type: "application/json".to_owned(),
                             content,
                         }]),
-                        Err(e) => Step::Failed(format!("the report can't be put together: {e}")),
+                        Err(e) => Step::Failed(format!("the report can't be serialised: {e}")),
                     }
                 }
-                _ => Step::Failed("a result is unusable: a tree where traces were asked for".to_owned()),
+                _ => Step::Failed("a result is unusable: a tree instead of traces".to_owned()),
             },
         };
         Told { row: None, step }
@@ -225,16 +226,16 @@ impl Procedure for Planning {
 /// A fault of a result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
-    /// It can't be read.
+    /// The bytes can't be read.
     #[error("{0}")]
     Unreadable(#[from] Unreadable),
-    /// Traces for a tree, or the other way round.
-    #[error("it is not of the kind that was asked for")]
+    /// Traces instead of a tree, or the other way round.
+    #[error("it is not of the kind that the task needs")]
     Kind,
-    /// Counts that the job's budget rules out.
+    /// A count exceeds the job's budget.
     #[error(transparent)]
     Count(#[from] Uncountable),
-    /// Numbers that no tree of the job has, or traces that do not belong to it.
+    /// Numbers that are impossible for a tree of the job, or traces that do not fit the job.
     #[error("{0}")]
     Impossible(String),
 }

@@ -1,22 +1,22 @@
-//! The report of a job that planned: put together by the coordinator, stored with the job, drawn by the command line.
+//! Report of a job that plans. The coordinator assembles it and stores it with the job; the command line draws it.
 
 use super::{Grown, Tried};
 use crate::base::score::Counts;
 use crate::report::{GaitTrace, PathTrace, Traces, TreeRecord};
 use serde::{Deserialize, Serialize};
 
-/// The report. Lengths in mu, angles in rad, times in s.
+/// Report of a job that plans. Lengths in mu, angles in rad, times in s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlanReport {
     /// Result of each tree, by seed; `null` for a failed evaluation.
     pub plans: Vec<Option<Grown>>,
-    /// The seed of the tree with the best score, from 0.
+    /// Seed of the tree with the best score, from 0.
     pub best: u32,
-    /// Each gait, applied at the start.
+    /// Each gait, executed at the start.
     pub gaits: Vec<GaitTrace>,
     /// The best tree.
     pub tree: TreeRecord,
-    /// Its plan, run in three ways.
+    /// The best tree's plan, executed in three ways.
     pub paths: Vec<PathTrace>,
     /// Effort of all trees.
     pub counts: Counts,

@@ -1,4 +1,4 @@
-//! Tasks of a job that plans and their results, as bytes.
+//! Tasks of a job that plans and their results, encoded as bytes.
 
 use super::Tried;
 use crate::base::encoding::encoded;
@@ -14,15 +14,15 @@ const TASK: u8 = 0xB2;
 /// First byte of an encoded result.
 const RESULT: u8 = 0xC2;
 
-/// One piece of work of a round.
+/// A task of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Task {
-    /// A tree has to be grown.
+    /// Growth of a tree.
     Grow {
         /// Index of the tree, from 0.
         seed: u32,
     },
-    /// A tree has to be grown again and written down.
+    /// Growth of a tree again, with a record of it.
     Trace {
         /// Index of the tree, from 0.
         seed: u32,
@@ -32,49 +32,50 @@ pub enum Task {
 /// Outcome of a task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TaskResult {
-    /// That of [`Task::Grow`].
+    /// Result of [`Task::Grow`].
     Grown(Tried),
-    /// That of [`Task::Trace`].
+    /// Result of [`Task::Trace`].
     Traced {
-        /// The gaits, the tree, and its plan run in three ways.
+        /// The gaits, the tree, and its plan executed in three ways.
         traces: Traces,
-        /// Its effort.
+        /// Effort of the task.
         counts: Counts,
     },
 }
 
-/// A tree in short. Lengths in mu, angles in rad.
+/// Summary of a tree. Lengths in mu, angles in rad.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grown {
-    /// Its score by the job's fitness.
+    /// Score by the job's fitness.
     pub score: f64,
     /// True if a node is within the goal's radius; false without a goal.
     pub reached: bool,
     /// Least planar distance of a node to the goal; `None` without a goal.
     pub distance: Option<f64>,
-    /// Share of the map's cells that hold a node, percent, in cells as the job's fitness has them or of 2 mu; `None` where
+    /// Share of the map's cells that hold a node, percent. Cells are those of the job's fitness, or of 2 mu. `None` if
     /// the map has too many of them.
     pub coverage: Option<f64>,
-    /// The plan: the gaits from the root to the node nearest to the goal, or without a goal to the farthest from the root.
+    /// The plan: gaits from the root to the node nearest to the goal, or without a goal to the node farthest from the
+    /// root.
     pub plan: Vec<Step>,
 }
 
-/// A gait of a plan, and where it leads.
+/// A gait of a plan, and the place where it leads.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// The gait, from 0.
+    /// Index of the gait, from 0.
     pub gait: u32,
     /// x of the pivot's arrival, mu.
     pub x: f64,
     /// y of the pivot's arrival, mu.
     pub y: f64,
-    /// Height of the pivot.
+    /// Height of the pivot, mu.
     pub z: f64,
-    /// Heading, in (−π, π].
+    /// Heading, rad, in (−π, π].
     pub yaw: f64,
 }
 
-/// The random numbers of a tree.
+/// Returns the random stream of a tree.
 pub fn stream(job: &Job, seed: u32) -> Stream {
     Stream::new(job.spec().seed, Purpose::Plan, 0, 0, seed)
 }
@@ -82,7 +83,7 @@ pub fn stream(job: &Job, seed: u32) -> Stream {
 encoded!(Task = TASK, TaskResult = RESULT);
 
 impl fmt::Display for TaskResult {
-    /// Such as "score 12.5 (bits 4029000000000000), a plan of 4 gaits", "failed" or "traces".
+    /// Writes a summary such as "score 12.5 (bits 4029000000000000), a plan of 4 gaits", "failed" or "traces".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Grown(Tried { grown: Some(Grown { score, plan, .. }), .. }) => {

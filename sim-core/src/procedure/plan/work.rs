@@ -12,8 +12,8 @@ use crate::problem::Job;
 use crate::procedure::{Hooks, NotRun};
 use crate::report::{end_of_plan, traces};
 
-/// Carries tasks out: all trees in one batch, so that they fill an engine's lanes together. Each has a table of transitions
-/// of its own, so what it grows into does not depend on the others.
+/// Carries out tasks: all trees in one batch, so that together they fill an engine's lanes. Each tree has its own table
+/// of transitions, so it does not depend on the others.
 pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
     let gaits = job.given_gaits().ok_or_else(|| NotRun::Task("the job has no gaits".to_owned()))?;
     let stop = || hooks.stop();
@@ -42,7 +42,8 @@ fn traced(job: &Job, gaits: &Genotype, seed: u32, stop: &dyn Fn() -> bool) -> Re
     Ok(TaskResult::Traced { traces, counts })
 }
 
-/// Coverage in the cells of the job's fitness, or in default cells.
+/// Returns the objective of coverage with the cells of the job's fitness, or with default cells. `None` if it can't be
+/// used on the job's map.
 fn coverage(job: &Job) -> Option<Box<dyn Objective>> {
     let fitness = job.fitness_spec();
     let defaults = Settings::defaults(Coverage.settings());

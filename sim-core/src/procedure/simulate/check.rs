@@ -1,4 +1,4 @@
-//! Requirements on a task's result before any of it is stored.
+//! Checks of a task's result before any of it is stored.
 
 use super::{Drawn, Ended, Recorded, Run, Task, TaskResult};
 use crate::base::encoding::Unreadable;
@@ -7,27 +7,27 @@ use crate::procedure::possible::{Most, Uncountable, counted, samples_of};
 
 /// Longest reason of a run's end, in bytes.
 const MAX_REASON: usize = 4096;
-/// Most points of a path, but for the ends of each step.
+/// Most points of a path, without the ends of its steps.
 const MAX_POINTS: usize = 256;
 
 /// A fault of a result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
-    /// It can't be read.
+    /// The bytes can't be read.
     #[error("{0}")]
     Unreadable(#[from] Unreadable),
-    /// Samples for a repeat, or the other way round, or other ways than the job's.
-    #[error("it is not of the kind that was asked for")]
+    /// Samples for a repeat, a repeat instead of samples, or other ways than the job's.
+    #[error("it is not of the kind that the task needs")]
     Kind,
-    /// Counts that the job's budget rules out.
+    /// A count exceeds the job's budget.
     #[error(transparent)]
     Count(#[from] Uncountable),
-    /// Numbers that no run of the job has.
+    /// Numbers that are impossible for a run of the job.
     #[error("{0}")]
     Impossible(String),
 }
 
-/// Refuses what can't be a result of a task.
+/// Rejects a result that is impossible for the task.
 pub(super) fn check(job: &Checked, task: Task, result: &[u8]) -> Result<(), Fault> {
     let result = TaskResult::decode(result)?;
     let (runs, counts) = result.runs();
@@ -61,14 +61,14 @@ fn one(job: &Checked, simulate: &SimulateSpec, run: &Run, drawn: &Drawn) -> Resu
     let finite = run.end.iter().chain(run.path.iter().flatten()).all(|v| v.is_finite());
     let numbers = [run.seconds, run.travelled, run.turnover, run.touched.unwrap_or(0.0)];
     if !finite || !run.work.is_finite() || numbers.iter().any(|v| !v.is_finite() || *v < 0.0) {
-        return Err("a number of it is not finite, or a time, length or turnover is negative".to_owned());
+        return Err("one of its numbers is not finite, or a time, length or turnover is negative".to_owned());
     }
-    // Both are sums of the same products; rounding may differ.
+    // Both are sums of the same products, but may differ by rounding.
     if run.work.abs() > run.turnover * (1.0 + 1e-4) + 1e-6 {
         return Err(format!("its work {} is more than its turnover {}", run.work, run.turnover));
     }
     if run.contact.len() != job.robot().bodies.len() || run.contact.iter().any(|share| !(0.0..=1.0).contains(share)) {
-        return Err("its contacts are not a share for each body of the robot".to_owned());
+        return Err("its contacts must be a share of 0 to 1 for each body of the robot".to_owned());
     }
     let gaits = job.gaits().count;
     let steps: Vec<u32> = simulate.steps.iter().flatten().map(|step| step - 1).collect();
@@ -104,7 +104,7 @@ fn one(job: &Checked, simulate: &SimulateSpec, run: &Run, drawn: &Drawn) -> Resu
 fn samples(job: &Checked, recorded: &Recorded) -> Result<(), String> {
     let bodies = job.robot().bodies.len();
     if recorded.touching.len() != recorded.samples.len() || recorded.touching.iter().any(|row| row.len() != bodies) {
-        return Err("it has not the contacts of each body at each sample".to_owned());
+        return Err("it must have the contacts of each body at each sample".to_owned());
     }
     if recorded.samples.is_empty() {
         let began = !matches!(recorded.run.ended, Ended::NoStart(_)) && recorded.run.seconds > 0.0;

@@ -1,8 +1,8 @@
-//! Simulating a given motion: a gait, a plan, a table of joint targets or the neutral pose, with repeats in which friction,
+//! Simulation of a given motion: a gait, a plan, a table of joint targets or the neutral pose. In repeats, friction,
 //! motors, joints, targets or the start vary.
 //!
-//! There is one round, *simulating*: a task a repeat, and one more for the motion with nothing varied, which is written down
-//! with samples. Repeats draw from streams of their own, so none depends on another.
+//! The only round is *simulating*. It has a task per repeat, and one more for the motion with nothing varied, which is
+//! recorded with samples. Every repeat has its own random streams, so repeats do not depend on each other.
 
 mod check;
 mod replan;
@@ -26,10 +26,10 @@ use std::sync::Arc;
 
 /// First byte of a saved state.
 const FORMAT: u8 = 0xD4;
-/// Name of the one phase.
+/// Name of the only phase.
 const PHASE: &str = "simulating";
 
-/// The kind, for the registry.
+/// The procedure `simulate`, for the registry.
 pub struct Kind;
 
 impl Component for Kind {
@@ -56,7 +56,7 @@ impl ProcedureKind for Kind {
 /// The coordinator's side of a job that simulates.
 struct Simulating {
     job: Checked,
-    /// Sums over all runs, once they are done.
+    /// Sum of the counts of all runs, once they are complete.
     counts: Option<Counts>,
 }
 
@@ -95,7 +95,7 @@ impl Simulating {
             report.counts += counts;
         }
         self.counts = Some(report.counts);
-        serde_json::to_vec(&report).map_err(|e| format!("the report can't be put together: {e}"))
+        serde_json::to_vec(&report).map_err(|e| format!("the report can't be serialised: {e}"))
     }
 }
 
@@ -120,7 +120,7 @@ impl Procedure for Simulating {
         match self.at(index) {
             Some(Task::Repeat { repeat }) => format!("repeat {repeat}"),
             Some(Task::Unvaried) => "the motion with nothing varied".to_owned(),
-            None => format!("task {index}, which the round has not"),
+            None => format!("task {index}, which the round does not have"),
         }
     }
 
@@ -146,7 +146,7 @@ impl Procedure for Simulating {
                 Err(reason) => Step::Failed(reason),
             }
         } else {
-            Step::Failed(format!("the round has {wanted} tasks and {} results", results.len()))
+            Step::Failed(format!("the round has {wanted} tasks, but {} results", results.len()))
         };
         Told { row: None, step }
     }

@@ -1,5 +1,5 @@
-//! Plans that are made anew where a motion leads elsewhere than planned: section I of Vonásek and Faigl (2016) names such
-//! a feedback by re-planning as the way to carry plans out.
+//! Replanning: a new plan is made if a motion deviates from its plan. Section I of Vonásek and Faigl (2016) names such
+//! feedback as the way to execute plans.
 
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Counts;
@@ -14,17 +14,17 @@ use crate::plan::{PlannerSettings, Reuse};
 use crate::problem::{Job, ReplanSpec, SimulateSpec};
 use crate::report::end_of_plan;
 
-/// A plan that is being carried out.
+/// A plan in execution.
 pub(super) struct Replanning<'a> {
     job: &'a Job,
-    /// The job that plans are made on.
+    /// The job on which plans are made.
     planning: &'a Job,
     spec: &'a ReplanSpec,
     repeat: Option<u32>,
     stop: &'a dyn Fn() -> bool,
-    /// Steps that are left, the next one last: the gait, and its end in the plan if there is one.
+    /// Remaining steps, the next one last: the gait, and its planned end if the job gives one.
     left: Vec<(u32, Option<Place>)>,
-    /// End of the last step in the plan.
+    /// Planned end of the last step.
     expected: Option<Place>,
     made: u32,
 }
@@ -47,12 +47,13 @@ impl<'a> Replanning<'a> {
         Self { job, planning, spec, repeat, stop, left, expected: None, made: 0 }
     }
 
-    /// Plans that were made.
+    /// Returns the number of plans that were made.
     pub fn made(&self) -> u32 {
         self.made
     }
 
-    /// The next gait of a robot that stands there; `None` at the goal, and where no plan leads on.
+    /// Returns the next gait for a robot that stands at `at`. `None` if the robot is at the goal, no further plan is
+    /// allowed, or the plan has no steps.
     pub fn next(&mut self, at: &Standing, counts: &mut Counts) -> Result<Option<u32>, Stopped> {
         let goal = self.job.environment().goal;
         if goal.is_some_and(|goal| {
@@ -99,10 +100,10 @@ impl<'a> Replanning<'a> {
     }
 }
 
-/// A job's scene with its robot elsewhere.
+/// A job's scene with another start of the robot.
 struct From<'a> {
     job: &'a Job,
-    /// In the canonical frame.
+    /// Start configuration in the canonical frame.
     start: State,
     root: Place,
 }

@@ -1,4 +1,4 @@
-//! Tasks of a job that simulates and their results, as bytes.
+//! Tasks of a job that simulates and their results, encoded as bytes.
 
 use super::Drawn;
 use crate::base::encoding::encoded;
@@ -14,80 +14,82 @@ const TASK: u8 = 0xB4;
 /// First byte of an encoded result.
 const RESULT: u8 = 0xC4;
 
-/// One piece of work.
+/// A task of the round.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Task {
-    /// The motion, in all ways of the job.
+    /// A repeat: the motion in all ways of the job, with the repeat's draws.
     Repeat {
         /// Index of the repeat, from 0.
         repeat: u32,
     },
-    /// The same with nothing varied, written down.
+    /// The motion in all ways with nothing varied, recorded with samples.
     Unvaried,
 }
 
-/// Outcome of a task: a run a way, in the order of the job.
+/// Result of a task: one run for each way, in the job's order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TaskResult {
-    /// That of [`Task::Repeat`].
+    /// Result of [`Task::Repeat`].
     Repeated(Vec<Run>, Counts),
-    /// That of [`Task::Unvaried`].
+    /// Result of [`Task::Unvaried`].
     Unvaried(Vec<Recorded>, Counts),
 }
 
 /// A motion carried out once. Lengths in mu, angles in rad, times in s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// Way in which its steps followed each other.
+    /// Way in which the steps followed each other.
     pub way: Way,
-    /// Values drawn for it.
+    /// Values drawn for the run.
     pub drawn: Drawn,
-    /// End of the run.
+    /// Reason of the run's end.
     pub ended: Ended,
-    /// Simulated time until it ended.
+    /// Simulated time until the end.
     pub seconds: f64,
     /// Place of the pivot at the end: x, y, z, yaw.
     pub end: [f64; 4],
-    /// Length of the pivot's way in the plane, over samples 1/20 s apart.
+    /// Length of the pivot's path in the plane, over samples 1/20 s apart.
     pub travelled: f64,
-    /// When it first touched an obstacle. Obstacles are not simulated: what comes later goes through it.
+    /// Time of the first touch of an obstacle. Obstacles are not simulated, so the motion after it passes through the
+    /// obstacle.
     pub touched: Option<f64>,
     /// True if the pivot left the map.
     pub left_map: bool,
     /// Mechanical work of the motors, kg·mu²/s².
     pub work: f64,
-    /// The same without signs.
+    /// Sum of the absolute values of that work.
     pub turnover: f64,
-    /// Of each body, the share of samples at which it touched the ground or terrain.
+    /// For each body, the share of samples at which it touched the ground or terrain.
     pub contact: Vec<f64>,
-    /// The gaits that were carried out in turn, from 0; none of a motion that is not made of gaits.
+    /// Indexes of the executed gaits in order, from 0; empty for a motion without gaits.
     pub gaits: Vec<u32>,
-    /// Plans that were made anew.
+    /// Number of new plans.
     pub replans: u32,
     /// The pivot's path, (x, y) in the map.
     pub path: Vec<[f64; 2]>,
 }
 
-/// End of a run.
+/// Reason of a run's end.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ended {
-    /// After all of the motion; of one that is planned anew also once it has reached the goal, touched an obstacle or has no plan.
+    /// The whole motion was executed. With replanning also: the robot reached the goal, touched an obstacle, or no plan
+    /// was left.
     Completed,
-    /// The simulation broke; why.
+    /// The simulation broke, for this reason.
     Broken(String),
-    /// It did not begin: the robot can't stand where it would start; why.
+    /// The run did not begin, since the robot can't stand at its start, for this reason.
     NoStart(String),
 }
 
-/// A run with all that is to be seen of it.
+/// A run with its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recorded {
     /// The run.
     pub run: Run,
-    /// Samples over time, at equal steps.
+    /// Samples at equal time steps.
     pub samples: Vec<TraceSample>,
-    /// At each sample, of each body whether it touches the ground or terrain.
+    /// For each sample and body, true if the body touches the ground or terrain.
     pub touching: Vec<Vec<bool>>,
 }
 
@@ -104,25 +106,25 @@ impl Run {
         Place { x, y, z, yaw }
     }
 
-    /// Returns the displacement in the frame of its start: x ahead, y to the left, yaw turned in (−π, π].
+    /// Returns the displacement in the frame of the start: x ahead, y to the left, yaw in (−π, π].
     pub fn displacement(&self) -> Place {
         self.start().seen(&self.end())
     }
 
-    /// Planar distance from the end to the goal; `None` without a goal.
+    /// Returns the planar distance from the end to the goal; `None` without a goal.
     pub fn distance(&self, job: &Checked) -> Option<f64> {
         job.environment().goal.map(|goal| self.end().planar_distance(&Place { x: goal.x, y: goal.y, ..Place::ORIGIN }))
     }
 
-    /// Returns the planar distance from its end to the end of the plan; `None` without places, or with replanning.
+    /// Returns the planar distance from the end to the planned end; `None` if the job gives no places, or replans.
     pub fn deviation(&self, job: &Checked) -> Option<f64> {
         let simulate = job.spec().simulate.as_ref().filter(|simulate| simulate.replan.is_none())?;
         let &[x, y, ..] = simulate.places.as_ref()?.last()?;
         Some(self.end().planar_distance(&Place { x, y, ..Place::ORIGIN }))
     }
 
-    /// Returns true if it ended soundly, on the map, without touching an obstacle, and within the goal's radius if
-    /// there is a goal.
+    /// Returns true if the motion completed inside the map, without touching an obstacle, and within the goal's radius
+    /// if there is a goal.
     pub fn succeeded(&self, job: &Checked) -> bool {
         let there =
             job.environment().goal.zip(self.distance(job)).is_none_or(|(goal, distance)| distance <= goal.radius);
@@ -133,7 +135,7 @@ impl Run {
 encoded!(Task = TASK, TaskResult = RESULT);
 
 impl TaskResult {
-    /// The runs, and what they took.
+    /// Returns the runs, and their effort.
     pub fn runs(&self) -> (Vec<&Run>, &Counts) {
         match self {
             Self::Repeated(runs, counts) => (runs.iter().collect(), counts),
@@ -143,7 +145,7 @@ impl TaskResult {
 }
 
 impl fmt::Display for TaskResult {
-    /// Such as "an end at (1.5, 2) (bits 3ff8000000000000, 4000000000000000)".
+    /// Writes a summary such as "an end at (1.5, 2) (bits 3ff8000000000000, 4000000000000000)".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.runs().0.first() {
             Some(Run { end: [x, y, ..], .. }) => {

@@ -1,15 +1,15 @@
-//! Draws of the values that vary in a repeat. Each quantity has a stream of its own, so that one more range changes no
-//! other draw.
+//! Draws of the values that vary in a repeat. Each quantity has its own random stream, so a new range changes no other
+//! draw.
 
 use crate::base::random::{Purpose, Stream};
 use crate::physics::{Change, Event, Motion};
 use crate::problem::Checked;
 use serde::{Deserialize, Serialize};
 
-/// Ticks between two draws of noise: 0.1 s.
+/// Number of ticks between two draws of noise: 0.1 s.
 const NOISE_EVERY: usize = 20;
 
-/// Quantities that vary. The numbers are part of every result's identity.
+/// Quantities that vary. Their numbers select the random streams, so every result depends on them.
 #[derive(Clone, Copy)]
 #[repr(u32)]
 enum Quantity {
@@ -22,21 +22,21 @@ enum Quantity {
     Noise = 7,
 }
 
-/// Values that hold in a run.
+/// Values drawn for a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drawn {
-    /// Coulomb friction.
+    /// Coefficient of Coulomb friction.
     pub friction: f64,
     /// Factor of every motor's greatest torque.
     pub motor_strength: f64,
     /// Start of the robot: x, y (mu) and heading (rad).
     pub start: [f64; 3],
-    /// The joints that are locked, from 0, in their order.
+    /// Indexes of the locked joints, from 0, in ascending order.
     pub dead: Vec<u32>,
 }
 
 impl Drawn {
-    /// Those of a repeat; `None`: nothing varies.
+    /// Draws the values of a repeat. `None` gives the values with nothing varied.
     pub fn of(job: &Checked, repeat: Option<u32>) -> Self {
         let start = &job.environment().start;
         let friction = job.spec().physics.friction.unwrap_or(job.physics().friction.into());
@@ -61,14 +61,14 @@ impl Drawn {
         drawn
     }
 
-    /// Locks the dead joints at a motion's beginning.
+    /// Locks the dead joints at the beginning of a motion.
     pub(super) fn kill(&self, motion: Motion) -> Motion {
         let event = |&joint: &u32| Event { tick: 0, change: Change::Fail { joint: joint as usize } };
         motion.with_events(self.dead.iter().map(event).collect())
     }
 }
 
-/// A motion with a repeat's noise on its targets. `step`: which step of the repeat it is, from 0.
+/// Adds a repeat's noise to the targets of a motion. `step` is the index of the step in the repeat, from 0.
 pub(super) fn with_noise(job: &Checked, motion: &Motion, repeat: Option<u32>, step: u32) -> Motion {
     let noise = job.spec().simulate.as_ref().and_then(|simulate| simulate.vary.target_noise).filter(|sd| *sd > 0.0);
     let (Some(deviation), Some(repeat)) = (noise, repeat) else { return motion.clone() };

@@ -13,12 +13,12 @@ use crate::problem::{Job, Reference, SimulateSpec, Way};
 use crate::procedure::{Hooks, NotRun};
 use crate::report::{sample, stride};
 
-/// Points that the paths of all runs have together, but for the ends of each step.
+/// Most points in the paths of all runs together, without the ends of steps.
 const MAX_PATH_POINTS: u32 = 50_000;
-/// Most points of a run's path, but for the ends of each step.
+/// Most points in the path of one run, without the ends of steps.
 const MOST_POINTS: u32 = 200;
 
-/// Carries tasks out, one after the other: friction differs from run to run, so they can't share an engine's lanes.
+/// Carries out tasks one after the other: friction differs between runs, so they can't share an engine's lanes.
 pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Result<Vec<Vec<u8>>, NotRun> {
     let simulate = job.spec().simulate.as_ref().ok_or_else(|| NotRun::Task("the job has no motion".to_owned()))?;
     let motions = motions(job, simulate).map_err(NotRun::Task)?;
@@ -43,7 +43,7 @@ pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Res
     tasks.iter().map(carry_out).collect()
 }
 
-/// The motion of each gait; of a motion that is not made of gaits that alone.
+/// Returns the motion of each gait. Without gaits, returns the one motion of the job.
 fn motions(job: &Job, simulate: &SimulateSpec) -> Result<Vec<Motion>, String> {
     let (robot, duration) = (job.robot(), job.gaits().duration);
     if let Some(gaits) = job.given_gaits() {
@@ -60,7 +60,7 @@ fn motions(job: &Job, simulate: &SimulateSpec) -> Result<Vec<Motion>, String> {
     }])
 }
 
-/// A motion that was carried out in a run, and its gait.
+/// An executed motion of a run.
 struct Done {
     executed: Executed,
     motion: Motion,
@@ -74,12 +74,12 @@ struct Mover<'a> {
 }
 
 impl Mover<'_> {
-    /// Carries the motion out once.
+    /// Executes the motion once.
     fn carry_out(&self, way: Way, repeat: Option<u32>, counts: &mut Counts) -> Result<(Run, Vec<Done>), Stopped> {
         let job = self.job;
         let mut run = not_begun(job, way, Drawn::of(job, repeat));
         let [x, y, yaw] = run.drawn.start;
-        // Where nothing varies the start was checked with the job.
+        // The start without variation was checked with the job.
         let place = if repeat.is_none() { Ok(job.root()) } else { job.root_at(x, y, yaw) };
         let place = match place {
             Ok(place) => place,
@@ -116,7 +116,7 @@ impl Mover<'_> {
         Ok((run, done))
     }
 
-    /// Adds up the outcomes of a run's motions.
+    /// Adds the outcomes of a run's motions to the run.
     fn sum_up(&self, run: &mut Run, stage: &Stage<'_>, done: &[Done]) {
         let (mut effort, mut samples) = (Effort::default(), 0);
         let step = self.path_step(done);
@@ -152,7 +152,7 @@ impl Mover<'_> {
         }
     }
 
-    /// Seconds between two points of a run's path.
+    /// Returns the time between two points of a run's path, s.
     fn path_step(&self, done: &[Done]) -> f32 {
         let runs = (self.simulate.repeats.unwrap_or(0) + 1) * self.simulate.ways.as_ref().map_or(1, |w| w.len() as u32);
         let points = (MAX_PATH_POINTS / runs).clamp(1, MOST_POINTS);
@@ -161,7 +161,7 @@ impl Mover<'_> {
     }
 }
 
-/// One run on its way.
+/// A run in execution.
 struct Attempt<'a> {
     mover: &'a Mover<'a>,
     stage: Stage<'a>,
@@ -170,7 +170,7 @@ struct Attempt<'a> {
 }
 
 impl Attempt<'_> {
-    /// Gaits as they are planned, until there is none, the simulation breaks, or an obstacle is touched.
+    /// Executes planned gaits until there is none left, the simulation breaks, or the robot touches an obstacle.
     fn planned_anew(
         &self,
         start: &Standing,
@@ -192,7 +192,7 @@ impl Attempt<'_> {
         Ok((done, gaits))
     }
 
-    /// Every step from the exact end of the one before, at rest, until one breaks.
+    /// Executes every step from the exact end of the one before, at rest, until one breaks.
     fn in_turn(&self, start: &Standing, steps: &[u32], counts: &mut Counts) -> Result<Vec<Done>, Stopped> {
         let mut done: Vec<Done> = Vec::new();
         let mut at = start.clone();
@@ -208,7 +208,7 @@ impl Attempt<'_> {
         Ok(done)
     }
 
-    /// Steps in one simulation; `first`: which of the run's steps the first one is.
+    /// Executes steps in one simulation. `first` is the index of the first of them in the run.
     fn execute(&self, from: &Standing, steps: &[u32], first: u32, counts: &mut Counts) -> Result<Done, Stopped> {
         let Mover { job, motions, stop, .. } = self.mover;
         if stop() {
@@ -231,7 +231,7 @@ impl Done {
     }
 }
 
-/// A run of which nothing is done yet.
+/// Makes a run that has not begun.
 fn not_begun(job: &Job, way: Way, drawn: Drawn) -> Run {
     let [x, y, yaw] = drawn.start;
     Run {
@@ -252,7 +252,7 @@ fn not_begun(job: &Job, way: Way, drawn: Drawn) -> Run {
     }
 }
 
-/// Robot and physics as drawn.
+/// Returns robot and physics with the drawn motor strength and friction.
 fn weakened(robot: &Robot, physics: &Physics, drawn: &Drawn) -> (Robot, Physics) {
     let mut robot = robot.clone();
     let strength = drawn.motor_strength as f32;
@@ -262,7 +262,7 @@ fn weakened(robot: &Robot, physics: &Physics, drawn: &Drawn) -> (Robot, Physics)
     (robot, Physics { friction: drawn.friction as f32, ..*physics })
 }
 
-/// The first sample at which an obstacle is touched.
+/// Returns the first sample at which the robot touches an obstacle.
 fn first_touch_of(stage: &Stage<'_>, executed: &Executed) -> Option<usize> {
     let extent = Extent::of(&executed.rollout);
     first_touch(stage.robot, &stage.environment.obstacles, &executed.frame, &executed.rollout, &extent)
@@ -276,7 +276,7 @@ fn length([x, y]: [f64; 2], [u, v]: [f64; 2]) -> f64 {
     ((x - u) * (x - u) + (y - v) * (y - v)).sqrt()
 }
 
-/// Runs with their samples; of all ways together as many as a report holds.
+/// Returns runs with their samples. The stride of samples is chosen so that all ways together fit into a report.
 fn recorded(job: &Job, runs: Vec<(Run, Vec<Done>)>) -> Vec<Recorded> {
     let stage = Stage::of(job);
     let all: Vec<&Executed> = runs.iter().flat_map(|(_, done)| done.iter().map(|one| &one.executed)).collect();
@@ -284,7 +284,7 @@ fn recorded(job: &Job, runs: Vec<(Run, Vec<Done>)>) -> Vec<Recorded> {
     let record = |(run, done): (Run, Vec<Done>)| {
         let (mut samples, mut touches, mut before) = (Vec::new(), Vec::new(), 0.0);
         for Done { executed, motion } in &done {
-            // The first sample of a step is the last one of the step before.
+            // The first sample of a step equals the last one of the step before.
             let first = if samples.is_empty() { 0 } else { stride };
             for i in (first..executed.rollout.trace.len()).step_by(stride) {
                 let mut moment = sample(executed, motion, i);

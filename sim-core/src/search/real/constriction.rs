@@ -9,7 +9,8 @@ use crate::base::settings::{Configurable, Setting, Settings};
 use crate::genotype::Space;
 use crate::search::{GENERATIONS, Search, SearchKind};
 
-/// The swarm of [`super::Pso`] with v ← χ (v + φ₁ r₁ (…) + φ₂ r₂ (…)), χ = 2 / |2 − φ − √(φ² − 4φ)| and φ = φ₁ + φ₂ > 4.
+/// The swarm of [`super::Pso`] with v ← χ (v + φ₁ r₁ (…) + φ₂ r₂ (…)), where χ = 2 / |2 − φ − √(φ² − 4φ)| and φ = φ₁ +
+/// φ₂ > 4.
 pub struct Constriction;
 
 /// Weight of a particle's own best, φ₁.
@@ -38,7 +39,7 @@ impl SearchKind for Constriction {
         let phi = settings.real(&COGNITIVE) + settings.real(&SOCIAL);
         if settings.fits(&COGNITIVE) && settings.fits(&SOCIAL) && phi <= 4.0 {
             let reason = format!(
-                "constriction is defined for cognitive + social above 4, here it is {phi}: use 2.05 for each, or kind = \
+                "cognitive + social must be above 4, and here it is {phi}: use 2.05 for each, or kind = \
                  \"pso\""
             );
             return Err(Invalid::Conflict { field: "optimiser.cognitive".into(), reason });
@@ -52,7 +53,7 @@ impl SearchKind for Constriction {
     }
 }
 
-/// Clerc and Kennedy's, for φ₁ + φ₂ > 4.
+/// Returns the coefficients of Clerc and Kennedy, for φ₁ + φ₂ > 4.
 fn coefficients(cognitive: f64, social: f64) -> Coefficients {
     let phi = cognitive + social;
     let constriction = 2.0 / (2.0 - phi - (phi * phi - 4.0 * phi).sqrt()).abs();
@@ -64,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn constriction_is_the_published_one() {
+    fn constriction_factor_matches_published_value() {
         // Clerc and Kennedy: φ = 4.1 gives χ ≈ 0.7298.
         let c = coefficients(2.05, 2.05);
         assert!((c.constriction - 0.7298).abs() < 5e-5, "{}", c.constriction);

@@ -2,7 +2,7 @@
 //! *Simulated binary crossover for continuous search space*, Complex Systems 9, 1995), Gaussian mutation, elitism.
 //!
 //! A gene that would leave its bounds is reflected at them, so that genes do not gather at bounds. Elites are kept
-//! unchanged and are scored again like all others: where scores depend on luck, an elite must prove itself again. A
+//! unchanged and are scored again like all others: if scores depend on luck, an elite must achieve its score again. A
 //! failed evaluation is never an elite, and wins a tournament only against other failures.
 
 use crate::base::error::{Faults, Invalid, whole_in_range};
@@ -21,17 +21,17 @@ pub struct Ga;
 
 /// Number of individuals.
 const POPULATION: Setting = Setting::whole("population", 20).within(2.0, MAX_POPULATION as f64);
-/// Individuals that compete for a parent's place: 1 to all.
+/// Number of individuals in the tournament for a parent: 1 to all.
 const TOURNAMENT: Setting = Setting::whole("tournament", 2);
-/// Chance that a pair of parents is crossed rather than copied.
+/// Probability that a pair of parents is crossed rather than copied.
 const CROSSOVER_RATE: Setting = Setting::real("crossover_rate", "", 0.9).within(0.0, 1.0);
-/// η of simulated binary crossover: larger keeps children nearer to their parents.
+/// η of simulated binary crossover: a larger value keeps children nearer to their parents.
 const CROSSOVER_ETA: Setting = Setting::real("crossover_eta", "", 10.0).within(0.0, 1000.0);
-/// Chance of a gene to mutate; 1 / length unless given.
+/// Probability that a gene mutates. Default: 1 / length.
 const MUTATION_RATE: Setting = Setting::optional_real("mutation_rate", "").within(0.0, 1.0);
 /// Standard deviation of a mutation, as a share of the gene's range.
 const MUTATION_SCALE: Setting = Setting::real("mutation_scale", "", 0.1).within(0.0, 1.0);
-/// Best individuals that pass on unchanged: 0 to all but one.
+/// Number of best individuals that are kept unchanged: 0 to all but one.
 const ELITE: Setting = Setting::whole("elite", 1);
 
 impl Component for Ga {
@@ -74,7 +74,7 @@ impl SearchKind for Ga {
     }
 }
 
-/// Rules for making children, named as the settings.
+/// Parameters of breeding, named as the settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Breeding {
     pub tournament: u32,
@@ -101,7 +101,8 @@ impl GeneticAlgorithm {
         Self { breeding, space, direction, seed, generation: 0, population }
     }
 
-    /// The next generation: elites first, then children, two by two. A pair draws from the stream of its first child.
+    /// Returns the next generation: elites first, then children in pairs. A pair draws from the stream of its first
+    /// child.
     fn breed(&self, scores: &[Option<f64>]) -> Vec<Genotype> {
         let order = ranking(self.direction, scores);
         let scored = order.iter().filter(|&&i| scores[i].is_some_and(|s| !s.is_nan()));
@@ -122,14 +123,14 @@ impl GeneticAlgorithm {
         next
     }
 
-    /// The best of `tournament` individuals, drawn with replacement.
+    /// Returns the best of `tournament` individuals, drawn with replacement.
     fn parent(&self, order: &[usize], random: &mut Stream) -> &Genotype {
         let draws = (0..self.breeding.tournament).map(|_| random.below(order.len() as u32) as usize);
-        // `order` is sorted, so the best drawn is the first one in it.
+        // `order` is sorted, so the least index drawn is the best individual.
         &self.population[order[draws.min().unwrap_or(0)]]
     }
 
-    /// Simulated binary crossover, a gene crossed with chance 1/2. Keeps each gene's mean over the two.
+    /// Crosses two genotypes by simulated binary crossover, each gene with probability 1/2. Keeps each gene's mean.
     fn cross(&self, [a, b]: &mut [Genotype; 2], random: &mut Stream) {
         for ((a, b), bound) in a.numbers_mut().iter_mut().zip(b.numbers_mut()).zip(self.space.bounds()) {
             let (crossed, u) = (random.unit() < 0.5, random.unit());
@@ -158,7 +159,7 @@ impl GeneticAlgorithm {
     }
 }
 
-/// Indexes from the best to the worst score, ties by index.
+/// Returns the indexes from the best to the worst score; ties are ordered by index.
 fn ranking(direction: Direction, scores: &[Option<f64>]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..scores.len()).collect();
     order.sort_by(|&a, &b| {
@@ -173,7 +174,8 @@ fn ranking(direction: Direction, scores: &[Option<f64>]) -> Vec<usize> {
     order
 }
 
-/// Two children's values, placed symmetrically about the parents' mean: nearer than the parents for u < 1/2.
+/// Returns two children's values, placed symmetrically about the parents' mean: nearer to it than the parents for u <
+/// 1/2.
 fn spread(a: f64, b: f64, u: f64, eta: f64) -> (f64, f64) {
     let base = if u <= 0.5 { 2.0 * u } else { 0.5 / (1.0 - u) };
     let beta = libm::pow(base, 1.0 / (eta + 1.0));
@@ -181,7 +183,7 @@ fn spread(a: f64, b: f64, u: f64, eta: f64) -> (f64, f64) {
     (mean + half, mean - half)
 }
 
-/// Folds a value back at its bounds as often as needed.
+/// Reflects a value at its bounds until it is between them.
 fn reflect(value: f64, (low, high): (f64, f64)) -> f64 {
     if value >= low && value <= high {
         return value;
@@ -189,7 +191,7 @@ fn reflect(value: f64, (low, high): (f64, f64)) -> f64 {
     let range = high - low;
     let folded = (value - low).rem_euclid(2.0 * range);
     let inside = if folded > range { 2.0 * range - folded } else { folded };
-    // Rounding, or a range of 0, may still lead out.
+    // Rounding, or a range of 0, may still lead out of the bounds.
     if inside.is_nan() { low } else { (low + inside).clamp(low, high) }
 }
 
@@ -198,9 +200,10 @@ impl Search for GeneticAlgorithm {
         Batch { ask: Ask::Set, genotypes: self.population.clone() }
     }
 
-    /// Makes an individual that was evaluated with another genotype a parent with that genotype.
+    /// Receives the evaluations. An individual that was evaluated with another genotype becomes a parent with that
+    /// genotype.
     fn tell(&mut self, evaluations: &[Evaluation]) {
-        assert_eq!(evaluations.len(), self.population.len(), "one evaluation an individual");
+        assert_eq!(evaluations.len(), self.population.len(), "one evaluation per individual is needed");
         self.population = evaluations.iter().map(|evaluation| evaluation.genotype.clone()).collect();
         let scores: Vec<Option<f64>> = evaluations.iter().map(|evaluation| evaluation.score).collect();
         self.population = self.breed(&scores);
@@ -234,7 +237,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn crossover_keeps_the_mean_and_contracts_below_one_half() {
+    fn crossover_keeps_mean_and_contracts_below_one_half() {
         for u in [0.0, 0.2, 0.499, 0.501, 0.9, 0.999] {
             let (c, d) = spread(1.0, 3.0, u, 10.0);
             assert!((c + d - 4.0).abs() < 1e-12);
@@ -245,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn reflection_folds_back_as_often_as_needed() {
+    fn reflection_repeats_until_value_is_in_bounds() {
         let at = |v| reflect(v, (1.0, 3.0));
         assert_eq!([at(1.0), at(2.5), at(3.0)], [1.0, 2.5, 3.0]);
         assert_eq!([at(0.5), at(3.25), at(5.5), at(-1.5)], [1.5, 2.75, 1.5, 2.5]);
@@ -260,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn elites_pass_on_unchanged_and_failures_are_none() {
+    fn elites_are_kept_unchanged_and_exclude_failures() {
         let breeding = Breeding {
             tournament: 2,
             crossover_rate: 1.0,
@@ -293,7 +296,7 @@ mod tests {
         let mut evaluations = ga.ask().scored(&[Some(1.0), None, Some(3.0), Some(2.0), None]);
         evaluations[2].genotype = vec![0.25, 0.5, 0.75].into();
         ga.tell(&evaluations);
-        // Without crossover and mutation, the next generation is made of copies.
+        // Without crossover and mutation, the next generation consists of copies.
         assert_eq!(ga.ask().genotypes[0].numbers(), [0.25, 0.5, 0.75]);
         assert!(ga.ask().genotypes.iter().all(|child| evaluations.iter().any(|parent| parent.genotype == *child)));
     }

@@ -1,10 +1,12 @@
 //! Particle swarm optimisation: Eq. 1 and Algorithm 2 of V. Vonásek and J. Faigl, *Evolution of multiple gaits for
 //! modular robots*, IEEE SSCI 2016.
 //!
-//! Where the paper is silent: the swarm is synchronous (all particles are scored before any moves); first velocities
-//! are uniform in ± half a parameter's range; a particle that would leave the bounds stops at them, with that component
-//! of its velocity set to 0; only strictly better values replace bests, ties go to the lowest index; a failed
-//! evaluation is never a best, and a particle without a best is not pulled to one.
+//! Choices that the paper leaves open:
+//! - The swarm is synchronous: all particles are scored before any moves.
+//! - First velocities are uniform in ± half a parameter's range.
+//! - A particle that would leave the bounds stops at them, and that component of its velocity becomes 0.
+//! - Only a strictly better value replaces a best; ties go to the lowest index.
+//! - A failed evaluation is never a best, and a particle without a best is not pulled to one.
 
 use crate::base::limits::MAX_POPULATION;
 use crate::base::random::{Purpose, Stream};
@@ -15,12 +17,12 @@ use crate::genotype::{Genotype, Space};
 use crate::search::state::{Owner, Reader, Writer};
 use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genotype};
 
-/// The swarm of Eq. 1, with the paper's coefficients unless others are given.
+/// The swarm of Eq. 1. The defaults are the paper's coefficients.
 pub struct Pso;
 
-/// p, particles.
+/// p, the number of particles.
 pub(super) const PARTICLES: Setting = Setting::whole("particles", 20).within(1.0, MAX_POPULATION as f64);
-/// w in Eq. 1.
+/// w in Eq. 1, the inertia weight.
 const INERTIA_WEIGHT: Setting = Setting::real("inertia_weight", "", 0.1).within(0.0, 2.0);
 /// φ₁ in Eq. 1, the pull to the particle's own best.
 const COGNITIVE: Setting = Setting::real("cognitive", "", 2.0).within(0.0, 10.0);
@@ -55,12 +57,12 @@ impl SearchKind for Pso {
     }
 }
 
-/// The coefficients of v ← χ (w v + φ₁ r₁ (x̄ − x) + φ₂ r₂ (x̂ − x)); Eq. 1 has χ = 1, the constricted form w = 1.
+/// Coefficients of v ← χ (w v + φ₁ r₁ (x̄ − x) + φ₂ r₂ (x̂ − x)). Eq. 1 has χ = 1; the constricted form has w = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Coefficients {
-    /// Constriction factor, χ.
+    /// χ, the constriction factor.
     pub constriction: f64,
-    /// Inertia weight, w.
+    /// w, the inertia weight.
     pub inertia_weight: f64,
     /// φ₁, the pull to the particle's own best.
     pub cognitive: f64,
@@ -68,7 +70,7 @@ pub(super) struct Coefficients {
     pub social: f64,
 }
 
-/// A position that was scored.
+/// Best position so far and its score.
 #[derive(Clone, Debug, PartialEq)]
 struct Best {
     position: Genotype,
@@ -79,9 +81,9 @@ struct Best {
 struct Particle {
     /// x, the candidate.
     position: Genotype,
-    /// Velocity, v.
+    /// v, the velocity.
     velocity: Vec<f64>,
-    /// x̄, the best of its own history.
+    /// x̄, the best position of the particle's history.
     best: Option<Best>,
 }
 
@@ -94,12 +96,12 @@ pub(super) struct Swarm {
     seed: u64,
     generation: u32,
     particles: Vec<Particle>,
-    /// x̂, the best of all particles' histories.
+    /// x̂, the best position of all particles' histories.
     best: Option<Best>,
 }
 
 impl Swarm {
-    /// Line 3 of Algorithm 2: particles at random places in the bounds.
+    /// Creates particles at random positions within the bounds: line 3 of Algorithm 2.
     pub fn new(size: u32, coefficients: Coefficients, space: Space, direction: Direction, seed: u64) -> Self {
         let particle = |i| {
             let mut random = Stream::new(seed, Purpose::InitialVelocity, 0, i, 0);
@@ -115,7 +117,7 @@ impl Swarm {
         Self { coefficients, space, direction, seed, generation: 0, particles, best: None }
     }
 
-    /// Lines 9 and 10 of Algorithm 2.
+    /// Updates the bests: lines 9 and 10 of Algorithm 2.
     fn update_bests(&mut self, evaluations: &[Evaluation]) {
         for (particle, &Evaluation { score, .. }) in self.particles.iter_mut().zip(evaluations) {
             let beats = |best: &Option<Best>| self.direction.better(score, best.as_ref().map(|b| b.score));
@@ -129,7 +131,7 @@ impl Swarm {
         }
     }
 
-    /// Line 11 of Algorithm 2: Eq. 1, to the positions of `self.generation`.
+    /// Moves the particles to their positions of `self.generation` by Eq. 1: line 11 of Algorithm 2.
     fn fly(&mut self) {
         let Coefficients { constriction, inertia_weight, cognitive, social } = self.coefficients;
         for (i, particle) in self.particles.iter_mut().enumerate() {
@@ -155,7 +157,8 @@ impl Swarm {
         Owner { kind: b'p', seed: self.seed, population: self.particles.len(), genotype: self.space.genes.len() }
     }
 
-    /// Numbers in a stored state: the best of all, and position, velocity and best of every particle.
+    /// Returns the number of numbers in a stored state: the swarm's best, and position, velocity and best of every
+    /// particle.
     fn numbers(&self) -> usize {
         let (best, vector) = (2 + self.space.genes.len(), self.space.genes.len());
         best + self.particles.len() * (2 * vector + best)
@@ -166,7 +169,7 @@ impl Swarm {
         writer.number(best.map_or(0.0, |b| b.score));
         match best {
             Some(best) => writer.numbers(best.position.numbers()),
-            // Any place within the bounds does: it is not read back as a best.
+            // Any place within the bounds is valid: it is not read back as a best.
             None => self.space.bounds().for_each(|(low, _)| writer.number(low)),
         }
     }
@@ -178,7 +181,7 @@ impl Swarm {
         match there {
             0.0 => Ok(None),
             1.0 => Ok(Some(Best { position, score })),
-            other => Err(BadState(format!("{other} stands where 0 or 1 was written"))),
+            other => Err(BadState(format!("it holds {other} where only 0 or 1 is allowed"))),
         }
     }
 }
@@ -188,9 +191,9 @@ impl Search for Swarm {
         Batch { ask: Ask::Set, genotypes: self.particles.iter().map(|p| p.position.clone()).collect() }
     }
 
-    /// Moves a particle that was evaluated elsewhere than at its position to that place.
+    /// Receives the evaluations. A particle that was evaluated at another position moves there.
     fn tell(&mut self, evaluations: &[Evaluation]) {
-        assert_eq!(evaluations.len(), self.particles.len(), "one evaluation a particle");
+        assert_eq!(evaluations.len(), self.particles.len(), "one evaluation per particle is needed");
         for (particle, evaluation) in self.particles.iter_mut().zip(evaluations) {
             particle.position.clone_from(&evaluation.genotype);
         }
@@ -238,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eq_1_by_hand() {
+    fn particle_moves_as_eq_1_computed_by_hand() {
         let coefficients = Coefficients { constriction: 1.0, inertia_weight: 0.1, cognitive: 2.0, social: 2.0 };
         let mut swarm = Swarm::new(2, coefficients, Space::of_reals([(-10.0, 10.0)]), Direction::Maximise, 3);
         let best = |at: f64| Some(Best { position: vec![at].into(), score: 0.0 });
@@ -254,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_particle_stops_at_a_bound() {
+    fn particle_stops_at_bound() {
         let coefficients = Coefficients { constriction: 1.0, inertia_weight: 1.0, cognitive: 0.0, social: 0.0 };
         let mut swarm = Swarm::new(1, coefficients, Space::of_reals([(0.0, 1.0); 2]), Direction::Maximise, 3);
         swarm.particles[0].position = vec![0.75, 0.5].into();

@@ -1,4 +1,4 @@
-//! What happens to the processes.
+//! Random disturbances of the worker processes and their networks.
 
 use crate::coordinators::Coordinators;
 use crate::random::Random;
@@ -10,10 +10,10 @@ use std::time::{Duration, Instant};
 
 const WORKERS: usize = 6;
 const EVERY: Duration = Duration::from_secs(2);
-/// What a worker is told to add to each candidate, so that jobs last without a core.
+/// Fault that makes a worker wait for each candidate, so that jobs take time without using a core.
 const SLOW: &str = "slow@ms=60";
 
-/// What is wrong with a worker.
+/// Current disturbance of a worker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Trouble {
     Killed,
@@ -23,14 +23,14 @@ enum Trouble {
 }
 
 struct Subject {
-    /// One for each coordinator.
+    /// Proxies to the coordinators, one each.
     network: Vec<Proxy>,
     process: Process,
     trouble: Option<(Trouble, Instant)>,
 }
 
 impl Subject {
-    /// What happens to its network happens on all ways.
+    /// Disturbs the connections to all coordinators in the same way.
     fn everywhere(&self, what: impl Fn(&Proxy)) {
         self.network.iter().for_each(what);
     }
@@ -68,7 +68,7 @@ impl Chaos {
         &self.coordinators
     }
 
-    /// Repairs what was broken long enough, and breaks something if it is time.
+    /// Ends the disturbances that have lasted their time, and starts a new one if it is due.
     pub async fn go_on(&mut self) -> Result<(), String> {
         self.coordinators.go_on(&mut self.random).await?;
         let now = Instant::now();
@@ -79,7 +79,7 @@ impl Chaos {
             }
             let fine = !matches!(self.workers[at].trouble, Some((Trouble::Killed | Trouble::Drains, _)));
             if fine && self.workers[at].process.has_ended() {
-                return Err(format!("worker {at} ended by itself"));
+                return Err(format!("worker {at} exited without being killed"));
             }
         }
         if now >= self.next {
@@ -89,7 +89,7 @@ impl Chaos {
         Ok(())
     }
 
-    /// Repairs everything.
+    /// Ends all disturbances.
     pub async fn calm_down(&mut self) -> Result<(), String> {
         (0..WORKERS).for_each(|at| self.repair(at));
         self.coordinators.calm_down(&mut self.random).await
@@ -99,13 +99,13 @@ impl Chaos {
         let mut client = JobServiceClient::new(self.coordinators.dial().way());
         let start = Instant::now();
         loop {
-            // The first one that is asked may stand by.
+            // The first coordinator that receives the request may be a standby.
             let answer = client.list_workers(ListWorkersRequest {}).await.map(|answer| answer.into_inner().workers);
             if answer.as_ref().is_ok_and(|workers| workers.len() == WORKERS && workers.iter().all(|w| w.busy == 0)) {
                 return Ok(());
             }
             if start.elapsed() > PATIENCE {
-                return Err(format!("slots are held, or workers lost: {answer:?}"));
+                return Err(format!("expected {WORKERS} workers with no busy slot: {answer:?}"));
             }
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
@@ -114,7 +114,7 @@ impl Chaos {
     fn strike(&mut self, now: Instant) {
         let at = (self.random.number() % WORKERS as u64) as usize;
         if self.workers[at].trouble.is_some() {
-            // It has enough to bear; another time.
+            // This worker is disturbed already: try another one in the next step.
             self.next = now;
             return;
         }
@@ -137,15 +137,15 @@ impl Chaos {
             }
             6 => {
                 subject.everywhere(|way| way.block(Direction::Up, true));
-                (Trouble::Network, 3, "can't be heard")
+                (Trouble::Network, 3, "can't send to the coordinators")
             }
             7 => {
                 subject.everywhere(|way| way.block(Direction::Down, true));
-                (Trouble::Network, 3, "hears nothing")
+                (Trouble::Network, 3, "can't receive from the coordinators")
             }
             8 => {
                 subject.everywhere(Proxy::cut);
-                (Trouble::Network, 4, "is cut off for a moment")
+                (Trouble::Network, 4, "loses its connections once")
             }
             _ => {
                 subject.everywhere(|way| way.slow(delay, 50_000));

@@ -1,4 +1,4 @@
-//! The coordinators: one on SQLite; on PostgreSQL two, of which one is at work and the other one stands by.
+//! Coordinators of the soak test: one on SQLite, or two on PostgreSQL, one of them active and the other on standby.
 
 use crate::random::Random;
 use cluster_tests::certificates::{Certificates, closed};
@@ -14,25 +14,27 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-/// Whoever is at work is struck this often.
+/// Time between two disturbances of the active coordinator.
 const EVERY: Duration = Duration::from_secs(20);
-/// Out of touch with the database for this long, a coordinator is taken for dead.
+/// Option `--takeover-seconds`: time without contact to the database after which the standby takes over, s.
 const TAKEOVER_SECONDS: &str = "3";
-/// Somebody is at work, and one that was replaced has noticed, within this time: with patience for a busy machine.
+/// Limit on the time without an active coordinator, and on the time until a replaced one exits. Long, for a busy
+/// machine.
 const WITHIN: Duration = Duration::from_secs(60);
-/// Whoever can reach the database again knows within this time whether it was replaced.
+/// Time after which a coordinator that reaches the database again has detected whether it was replaced.
 const SETTLED: Duration = Duration::from_secs(10);
-/// A health check that takes longer finds nobody.
+/// Timeout of a health check.
 const ANSWERED_WITHIN: Duration = Duration::from_secs(1);
-/// How often a client looks whether a coordinator hangs.
+/// Interval of the client's keepalive pings, which detect a hanging coordinator.
 const KEEPALIVE: Duration = Duration::from_secs(1);
-/// The exit code of a coordinator that was replaced.
+/// Exit code of a coordinator that was replaced.
 const REPLACED: Option<i32> = Some(3);
-/// And of one that can't reach its database, and so does not know.
+/// Exit code of a coordinator that can't reach its database, so that it can't check whether it was replaced.
 const OUT_OF_TOUCH: Option<i32> = Some(1);
 
-/// Lets the database itself watch who writes: in an epoch each commit follows the one before. Bits and events may hide the
-/// commit of an epoch that is over, since whatever was computed twice is the same.
+/// Trigger that lets the database check the order of commits: within an epoch, each commit follows the one before.
+/// Comparing results and events might miss a commit of an old epoch, because results that are computed twice are the
+/// same.
 const WATCH: &str = "
     CREATE TABLE public.late (what TEXT);
     CREATE FUNCTION public.watch() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
@@ -45,57 +47,58 @@ const WATCH: &str = "
     END $$;
     CREATE TRIGGER watch AFTER UPDATE ON evogait.coordinator FOR EACH ROW EXECUTE FUNCTION public.watch()";
 
-/// What is wrong with a coordinator.
+/// Current disturbance of a coordinator.
 #[derive(Clone, Copy)]
 enum Trouble {
-    /// It is away until then.
+    /// The process was killed; it starts again at this time.
     Killed(Instant),
-    /// It hangs, and nobody has taken over yet.
+    /// The process is stopped, and the standby has not taken over yet.
     Hangs,
-    /// Another one has taken over; it still hangs until then.
+    /// The standby has taken over; the process stays stopped until this time.
     Replaced(Instant),
-    /// It goes on since then, and has to find out that it was replaced.
+    /// The process continues since this time and must detect that it was replaced.
     Late(Instant),
-    /// It is cut off from the database until then, if it does not end before.
+    /// The process can't reach the database until this time, unless it exits before.
     CutOff(Instant),
-    /// It can reach the database again since then. It may have been replaced or not.
+    /// The process reaches the database again since this time. It may have been replaced.
     InTouch(Instant),
 }
 
 struct Seat {
     sandbox: Sandbox,
-    /// The way to the database, if it is one.
+    /// Proxy to the PostgreSQL database; none on SQLite.
     network: Option<Proxy>,
     health: HealthClient<Way>,
     process: Option<Process>,
     trouble: Option<Trouble>,
 }
 
-/// What was done to them and what came of it.
+/// Counts of the disturbances and of their effects.
 #[derive(Default)]
 struct Tally {
     kills: u32,
     stops: u32,
     cuts: u32,
-    /// Times that another one than before was found at work.
+    /// Number of times that another coordinator than before became active.
     takeovers: u32,
-    /// Those from one that nothing had been done to: the machine was too busy for its signs of life.
+    /// Takeovers from a coordinator that was not disturbed: the machine was too busy for its keepalives.
     overtaken: u32,
-    /// Longest time without anybody at work.
+    /// Longest time without an active coordinator.
     longest: Duration,
 }
 
 pub struct Coordinators {
     seats: Vec<Seat>,
-    /// The PostgreSQL database, if it is one.
+    /// URL of the PostgreSQL database; none on SQLite.
     database: Option<String>,
-    /// Where there are any, all connections are encrypted, and everybody shows a certificate and a token.
+    /// Certificates, on PostgreSQL only: all connections use TLS, and all clients and workers show a certificate and a
+    /// token.
     certificates: Option<Certificates>,
-    /// Who is at work, if it is known.
+    /// Index of the active coordinator, if known.
     at_work: Option<usize>,
-    /// Who was, when it was known last.
+    /// Index of the last coordinator that was active.
     last: usize,
-    /// Since when nobody is.
+    /// Time since which no coordinator has been active.
     nobody_since: Instant,
     next: Instant,
     tally: Tally,
@@ -103,7 +106,7 @@ pub struct Coordinators {
 }
 
 impl Coordinators {
-    /// One coordinator on a file, or two on a PostgreSQL database and behind closed doors.
+    /// Starts one coordinator on a SQLite file, or two on a PostgreSQL database with mutual TLS and tokens.
     pub fn start(database: Option<String>, logs: &Path) -> Self {
         let sandboxes = match &database {
             Some(url) => [(); 2]
@@ -127,39 +130,43 @@ impl Coordinators {
             start: now,
         };
         (0..coordinators.seats.len()).for_each(|at| coordinators.sit_down(at));
-        // The tables are there once one of them listens.
+        // The tables exist once one of the coordinators listens.
         if let Some(database) = &coordinators.database {
             ask(database, WATCH);
         }
         coordinators
     }
 
-    /// Whether nobody wrote who had been replaced.
+    /// Checks that no coordinator wrote to the database after it was replaced.
     fn nothing_late(&self) -> Result<(), String> {
         let Some(database) = &self.database else { return Ok(()) };
         let late = ask(database, "SELECT what FROM public.late");
-        if late.is_empty() { Ok(()) } else { Err(format!("a commit does not follow the one before:\n{late}")) }
+        if late.is_empty() {
+            Ok(())
+        } else {
+            Err(format!("commits out of order (a replaced coordinator wrote to the database):\n{late}"))
+        }
     }
 
-    /// Where there are two: whether one ever took over. Tells the last epoch.
+    /// On PostgreSQL: checks that the standby took over at least once, and returns the last epoch.
     pub fn verdict(&self) -> Result<Option<String>, String> {
         let Some(database) = &self.database else { return Ok(None) };
         self.nothing_late()?;
         match self.tally.takeovers {
-            0 => Err("no coordinator ever took over".to_owned()),
+            0 => Err("the standby never took over".to_owned()),
             _ => Ok(Some(ask(database, "SELECT epoch FROM evogait.coordinator"))),
         }
     }
 
     pub fn tally(&self) -> String {
         let Tally { kills, stops, cuts, takeovers, overtaken, longest } = &self.tally;
-        let longest = format!("{:.1} s at most without one", longest.as_secs_f64());
+        let longest = format!("at most {:.1} s without an active coordinator", longest.as_secs_f64());
         if self.alone() {
             return format!("{kills} kills of the coordinator, {longest}");
         }
         format!(
-            "{kills} kills and {stops} stops of the coordinator at work, {cuts} times it was cut off from the database, \
-             {takeovers} takeovers, {overtaken} of them from one that was only slow, {longest}"
+            "{kills} kills and {stops} stops of the active coordinator, {cuts} times it was cut off from the database, \
+             {takeovers} takeovers, {overtaken} of them from an undisturbed coordinator, {longest}"
         )
     }
 
@@ -167,17 +174,17 @@ impl Coordinators {
         self.seats.len() == 1
     }
 
-    /// Of each of them, as it would be with open doors.
+    /// Returns the plain URL of each coordinator (without the `https` scheme that TLS needs).
     pub fn urls(&self) -> Vec<String> {
         self.seats.iter().map(|seat| seat.sandbox.url()).collect()
     }
 
-    /// A way to whoever is at work, for a client.
+    /// Returns a client's dial that finds the active coordinator.
     pub fn dial(&self) -> Dial {
         dial(self.certificates.as_ref(), &self.urls().join(","))
     }
 
-    /// A worker with one slot, with options still to be added.
+    /// Returns the command of a worker with one slot; the caller may add options.
     pub fn worker_command(&self, addresses: &str) -> Command {
         let sandbox = &self.seats[0].sandbox;
         let Some(certificates) = &self.certificates else { return sandbox.worker_command(addresses, 1) };
@@ -186,10 +193,10 @@ impl Coordinators {
         command
     }
 
-    /// Repairs what was broken long enough, and breaks something if it is time.
+    /// Ends the disturbances that have lasted their time, and starts a new one if it is due.
     pub async fn go_on(&mut self, random: &mut Random) -> Result<(), String> {
         self.repair(random).await?;
-        // If nobody is at work just now, it is struck as soon as somebody is.
+        // Without an active coordinator, the disturbance waits until one is active.
         if let Some(at) = self.at_work.filter(|_| Instant::now() >= self.next) {
             self.next = Instant::now() + EVERY;
             self.strike(at, random);
@@ -197,7 +204,7 @@ impl Coordinators {
         Ok(())
     }
 
-    /// Repairs everything.
+    /// Ends all disturbances.
     pub async fn calm_down(&mut self, random: &mut Random) -> Result<(), String> {
         loop {
             self.repair(random).await?;
@@ -209,7 +216,7 @@ impl Coordinators {
     }
 
     fn strike(&mut self, at: usize, random: &mut Random) {
-        // One that stands by is needed if the one at work is to find itself replaced.
+        // A stopped or cut off coordinator is only replaced if the other one is on standby.
         let watched = !self.alone() && self.seats.iter().all(|seat| seat.trouble.is_none());
         let strikes = self.tally.kills + self.tally.stops + self.tally.cuts;
         let what = if watched { strikes % 3 } else { 0 };
@@ -220,7 +227,7 @@ impl Coordinators {
                 seat.signal("STOP");
                 seat.trouble = Some(Trouble::Hangs);
                 self.tally.stops += 1;
-                "is stopped at work"
+                "is stopped while active"
             }
             (2, Some(network)) => {
                 let ways = self.tally.cuts % 3;
@@ -229,8 +236,8 @@ impl Coordinators {
                 seat.trouble = Some(Trouble::CutOff(now + random.time(500, 8000)));
                 self.tally.cuts += 1;
                 match ways {
-                    0 => "can't be heard by its database",
-                    1 => "hears nothing from its database",
+                    0 => "can't send to its database",
+                    1 => "can't receive from its database",
                     _ => "is cut off from its database",
                 }
             }
@@ -238,11 +245,11 @@ impl Coordinators {
                 if let Some(process) = seat.process.take() {
                     process.kill_9();
                 }
-                // Where another one takes over, it is back before that or after.
+                // With a standby, the coordinator restarts before or after the takeover.
                 let away = if self.alone() { 2000 } else { 8000 };
                 self.seats[at].trouble = Some(Trouble::Killed(now + random.time(0, away)));
                 self.tally.kills += 1;
-                "is killed at work"
+                "is killed while active"
             }
         };
         self.at_work = None;
@@ -258,28 +265,28 @@ impl Coordinators {
             let alone = self.alone();
             let seat = &mut self.seats[at];
             if let Some(code) = seat.has_ended() {
-                let told = code.map_or("no code".to_owned(), |code| format!("code {code}"));
+                let told = code.map_or("no exit code".to_owned(), |code| format!("exit code {code}"));
                 let may_end = match seat.trouble {
                     Some(Trouble::CutOff(_) | Trouble::InTouch(_)) => code == OUT_OF_TOUCH || code == REPLACED,
                     _ => code == REPLACED && !alone,
                 };
-                // Whoever took over may not be at work yet, but its epoch has begun.
+                // The new coordinator may not be active yet, but its epoch has begun.
                 let overtaken = seat.trouble.is_none();
-                // What was under way arrives now.
+                // Packets that the proxy held back reach the database now.
                 seat.in_touch();
                 self.nothing_late()?;
                 if !may_end {
-                    return Err(format!("coordinator {at} ended by itself with {told}"));
+                    return Err(format!("coordinator {at} exited unexpectedly with {told}"));
                 }
                 self.tally.overtaken += u32::from(overtaken);
-                self.say(at, &format!("ends by itself with {told}"));
+                self.say(at, &format!("exits by itself with {told}"));
                 self.sit_down(at);
                 continue;
             }
             match seat.trouble {
                 Some(Trouble::Killed(until)) if now >= until => {
                     self.sit_down(at);
-                    self.say(at, "is back");
+                    self.say(at, "is started again");
                 }
                 Some(Trouble::Hangs) if replaced => {
                     seat.trouble = Some(Trouble::Replaced(now + random.time(0, 4000)));
@@ -287,17 +294,17 @@ impl Coordinators {
                 Some(Trouble::Replaced(until)) if now >= until => {
                     seat.signal("CONT");
                     seat.trouble = Some(Trouble::Late(now));
-                    self.say(at, "goes on");
+                    self.say(at, "continues");
                 }
                 Some(Trouble::CutOff(until)) if now >= until => {
                     seat.in_touch();
                     seat.trouble = Some(Trouble::InTouch(now));
                     self.say(at, "reaches its database again");
                 }
-                // It goes on, replaced by nobody, or waits for its turn.
+                // It was not replaced and stays active, or it is on standby.
                 Some(Trouble::InTouch(since)) if now > since + SETTLED => seat.trouble = None,
                 Some(Trouble::Late(since)) if now > since + WITHIN => {
-                    return Err(format!("coordinator {at} goes on though another one has taken over"));
+                    return Err(format!("coordinator {at} still runs a minute after it was replaced"));
                 }
                 _ => {}
             }
@@ -305,11 +312,11 @@ impl Coordinators {
         Ok(())
     }
 
-    /// Finds out who is at work.
+    /// Finds the active coordinator.
     async fn look(&mut self) -> Result<(), String> {
         let count = self.seats.len();
         let mut found = None;
-        // The other one first: the old one may not know yet that it was replaced.
+        // The other one first: a replaced coordinator may not have detected its replacement yet.
         for at in (1..=count).map(|step| (self.last + step) % count) {
             if self.seats[at].serves().await {
                 found = Some(at);
@@ -318,22 +325,26 @@ impl Coordinators {
         }
         if let Some(at) = found {
             let without = self.nobody_since.elapsed();
-            // The first one to work replaces nobody.
+            // The first coordinator to become active replaces none.
             let struck = self.tally.kills + self.tally.stops + self.tally.cuts > 0;
             if struck && self.at_work != found {
                 self.tally.takeovers += u32::from(at != self.last);
                 self.tally.longest = self.tally.longest.max(without);
-                let what = if at == self.last { "is at work again" } else { "has taken over" };
+                let what = if at == self.last { "is active again" } else { "has taken over" };
                 self.say(at, &format!("{what} after {:.1} s", without.as_secs_f64()));
             }
             self.last = at;
             self.nobody_since = Instant::now();
         }
         self.at_work = found;
-        if self.nobody_since.elapsed() > WITHIN { Err("no coordinator is at work".to_owned()) } else { Ok(()) }
+        if self.nobody_since.elapsed() > WITHIN {
+            Err("no coordinator became active within a minute".to_owned())
+        } else {
+            Ok(())
+        }
     }
 
-    /// Starts a coordinator; where there are two, as the one that waits for its turn.
+    /// Starts a coordinator; on PostgreSQL with `--standby`.
     fn sit_down(&mut self, at: usize) {
         let alone = self.alone();
         let seat = &mut self.seats[at];
@@ -353,12 +364,12 @@ impl Coordinators {
     }
 }
 
-/// As a client, who finds within twice the time below that a coordinator hangs.
+/// Returns a client's dial that detects a hanging coordinator within twice [`KEEPALIVE`].
 fn dial(certificates: Option<&Certificates>, urls: &str) -> Dial {
     let dial = match certificates {
         Some(certificates) => certificates.dial(urls, Some("client"), Some("client")),
-        None => Dial::new(urls.parse().expect("they have addresses"), &Credentials::default())
-            .expect("without TLS and token there is nothing to refuse"),
+        None => Dial::new(urls.parse().expect("the URLs of the coordinators are valid"), &Credentials::default())
+            .expect("a dial without TLS and token is valid"),
     };
     dial.keepalive(KEEPALIVE)
 }
@@ -370,14 +381,14 @@ impl Seat {
         Self { health: HealthClient::new(dial(&sandbox.url()).way()), sandbox, network, process: None, trouble: None }
     }
 
-    /// The way to the database is free.
+    /// Restores the connection to the database.
     fn in_touch(&self) {
         if let Some(network) = &self.network {
             network.heal();
         }
     }
 
-    /// Whether it says that it is at work. One that hangs, is cut off or was replaced is not asked.
+    /// Returns true if the health check reports the coordinator as active. A disturbed coordinator is not checked.
     async fn serves(&self) -> bool {
         if self.trouble.is_some_and(|trouble| !matches!(trouble, Trouble::InTouch(_))) {
             return false;
@@ -394,7 +405,7 @@ impl Seat {
         }
     }
 
-    /// Its exit code if it has ended.
+    /// Returns the exit code if the process has ended.
     fn has_ended(&mut self) -> Option<Option<i32>> {
         let process = self.process.as_mut()?;
         process.has_ended().then(|| process.wait())

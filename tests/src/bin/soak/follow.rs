@@ -1,4 +1,5 @@
-//! A client that submits a job again and again, watches it over everything that happens, and holds it to what it said.
+//! Client that submits a job repeatedly, watches it through all disturbances, and compares the result with an
+//! undisturbed run.
 
 use cluster_tests::sandbox::is_last;
 use proto::dial::{Dial, Way};
@@ -11,7 +12,7 @@ use proto::v1::{
 use std::time::{Duration, Instant};
 use tonic::{Code, Status};
 
-/// What a job gives whatever happens on the way.
+/// Result of a job, which must not depend on disturbances.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
     digest: Vec<u8>,
@@ -33,7 +34,7 @@ impl Expected {
     }
 }
 
-/// Runs a job as often as the time allows, at least once, and returns how often.
+/// Runs a job repeatedly until `end`, at least once, and returns the number of runs.
 pub async fn follow(dial: &Dial, number: u32, toml: &str, expected: &Expected, end: Instant) -> Result<u32, String> {
     let mut client = JobServiceClient::new(dial.way());
     let mut rounds = 0;
@@ -50,21 +51,21 @@ pub async fn follow(dial: &Dial, number: u32, toml: &str, expected: &Expected, e
         let job = result.job.clone().unwrap_or_default();
         let found = Expected::of(result, job);
         if found != *expected {
-            return Err(wrong(format!("it is not what it is undisturbed:\n{found:?}\n{expected:?}")));
+            return Err(wrong(format!("the result differs from that of an undisturbed run:\n{found:?}\n{expected:?}")));
         }
         let again = watch(&mut client, &id).await.map_err(wrong)?;
         if again != events {
-            return Err(wrong("it tells other events afterwards than while it ran".to_owned()));
+            return Err(wrong("the events after the end differ from those received during the run".to_owned()));
         }
         rounds += 1;
-        println!("        job {number} ended for the {rounds}. time, after {:.0} s", started.elapsed().as_secs_f64());
+        println!("        job {number} completed run {rounds} after {:.0} s", started.elapsed().as_secs_f64());
     }
     Ok(rounds)
 }
 
 type Client = JobServiceClient<Way>;
 
-/// Asks until there is an answer: the coordinator may be away, or stand by.
+/// Repeats a call until it is answered: the coordinator may be down or on standby.
 async fn patiently<T, F>(client: &mut Client, ask: impl Fn(Client) -> F) -> Result<T, String>
 where
     F: Future<Output = Result<tonic::Response<T>, Status>>,
@@ -82,7 +83,7 @@ where
     }
 }
 
-/// Submits until there is an answer: by the request id all of them are one job.
+/// Submits until the call is answered. All attempts have the same request id, so they create one job.
 async fn submit(client: &mut Client, request_id: &str, toml: &str) -> Result<String, String> {
     let request =
         SubmitJobRequest { request_id: request_id.to_owned(), job_toml: toml.to_owned(), ..Default::default() };
@@ -93,14 +94,14 @@ async fn submit(client: &mut Client, request_id: &str, toml: &str) -> Result<Str
     Ok(answer.await?.job.unwrap_or_default().id)
 }
 
-/// How far a job is; what was told once must never be more than what is told later.
+/// Returns the progress of a job. It must never decrease.
 fn progress(job: &Job) -> (usize, u32, u32) {
     let order = [JobState::Queued, JobState::Running, JobState::Succeeded];
     let state = order.iter().position(|state| *state == job.state()).unwrap_or(order.len());
     (state, job.rounds_sealed, job.tasks_done)
 }
 
-/// Watches a job to its end, over everything that happens to the coordinator, and returns its stored events.
+/// Watches a job to its end, through all disturbances of the coordinator, and returns its stored events.
 async fn watch(client: &mut Client, id: &str) -> Result<Vec<JobEvent>, String> {
     let mut events: Vec<JobEvent> = Vec::new();
     let mut told = (0, 0, 0);
@@ -112,27 +113,30 @@ async fn watch(client: &mut Client, id: &str) -> Result<Vec<JobEvent>, String> {
         });
         let job = job.await?.job.unwrap_or_default();
         if matches!(job.state(), JobState::Failed | JobState::Cancelled) {
-            return Err(format!("it ended otherwise: {}", job.reason));
+            return Err(format!("the job failed or was cancelled: {}", job.reason));
         }
         if progress(&job) < told {
-            return Err(format!("it told {told:?} before and then {:?}: results were lost", progress(&job)));
+            return Err(format!(
+                "progress fell from {told:?} to {:?} (state, rounds sealed, tasks done): results were lost",
+                progress(&job)
+            ));
         }
         told = progress(&job);
         let after = events.last().map_or(0, |e| e.sequence);
         let stream = client.watch_job(WatchJobRequest { id: id.to_owned(), after }).await;
         let Ok(mut stream) = stream.map(tonic::Response::into_inner) else { continue };
-        // Looks at the job itself now and then.
+        // Leaves the stream every 500 ms to check the job's progress.
         while asked.elapsed() < Duration::from_millis(500) || events.is_empty() {
             match tokio::time::timeout(Duration::from_millis(500), stream.message()).await {
                 Ok(Ok(Some(event))) if matches!(event.event, Some(Event::TasksDone(_))) => {}
                 Ok(Ok(Some(event))) => {
                     let next = events.last().map_or(0, |e| e.sequence) + 1;
                     if event.sequence != next {
-                        return Err(format!("event {} came where {next} was due", event.sequence));
+                        return Err(format!("received event {}, expected event {next}", event.sequence));
                     }
                     events.push(event);
                 }
-                // It ended or broke.
+                // The stream ended or broke.
                 Ok(Ok(None) | Err(_)) => break,
                 Err(_) => {}
             }

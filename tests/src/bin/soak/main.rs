@@ -1,10 +1,13 @@
-//! Three jobs and six workers under a random kill, stop or bad network every two seconds, and a kill of the coordinator every
-//! twenty: all jobs end, with the bits of an undisturbed run, and nothing that was told is ever taken back. On PostgreSQL all
-//! doors are closed (mutual TLS, tokens), and there is a second coordinator, which takes over when the one at work is killed,
-//! hangs or is cut off from the database; one that hung goes on later, what was under way arrives later, and both must change
-//! nothing.
+//! Soak test: four jobs and six workers, with a random disturbance (a kill, stop or bad network) of a worker every two
+//! seconds and one of the active coordinator every twenty. All jobs must end with the results of an undisturbed run,
+//! and their reported progress must never decrease.
 //!
-//! `tests/soak.sh` runs it. Ends with code 0 if all held; else says what did not, and leaves the logs of all processes.
+//! On PostgreSQL, connections need mutual TLS and tokens. A second coordinator takes over when the active one is
+//! killed, hangs or is cut off from the database. The replaced coordinator later continues, and packets that were held
+//! back arrive late; neither must change anything.
+//!
+//! `tests/soak.sh` runs it. Exits with code 0 if all checks passed. Otherwise it prints the failed check and keeps the
+//! logs of all processes.
 
 mod chaos;
 mod coordinators;
@@ -20,9 +23,9 @@ use proto::v1::GetJobRequest;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Jobs that run at the same time, again and again until time is up.
+/// Number of jobs at the same time. Each is repeated until the time is up.
 const JOBS: u32 = 4;
-/// Once the time is up, what still runs has this long to end by itself.
+/// Time that the last run of each job has to end after the time is up.
 const END_WITHIN: Duration = Duration::from_secs(180);
 
 #[tokio::main]
@@ -44,11 +47,11 @@ async fn main() -> ExitCode {
     }
 }
 
-/// A job whose evaluations cost time rather than cores: workers are told to be slow. The last two plan and simulate, the others
-/// evolve.
+/// Returns a job with evaluations that take time rather than cores, because the workers are slowed down. The last two
+/// jobs plan and simulate, the others evolve.
 fn job(number: u32) -> String {
     let job = match JOBS - number {
-        // A short motion: rollouts of different friction share no lanes, and these run all the time.
+        // The motion is short: rollouts with different friction share no lanes, so they take longer.
         1 => simulating_job(100 + number, 1000).replace("steps = [1, 2, 1]", "steps = [2]"),
         2 => planning_job(100 + number, 1000),
         _ => tiny_job(100 + number, 60),
@@ -67,7 +70,7 @@ async fn soak(postgres: bool, time: Duration, seed: u64) -> Result<(), String> {
     for number in 0..JOBS {
         expected.push(undisturbed(number).await);
     }
-    println!("soak: {JOBS} jobs were run undisturbed");
+    println!("soak: {JOBS} jobs completed without disturbance");
 
     let coordinators = Coordinators::start(postgres.then(new_database_by_tcp), &logs);
     let start = Instant::now();
@@ -82,7 +85,7 @@ async fn soak(postgres: bool, time: Duration, seed: u64) -> Result<(), String> {
         chaos.go_on().await.map_err(|e| format!("{e}; logs in {}", logs.display()))?;
         tokio::time::sleep(Duration::from_millis(50)).await;
         if let Some(at) = followers.iter().position(|follower| follower.is_finished()) {
-            // Before the time is up only a failure ends one.
+            // Before the time is up, only a failure ends a follower.
             let ended = followers.remove(at).await.map_err(|e| e.to_string())?;
             return Err(format!("{}; logs in {}", ended.err().unwrap_or_default(), logs.display()));
         }
@@ -92,21 +95,21 @@ async fn soak(postgres: bool, time: Duration, seed: u64) -> Result<(), String> {
     let mut rounds = 0;
     for follower in followers {
         let ended = tokio::time::timeout(END_WITHIN, follower).await;
-        let ended = ended.map_err(|_| format!("a job does not end; logs in {}", logs.display()))?;
+        let ended = ended.map_err(|_| format!("a job did not end in time; logs in {}", logs.display()))?;
         rounds += ended.map_err(|e| e.to_string())?.map_err(|e| format!("{e}; logs in {}", logs.display()))?;
     }
     chaos.assert_slots_are_free().await.map_err(|e| format!("{e}; logs in {}", logs.display()))?;
-    println!("soak: {rounds} jobs ended with the bits of an undisturbed run; every slot is free");
+    println!("soak: {rounds} jobs ended with the results of an undisturbed run; all slots are free");
     let verdict = chaos.coordinators().verdict().map_err(|e| format!("{e}; logs in {}", logs.display()))?;
     if let Some(epoch) = verdict {
-        println!("soak: nothing was written in an epoch that was over; the last one is {epoch}");
+        println!("soak: no coordinator wrote after it was replaced; the last epoch is {epoch}");
     }
-    // Nobody needs them any more.
+    // All checks passed, so the logs are not needed.
     let _ = std::fs::remove_dir_all(&logs);
     Ok(())
 }
 
-/// What a job gives when nothing happens.
+/// Returns the result of a job without disturbances.
 async fn undisturbed(number: u32) -> Expected {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();

@@ -1,8 +1,8 @@
-//! Numbers that a seed gives again.
+//! Random numbers that are the same for the same seed.
 
 use std::time::Duration;
 
-/// xorshift64*: any seed gives the same disturbances again, though not at the same moments of the jobs.
+/// Generator xorshift64*. A seed fixes the sequence of disturbances, but not the states of the jobs when they occur.
 pub struct Random(u64);
 
 impl Random {

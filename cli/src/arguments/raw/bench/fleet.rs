@@ -12,6 +12,7 @@ Examples:
   evogait bench fleet quadropod-empty --workers 1000 --jobs 1,20,100,200
   evogait bench fleet quadropod-empty --workers 1000 --jobs 0 --seconds 60
   evogait bench fleet quadropod-empty --workers 100 --jobs 1 --population 10000 --median 0
+
 Each line of the table is a fresh coordinator in a process of its own, with
 SQLite on disk. The light workers are in this process: they use the protocol of
 real workers but sleep instead of simulating. The time of an evaluation is drawn
@@ -19,12 +20,14 @@ for its job, generation and candidate from a log-normal distribution. Workers
 crash at random and are replaced. The jobs are JOB with different seeds, with a
 swarm of --population particles, and with rapier as the engine, so that each
 candidate takes a time of its own. --jobs 0 measures idle workers.
+
 Efficiency is the slot time spent on evaluations that counted, over all slots
 and seconds. The column ideal is the efficiency of the same drawn times on the
 same slots, if tasks were assigned at no cost to workers that never crash. The
 overhead of a generation is its time from seal to seal, without the time of its
 slowest chain: the wait until a slot was free for its last range of candidates,
 and the evaluations of that range.
+
 The coordinator chooses the length of a range by the evaluation times that
 workers report. --claim makes workers report another time. With --median 0
 evaluations take no time, so generations show the cost of assigning, receiving
@@ -75,7 +78,7 @@ pub struct BenchFleet {
     #[arg(long, value_name = "S", default_value_t = 30, value_parser = whole(1..=3600))]
     pub seconds: u32,
 
-    /// Time before the measurement, s, in which the coordinator learns costs and the jobs get out of step
+    /// Warm-up before the measurement, s: the coordinator measures costs, and the jobs get out of step
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = whole(0..=3600))]
     pub warm_up: u32,
 
@@ -83,7 +86,7 @@ pub struct BenchFleet {
     #[arg(long, hide = true, value_name = "DIR")]
     pub host: Option<PathBuf>,
 
-    /// Print JSON
+    /// Print JSON instead of text
     #[arg(long, display_order = 99)]
     pub json: bool,
 }

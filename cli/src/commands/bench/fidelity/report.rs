@@ -1,4 +1,4 @@
-//! What was found, for people: a table, a page and a picture.
+//! Report of a comparison for people: a table for the terminal, a page and a picture.
 
 use super::view::View;
 use crate::console::table;
@@ -18,7 +18,7 @@ const HEAD: [&str; 9] = [
     "unstable",
 ];
 
-/// Tables for the terminal.
+/// Returns the tables for the terminal.
 pub fn text(view: &View) -> String {
     let tables = view.sets.iter().map(|set| {
         let rows: Vec<Vec<String>> = rows(view, set).collect();
@@ -27,7 +27,7 @@ pub fn text(view: &View) -> String {
     format!("{}\n\n{}", heading(view), tables.collect::<Vec<_>>().join("\n\n"))
 }
 
-/// The same as a page of Markdown.
+/// Returns the report as a page of Markdown.
 pub fn markdown(view: &View) -> String {
     let mut page = format!("# Fidelity: {}\n\n{}\n", view.robot, heading(view));
     for set in &view.sets {
@@ -40,7 +40,7 @@ pub fn markdown(view: &View) -> String {
     page + "\n![Speed against fidelity](frontier.svg)\n"
 }
 
-/// Speed against rank correlation and error.
+/// Returns the picture of speed against rank correlation and error.
 pub fn frontier(view: &View) -> Picture {
     let set = |set: &Set| FrontierSet {
         name: format!("{} gaits", set.gaits),
@@ -59,7 +59,7 @@ pub fn frontier(view: &View) -> Picture {
         ceiling_error: error(&set.ceiling.against).map_or(f64::NAN, |[_, value, _]| value),
     };
     let sets: Vec<FrontierSet> = view.sets.iter().map(set).collect();
-    let title = format!("{}: what speed costs, against {}", view.robot, view.reference);
+    let title = format!("{}: speed and fidelity against {}", view.robot, view.reference);
     draw::frontier(&sets, &title, &format!("gaits of {} s; bars are 95 % intervals", view.duration))
 }
 
@@ -117,7 +117,7 @@ fn row(name: String, against: &Against) -> Vec<String> {
     row
 }
 
-/// Such as "0.944 (0.91 to 0.97)"; tiny numbers in powers of ten.
+/// Formats a value with its interval, such as "0.944 (0.91 to 0.97)". Tiny numbers have powers of ten.
 fn with_interval(e: Estimate) -> String {
     format!("{} ({} to {})", short(e.value), short(e.low), short(e.high))
 }
@@ -137,9 +137,9 @@ fn verdict(view: &View, set: &Set) -> String {
     });
     let told: Vec<String> = told.collect();
     let so = if set.halved.iter().all(|h| h.within_ceiling) {
-        "as far as these gaits can tell, the reference is converged"
+        "for these gaits the reference has converged"
     } else {
-        "a setting's errors tell something where they are well above those of the halved step"
+        "a setting's errors are significant only if they are well above those of the halved step"
     };
     format!("Halving the step of {}: {}; {so}.", view.reference, told.join(", "))
 }

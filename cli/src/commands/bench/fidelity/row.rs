@@ -1,4 +1,4 @@
-//! The file of the fidelity table.
+//! File of the fidelity table.
 
 use crate::error::Error;
 use crate::output::atomic::write_file;
@@ -8,13 +8,12 @@ use std::io::ErrorKind;
 use std::path::Path;
 use study::fidelity::table::{Unfit, merge};
 
-/// The error of a comparison that gives no rows.
+/// Returns the error for a comparison that gives no rows of the table.
 pub fn refused(why: Unfit) -> Error {
     Error::Usage { message: format!("--table can't be written: {why}") }
 }
 
-/// Puts rows of one robot into a table's file, in the place of all rows that it has of the robot. Creates the file if there
-/// is none.
+/// Replaces the rows of one robot in a table's file. Creates the file if it does not exist.
 pub fn keep(path: &Path, rows: Vec<Row>) -> Result<(), Error> {
     let mut known = match fs::read_to_string(path) {
         Ok(text) => {

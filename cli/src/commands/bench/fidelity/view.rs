@@ -1,4 +1,4 @@
-//! What was found, as `fidelity.json` has it.
+//! Content of `fidelity.json`.
 
 use super::super::subject::Machine;
 use serde::Serialize;
@@ -8,15 +8,15 @@ use study::setting::Setting;
 #[derive(Serialize)]
 pub struct View {
     pub robot: String,
-    /// What it stands on and among.
+    /// Name of the environment.
     pub environment: String,
-    /// mu/s².
+    /// Gravity, mu/s².
     pub gravity: f32,
-    /// Of a gait, s.
+    /// Duration of a gait, s.
     pub duration: f64,
     pub seed: u64,
     pub threads: u32,
-    /// Where the evolved gaits are from.
+    /// Source of the evolved gaits, as a text.
     pub evolved: String,
     pub machine: Machine,
     pub reference: Setting,

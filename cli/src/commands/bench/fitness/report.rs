@@ -1,4 +1,4 @@
-//! What was found, for people: tables, a page and a picture.
+//! Report of a comparison for people: tables for the terminal, a page and a picture.
 
 use super::view::View;
 use crate::console::table;
@@ -17,14 +17,14 @@ const HEAD: [&str; 8] = [
     "rollouts",
 ];
 
-/// A heading and a table under a title of its own.
+/// Table with a title.
 struct Section {
     title: String,
     head: Vec<String>,
     rows: Vec<Vec<String>>,
 }
 
-/// Tables for the terminal.
+/// Returns the tables for the terminal.
 pub fn text(view: &View) -> String {
     let tables = sections(view).into_iter().map(|s| {
         let head: Vec<&str> = s.head.iter().map(String::as_str).collect();
@@ -33,7 +33,7 @@ pub fn text(view: &View) -> String {
     format!("{}\n\n{}", heading(view), tables.collect::<Vec<_>>().join("\n\n"))
 }
 
-/// The same as a page of Markdown.
+/// Returns the report as a page of Markdown.
 pub fn markdown(view: &View) -> String {
     let mut page = format!("# Fitness: {} in {}\n\n{}\n", view.robot, view.environment, heading(view));
     for s in sections(view) {
@@ -45,7 +45,7 @@ pub fn markdown(view: &View) -> String {
     if view.found.genotypes.is_empty() { page } else { page + "\n![Scores against the reference's](scatter.svg)\n" }
 }
 
-/// Scores with each setting against the reference's.
+/// Returns the picture of the scores with each setting against those of the reference.
 pub fn scatter(view: &View) -> Picture {
     let mean = |scores: &[f64]| scores.iter().sum::<f64>() / scores.len() as f64;
     let reference = view.found.settings.len() - 1;
@@ -151,7 +151,7 @@ fn finalists(view: &View) -> Section {
     let kept = format!("kept on {}", view.found.reference);
     Section {
         title: format!(
-            "What the runs found, of which {} keeps what {} says",
+            "Winners and best candidates of the runs (kept: score on {} divided by score on {})",
             view.found.reference, view.found.settings[0].setting
         ),
         head: first
@@ -171,7 +171,7 @@ fn percent(share: Option<f64>) -> String {
     share.map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
 }
 
-/// Such as "0.944 (0.912 to 0.968)".
+/// Formats a value with its interval, such as "0.944 (0.912 to 0.968)".
 fn with_interval(e: Estimate) -> String {
     format!("{:.3} ({:.3} to {:.3})", e.value, e.low, e.high)
 }

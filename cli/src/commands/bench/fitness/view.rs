@@ -1,4 +1,4 @@
-//! What was found, as `fitness.json` has it.
+//! Content of `fitness.json`.
 
 use serde::Serialize;
 use study::fitness::comparison::Found;
@@ -9,21 +9,21 @@ pub struct View {
     pub robot: String,
     pub environment: String,
     pub seed: u64,
-    /// s.
+    /// Duration of a gait, s.
     pub gait_seconds: f64,
-    /// k.
+    /// Number of gaits of a genotype, k.
     pub gaits: u32,
-    /// K.
+    /// Iterations of a tree, K.
     pub iterations: u32,
-    /// Random streams that each genotype is scored on.
+    /// Number of trees, each with its own random streams, that a genotype is scored on.
     pub trees: u32,
-    /// Source of the genotypes: an evolution, or stored runs.
+    /// Source of the genotypes, as a text: a search, or stored runs.
     pub from: String,
     /// Name of the score.
     pub score: &'static str,
-    /// Its unit.
+    /// Unit of the score.
     pub unit: &'static str,
-    /// The comparison.
+    /// Results of the comparison.
     #[serde(flatten)]
     pub found: Found,
 }

@@ -1,36 +1,37 @@
-//! What generations take beyond what their slowest chain needs.
+//! Overhead of generations: the time that their slowest chain did not need.
 //!
-//! The chain of a generation is what its last range needed: the time from the generation's begin until a slot was free for
-//! it, which other work had, and the evaluations of that range. All else from seal to seal is overhead: telling, storing,
-//! sealing, handing out, and doing again what died with a worker.
+//! The chain of a generation belongs to the range that ends last. It is the time from the begin of the generation until
+//! a slot was free for that range, because other tasks occupied the slots, and the evaluations of the range. The rest
+//! of the time from seal to seal is overhead: transmitting, storing, sealing, assigning, and repeating the tasks of
+//! crashed workers.
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-/// A range that was evaluated.
+/// Busy period of a slot: the evaluation of one range.
 #[derive(Clone, Copy, Debug)]
 pub struct Spell {
-    /// Since when its slot had nothing to do.
+    /// Begin of the idle time of the slot before this range.
     pub free_since: Instant,
-    /// When it began.
+    /// Begin of the evaluation.
     pub begun: Instant,
-    /// When it ended.
+    /// End of the evaluation.
     pub ended: Instant,
 }
 
-/// A generation that was sealed.
+/// Sealed generation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sealed {
-    /// When that was told.
+    /// Time at which the watcher received the seal.
     pub at: Instant,
-    /// s since the seal before it.
+    /// Time since the previous seal, s.
     pub took: f64,
-    /// s of this that the slowest chain did not need. May be a little less than nothing: a worker can be told of work before
-    /// the watcher is told of the seal.
+    /// Part of `took` that the slowest chain did not need, s. May be slightly negative: a worker can receive tasks of
+    /// the next generation before the watcher receives the seal.
     pub overhead: f64,
 }
 
-/// Those of the generations at hand, by the seeds of their jobs.
+/// Chains of the generations that are not sealed yet, by the seeds of their jobs, and the sealed generations.
 #[derive(Debug, Default)]
 pub struct Chains {
     last: HashMap<(u64, u32), Spell>,
@@ -39,9 +40,9 @@ pub struct Chains {
 }
 
 impl Chains {
-    /// A range of a generation is done.
+    /// Records the evaluation of a range.
     pub fn done(&mut self, seed: u64, generation: u32, spell: Spell) {
-        // A copy that ends after the seal belongs to nothing.
+        // A copy that ends after the seal does not count.
         if self.seals.get(&seed).is_some_and(|(sealed, _)| generation <= *sealed) {
             return;
         }
@@ -51,7 +52,7 @@ impl Chains {
         }
     }
 
-    /// A generation was sealed.
+    /// Records the seal of a generation.
     pub fn seal(&mut self, seed: u64, generation: u32, at: Instant) {
         let last = self.last.remove(&(seed, generation));
         if let (Some((_, before)), Some(last)) = (self.seals.insert(seed, (generation, at)), last) {
@@ -62,13 +63,13 @@ impl Chains {
         }
     }
 
-    /// Those sealed in a stretch of time, but for the first of each job.
+    /// Returns the generations sealed in a time span, without the first of each job.
     pub fn sealed(&self, from: Instant, to: Instant) -> Vec<Sealed> {
         self.sealed.iter().filter(|s| (from..to).contains(&s.at)).copied().collect()
     }
 }
 
-/// a − b, s.
+/// Returns a − b, s.
 fn signed(a: Duration, b: Duration) -> f64 {
     a.as_secs_f64() - b.as_secs_f64()
 }
@@ -94,15 +95,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_neither_waiting_for_a_busy_slot_nor_evaluating_is_overhead() {
+    fn overhead_excludes_busy_slot_wait_and_evaluation() {
         let clock = Clock(Instant::now());
         let mut chains = Chains::default();
         chains.seal(1, 0, clock.at(1000));
-        // Idle slots: 5 ms until it begins, 7 until it is sealed.
+        // Idle slots: 5 ms until the range begins, 7 ms until the seal.
         chains.done(1, 1, clock.spell(900, 1005, 2000));
         chains.done(1, 1, clock.spell(900, 1004, 3005));
         chains.seal(1, 1, clock.at(3012));
-        // A slot that had other work until 4000: 2 ms until it begins, 3 until it is sealed.
+        // A slot with other tasks until 4000 ms: 2 ms until the range begins, 3 ms until the seal.
         chains.done(1, 2, clock.spell(4000, 4002, 5002));
         chains.seal(1, 2, clock.at(5005));
         assert_eq!(overheads(&chains, &clock), [11.0, 5.0]);
@@ -111,22 +112,22 @@ mod tests {
     }
 
     #[test]
-    fn what_died_and_is_done_again_is_overhead_and_a_late_copy_is_nothing() {
+    fn repeated_range_is_overhead_and_late_copy_is_ignored() {
         let clock = Clock(Instant::now());
         let mut chains = Chains::default();
         chains.seal(1, 0, clock.at(0));
-        // Its first worker died; given to one that had been idle all the time, at 5000.
+        // The first worker crashed. At 5000 ms the range is assigned to a worker that was idle since the begin.
         chains.done(1, 1, clock.spell(0, 5000, 6000));
         chains.seal(1, 1, clock.at(6000));
         chains.done(1, 1, clock.spell(0, 5000, 7000));
         chains.done(1, 2, clock.spell(6000, 6000, 8000));
         chains.seal(1, 2, clock.at(8000));
         assert_eq!(overheads(&chains, &clock), [5000.0, 0.0]);
-        assert_eq!(chains.last.len(), 0, "nothing is kept of what is over");
+        assert_eq!(chains.last.len(), 0, "sealed generations leave no entries");
     }
 
     #[test]
-    fn jobs_are_told_apart_and_the_first_seal_is_only_a_begin() {
+    fn jobs_are_separate_and_first_seal_only_starts_timing() {
         let clock = Clock(Instant::now());
         let mut chains = Chains::default();
         for seed in [1, 2] {

@@ -1,4 +1,4 @@
-//! A coordinator in a process of its own, so that what it takes is known from what its workers take.
+//! Coordinator in a process of its own, so that its CPU time and memory are measured apart from those of the workers.
 
 use super::scrape::{Numbers, scrape};
 use crate::client::Url;
@@ -10,19 +10,19 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// CPU time in /proc is counted in hundredths of a second, on every Linux there is.
+/// Unit of CPU time in /proc: a hundredth of a second on all Linux systems.
 const TICK: Duration = Duration::from_millis(10);
 
-/// The process.
+/// Process of the measured coordinator.
 pub struct Host {
     child: Child,
     metrics: SocketAddr,
-    /// Where it listens.
+    /// Address on which the coordinator listens.
     pub url: Url,
 }
 
 impl Host {
-    /// Starts this program again as a coordinator whose store is in a folder.
+    /// Starts this program again as a coordinator with its store in `folder`.
     pub fn start(folder: &Path) -> Result<Self, Error> {
         let failed = |reason: String| Error::LocalCoordinator { reason };
         let program = std::env::current_exe().map_err(|e| failed(e.to_string()))?;
@@ -38,21 +38,22 @@ impl Host {
             BufReader::new(stdout).read_line(&mut line).map_err(|e| failed(e.to_string()))?;
         }
         let addresses = line.trim().split_once(' ').and_then(|(a, m)| Some((a.parse().ok()?, m.parse().ok()?)));
-        let (address, metrics) = addresses.ok_or_else(|| failed("it does not start".to_owned()))?;
+        let (address, metrics) =
+            addresses.ok_or_else(|| failed("the coordinator process did not print its addresses".to_owned()))?;
         Ok(Self { child, metrics, url: Url::of_socket(address) })
     }
 
-    /// CPU time it has taken; zero where the system does not tell.
+    /// Returns the CPU time of the process so far, or zero if the system does not report it.
     pub fn cpu(&self) -> Duration {
         cpu(&self.child.id().to_string())
     }
 
-    /// Its greatest resident set so far, MiB.
+    /// Returns the peak resident set of the process so far, MiB.
     pub fn peak_mib(&self) -> Option<f64> {
         super::super::dispatch::peak_mib(&self.child.id().to_string())
     }
 
-    /// What it counts.
+    /// Reads the coordinator's metrics.
     pub async fn numbers(&self) -> Result<Numbers, Error> {
         scrape(self.metrics).await.map_err(|e| Error::LocalCoordinator { reason: format!("no metrics: {e}") })
     }
@@ -60,22 +61,22 @@ impl Host {
 
 impl Drop for Host {
     fn drop(&mut self) {
-        // It is only a measurement's; it may have ended by itself.
+        // Best effort: the process serves only this measurement, and may already have exited.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// CPU time of a process (`self`: this one); zero where the system does not tell.
+/// Returns the CPU time of a process (`self` is this one), or zero if the system does not report it.
 pub fn cpu(process: &str) -> Duration {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
-    // After the name, which may contain anything: state, then ten numbers, then user and system time.
+    // Fields after the name, which may contain any character: state, ten numbers, user time, system time.
     let fields = stat.rsplit_once(") ").map_or("", |(_, fields)| fields);
     let ticks = fields.split(' ').skip(11).take(2).filter_map(|ticks| ticks.parse::<u32>().ok());
     TICK * ticks.sum()
 }
 
-/// What the process does: serves until nobody holds its standard input any more.
+/// Runs the coordinator until its standard input is closed.
 pub async fn serve(folder: PathBuf) -> Result<(), Error> {
     let failed = |e: coordinator::Error| Error::LocalCoordinator { reason: e.to_string() };
     #[cfg(unix)]
@@ -85,7 +86,7 @@ pub async fn serve(folder: PathBuf) -> Result<(), Error> {
     let config = coordinator::Config { metrics: Some(metrics), ..coordinator::Config::embedded(store) };
     let mut running = coordinator::serve(config).await.map_err(failed)?;
     if let Some(metrics) = running.metrics_addr() {
-        // If nobody reads it nobody needs it.
+        // Best effort: if the reader is gone, the addresses are not needed.
         let _ = writeln!(std::io::stdout(), "{} {metrics}", running.local_addr());
     }
     let orphaned = tokio::task::spawn_blocking(|| std::io::stdin().read_to_end(&mut Vec::new()));

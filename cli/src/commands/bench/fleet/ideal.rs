@@ -1,26 +1,27 @@
-//! What could be had: the same drawn times on the same slots, handed out at no cost to workers that never die.
+//! Ideal efficiency: the same drawn times on the same slots, with tasks assigned at no cost to workers that never
+//! crash.
 //!
-//! A list schedule with the coordinator's own rules: a free slot never waits while any job has something pending, the job
-//! that has been given least is next, and a generation begins when all of the one before it is done.
+//! It is a list schedule with the rules of the coordinator: a free slot never waits while a job has a pending task; the
+//! job with the least slot time so far is next; a generation begins when the previous one is complete.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 use std::ops::Range;
 use std::time::Duration;
 
-/// Jobs side by side on slots.
+/// Size of a schedule.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
-    /// All slots.
+    /// Slots of all workers together.
     pub slots: u64,
-    /// Jobs of one size.
+    /// Number of jobs, all of one size.
     pub jobs: u32,
     /// Candidates of each generation.
     pub population: u32,
 }
 
 impl Setting {
-    /// Share of the slots that have something to do while all jobs are at the beginning of a generation.
+    /// Returns the share of the slots that are busy while all jobs are at the beginning of a generation.
     pub fn fill(&self) -> f64 {
         let candidates = f64::from(self.jobs) * f64::from(self.population);
         (candidates / self.slots as f64).min(1.0)
@@ -30,15 +31,15 @@ impl Setting {
 #[derive(Clone, Copy, Default)]
 struct Job {
     generation: u32,
-    /// Candidates of it that are handed out, and that are done.
+    /// Candidates of the generation that are assigned, and that are done.
     handed: u32,
     done: u32,
-    /// Slot time that it has been given.
+    /// Slot time of the job so far.
     given: Duration,
 }
 
-/// Share of the slots' time that is busy in a window after all jobs begin at once. `time` is that of a candidate (job,
-/// generation, candidate), and must be more than zero.
+/// Returns the busy share of the slots' time in a window, if all jobs begin at time 0.
+/// `time(job, generation, candidate)` is the time of an evaluation and must be more than zero.
 pub fn efficiency(setting: Setting, window: Range<Duration>, time: impl Fn(u32, u32, u32) -> Duration) -> f64 {
     let Setting { slots, jobs, population } = setting;
     let mut all = vec![Job::default(); jobs as usize];
@@ -87,28 +88,28 @@ mod tests {
     }
 
     #[test]
-    fn equal_times_fill_as_many_slots_as_there_are_candidates() {
+    fn equal_times_fill_one_slot_per_candidate() {
         for (slots, jobs, population, share) in
             [(40, 1, 20, 0.5), (20, 1, 20, 1.0), (10, 1, 20, 1.0), (1000, 20, 20, 0.4)]
         {
             assert!(near(of(slots, jobs, population, |_, _, _| s(1)), share), "{slots} {jobs} {population}");
             assert!(near(Setting { slots, jobs, population }.fill(), share));
         }
-        // Twelve at a time need two turns for twenty.
+        // Twelve slots need two turns for twenty candidates.
         assert!(near(of(12, 1, 20, |_, _, _| s(1)), 20.0 / 24.0));
     }
 
     #[test]
-    fn a_generation_waits_for_its_slowest_and_another_job_fills_the_gap() {
+    fn other_jobs_fill_slots_that_wait_for_slowest_candidate() {
         let slow_last = |_, _, candidate| if candidate == 3 { s(4) } else { s(1) };
-        // Alone: seven seconds of work in four times four.
+        // One job alone: seven seconds of evaluations in four times four seconds of slots.
         assert!(near(of(4, 1, 4, slow_last), 7.0 / 16.0));
-        // Many of them keep the slots busy all the time.
+        // Eight such jobs keep the slots busy all the time.
         assert!(of(4, 8, 4, slow_last) > 0.999);
     }
 
     #[test]
-    fn more_jobs_never_leave_more_idle_and_no_slot_is_busier_than_always() {
+    fn efficiency_grows_with_jobs_and_stays_below_one() {
         let times = super::super::times::Times { median: 1.0, sigma: 0.5 };
         let shares: Vec<f64> =
             [1, 2, 5, 10, 20].map(|jobs| of(100, jobs, 20, |j, g, c| times.of(u64::from(j), g, c))).to_vec();
@@ -116,13 +117,13 @@ mod tests {
             shares.windows(2).all(|w| w[0] < w[1] + 1e-3) && shares.iter().all(|s| (0.0..=1.0).contains(s)),
             "{shares:?}"
         );
-        // The mean of twenty times over the greatest of them, for the slots that the job can use at all.
+        // The mean of twenty times divided by their maximum, over the slots that the job can use.
         assert!((0.35..0.55).contains(&(shares[0] * 5.0)), "{shares:?}");
         assert!(shares[4] > 0.99, "{shares:?}");
     }
 
     #[test]
-    fn nothing_to_do_is_no_work() {
+    fn no_jobs_give_zero_efficiency() {
         assert_eq!(of(10, 0, 20, |_, _, _| s(1)), 0.0);
     }
 }

@@ -1,7 +1,7 @@
-//! A light worker: it speaks the protocol of a real one and simulates nothing, so that thousands fit into a process.
+//! Light worker: it uses the protocol of a real worker but simulates nothing, so thousands fit into one process.
 //!
-//! Its scores follow from the genotypes alone, so any two light workers agree on every bit. The duration of each task is
-//! drawn; failures and deaths come as often as the options say.
+//! Its scores depend on the genotypes alone, so the bits of any two light workers are equal. The duration of each task
+//! is drawn. Failures and crashes occur at the rates of the options.
 
 use super::slots::Slots;
 use super::tally::{Busy, Tally};
@@ -29,35 +29,35 @@ use tokio::time::{MissedTickBehavior, interval, sleep, sleep_until};
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::{Code, Status};
 
-/// Before a broken session is opened again, and before an unanswered result is sent again.
+/// Pause before a broken session is opened again, and before an unanswered result is sent again.
 const PAUSE: Duration = Duration::from_millis(200);
-/// From a worker's death to the start of the one that takes its place, as whoever keeps workers running needs.
+/// Time from a crash to the start of the replacement, as a supervisor of real workers needs.
 const REPLACED_AFTER: Duration = Duration::from_secs(1);
 
-/// How light workers behave.
+/// Parameters of all light workers.
 #[derive(Clone, Debug)]
 pub struct Behaviour {
-    /// Evaluations at once, at least 1.
+    /// Number of slots, at least 1.
     pub slots: u32,
-    /// What evaluations take.
+    /// Times of the evaluations.
     pub times: Times,
-    /// An evaluation is said to have taken so long, where that is something else: it decides how long ranges are.
+    /// Time of an evaluation that workers report instead of the drawn one. The coordinator sizes ranges by it.
     pub claim: Option<Duration>,
-    /// Share of ranges that fail, 0 to 1.
+    /// Share of ranges that workers report as failed, 0 to 1.
     pub fails: f64,
-    /// How long a worker lives on the average; then it dies without a word, and another one takes its place.
+    /// Mean time until a worker crashes without notice and is replaced; `None` means that workers never crash.
     pub lifetime: Option<Duration>,
-    /// Seed of the lives.
+    /// Seed of the times until crashes.
     pub seed: u64,
-    /// What it offers.
+    /// Engine digests that the worker offers.
     pub engines: Vec<Vec<u8>>,
-    /// The engine that it says has run.
+    /// Engine digest that the worker reports in results.
     pub engine: Vec<u8>,
-    /// The result of each job's preparation: they all have the same robot.
+    /// Result of each job's preparation; it is the same, as all jobs have the same robot.
     pub prepared: Vec<u8>,
 }
 
-/// Works until it is dropped.
+/// Runs a light worker, with its replacements after crashes, until the future is dropped.
 pub async fn work(url: Url, number: u32, behaviour: Arc<Behaviour>, tally: Arc<Tally>) {
     for life in 0u32.. {
         let id = format!("light-{number}-{life}");
@@ -69,7 +69,7 @@ pub async fn work(url: Url, number: u32, behaviour: Arc<Behaviour>, tally: Arc<T
         };
         let lives = async {
             loop {
-                // Whether it was hung up or broke: a real one connects again.
+                // The session ended or broke: like a real worker, connect again.
                 let _ = session(&url, &id, &behaviour, &tally).await;
                 sleep(PAUSE).await;
             }
@@ -83,10 +83,10 @@ pub async fn work(url: Url, number: u32, behaviour: Arc<Behaviour>, tally: Arc<T
     }
 }
 
-/// Work that was assigned.
+/// Range that the coordinator assigned.
 struct Assigned {
     task: AbortHandle,
-    /// Grows with every heartbeat once a slot has it; 0 before.
+    /// Grows with every heartbeat while the range has a slot; 0 before.
     progress: Arc<AtomicU64>,
 }
 
@@ -95,7 +95,7 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
         .max_decoding_message_size(MAX_MESSAGE)
         .max_encoding_message_size(MAX_MESSAGE);
     let (said, outgoing) = unbounded_channel();
-    // A connection that broke shows where it is read.
+    // A broken connection is reported where messages are read.
     let say = |message| drop(said.send(WorkerMessage { message: Some(message) }));
     say(worker_message::Message::Hello(Hello {
         protocol: PROTOCOL,
@@ -109,7 +109,7 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
     let mut incoming = client.session(UnboundedReceiverStream::new(outgoing)).await?.into_inner();
     let first = incoming.message().await?.and_then(|m| m.message);
     let Some(coordinator_message::Message::Welcome(welcome)) = first else {
-        return Err(Status::unavailable("it did not say Welcome"));
+        return Err(Status::unavailable("the coordinator's first message was not Welcome"));
     };
     tally.sessions.fetch_add(1, Ordering::Relaxed);
     let mut heartbeat = interval(Duration::from_millis(u64::from(welcome.heartbeat_ms).max(10)));
@@ -134,12 +134,13 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
             Some(Some(coordinator_message::Message::Assign(assigned))) => {
                 let assignment_id = assigned.assignment_id;
                 let Some((generation, genotypes)) = candidates(&assigned) else {
-                    let reason = "a light worker only pretends to evaluate".to_owned();
+                    let reason = "a light worker can only evaluate candidates".to_owned();
                     say(worker_message::Message::Reject(Reject { assignment_id, reason }));
                     continue;
                 };
                 let progress = Arc::new(AtomicU64::new(0));
-                // Here, where assignments come in order: only a job's first one to a session has its text.
+                // Read here, where assignments arrive in order: only the first assignment of a job to a session has the
+                // job's text.
                 let seed = tally.seed(&assigned.job_id, &assigned.job_toml);
                 let range =
                     Range { id: id.to_owned(), seed, assigned, generation, genotypes, progress: progress.clone() };
@@ -165,7 +166,7 @@ async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Ta
     }
 }
 
-/// A sign of life.
+/// Returns the heartbeat, with the progress of all assigned ranges.
 fn alive(running: &BTreeMap<u64, Assigned>) -> Heartbeat {
     let grown = |assigned: &Assigned| match assigned.progress.load(Ordering::Relaxed) {
         0 => 0,
@@ -175,7 +176,8 @@ fn alive(running: &BTreeMap<u64, Assigned>) -> Heartbeat {
     Heartbeat { running, progress }
 }
 
-/// The generation and the genotypes of an assignment, none for a preparation; `None` for examinations.
+/// Returns generation and genotypes of an assignment, with no genotypes for a preparation. Returns `None` for
+/// examinations.
 fn candidates(assigned: &Assign) -> Option<(u32, Vec<Genotype>)> {
     let (mut of, mut genotypes) = (0, Vec::new());
     for task in assigned.tasks.iter().filter(|_| assigned.round > 0) {
@@ -186,11 +188,11 @@ fn candidates(assigned: &Assign) -> Option<(u32, Vec<Genotype>)> {
     Some((of, genotypes))
 }
 
-/// A range of candidates that a worker was given, or a preparation.
+/// Range of candidates, or a preparation, that a worker was assigned.
 struct Range {
-    /// The worker.
+    /// Id of the worker.
     id: String,
-    /// That of its job.
+    /// Seed of the job.
     seed: u64,
     assigned: Assign,
     generation: u32,
@@ -199,7 +201,7 @@ struct Range {
 }
 
 impl Range {
-    /// Pretends.
+    /// Sleeps for the drawn time and returns the request with results that depend on the genotypes alone.
     async fn evaluate(self, behaviour: &Behaviour, slots: &Slots, tally: &Tally) -> CompleteRequest {
         let Self { id, seed, assigned, generation, genotypes, progress } = self;
         if assigned.round == 0 {
@@ -218,13 +220,13 @@ impl Range {
         drop(slot);
         let fails = chance(&id, assigned.assignment_id) < behaviour.fails;
         let results =
-            if fails { Err("a light worker was told to fail") } else { Ok(genotypes.iter().map(result).collect()) };
+            if fails { Err("failure of a light worker by --fail") } else { Ok(genotypes.iter().map(result).collect()) };
         let claim = behaviour.claim.map_or(drawn, |each| each * count).max(Duration::from_micros(count.into()));
         completed(id, assigned, behaviour, results, claim)
     }
 }
 
-/// The request that delivers results, or a failure.
+/// Returns the request that delivers results or a failure.
 fn completed(
     worker_id: String,
     assigned: Assign,
@@ -251,16 +253,16 @@ fn completed(
     }
 }
 
-/// The pretended result of an evaluation.
+/// Returns the made-up result of an evaluation.
 fn result(genotype: &Genotype) -> Vec<u8> {
     let counts = Counts { rollouts: 1, nodes: 1, ..Counts::default() };
     TaskResult::Evaluated { genotype: None, score: Some(score(genotype)), descriptors: Vec::new(), counts }.encode()
 }
 
-/// Sends it until it is answered.
+/// Sends the result until it is answered.
 async fn deliver(mut client: WorkerServiceClient<Way>, result: CompleteRequest) {
     while let Err(status) = client.complete(result.clone()).await {
-        // Whatever it is, asking again would not change it.
+        // Any other status would be returned again.
         if !matches!(status.code(), Code::Unavailable | Code::Cancelled | Code::Unknown | Code::DeadlineExceeded) {
             return;
         }
@@ -268,14 +270,14 @@ async fn deliver(mut client: WorkerServiceClient<Way>, result: CompleteRequest) 
     }
 }
 
-/// 0 to 1, from the genotype's bits alone.
+/// Returns a number from 0 to 1 that depends on the genotype's bits alone.
 fn score(genotype: &Genotype) -> f64 {
     let mut hasher = DefaultHasher::new();
     genotype.numbers().iter().for_each(|value| value.to_bits().hash(&mut hasher));
     unit(hasher.finish())
 }
 
-/// 0 to 1, for what a worker does with an assignment.
+/// Returns a number from 0 to 1 that depends on worker and assignment.
 fn chance(worker: &str, assignment: u64) -> f64 {
     let mut hasher = DefaultHasher::new();
     (worker, assignment).hash(&mut hasher);

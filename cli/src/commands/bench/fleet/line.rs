@@ -1,4 +1,4 @@
-//! One line: a fresh coordinator, its workers and jobs, watched for a while once they have settled.
+//! One line of the table: a fresh coordinator with its workers and jobs, measured after a warm-up.
 
 use super::super::dispatch::Scratch;
 use super::host::{self, Host};
@@ -24,68 +24,69 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 
-/// How long all workers may take to connect.
+/// Time limit for all workers to connect.
 const CONNECT: Duration = Duration::from_secs(120);
-/// Workers that connect at a time, as many as the coordinator lets wait for their Hello.
+/// Workers that connect at the same time. The coordinator limits the sessions that have not sent Hello yet.
 const AT_ONCE: u32 = 500;
-/// Watchers that share a connection.
+/// Number of watchers that share a connection.
 const SHARED_BY: usize = 100;
 
-/// What was found.
+/// Measurement of one line.
 #[derive(Serialize)]
 pub struct Line {
-    /// Light workers.
+    /// Number of light workers.
     pub workers: u32,
-    /// Slots of all of them.
+    /// Slots of all workers together.
     pub slots: u64,
-    /// Jobs side by side.
+    /// Number of jobs that run side by side.
     pub jobs: u32,
-    /// What was measured, s.
+    /// Measuring time, s.
     pub seconds: f64,
-    /// Evaluations that were committed in it.
+    /// Evaluations committed in the measuring time.
     pub evaluations: u64,
-    /// Slot time that counted, over all slots and seconds.
+    /// Slot time of evaluations that counted, over all slots and seconds.
     pub efficiency: f64,
-    /// What could be had with these times, if handing out cost nothing; nothing where evaluations take no time.
+    /// Efficiency of the same times if assigning costs nothing; `null` where evaluations take no time.
     pub ideal: Option<f64>,
-    /// Candidates of all jobs' generations over slots, at most 1.
+    /// Candidates of the current generations of all jobs over slots, at most 1.
     pub fill: f64,
-    /// Generations that were sealed.
+    /// Number of sealed generations.
     pub generations: u64,
-    /// From seal to seal, ms.
+    /// Time from seal to seal, ms.
     pub generation_ms: Option<Spread>,
-    /// Of that, what the slowest chain did not need, ms.
+    /// Part of `generation_ms` that the slowest chain did not need, ms.
     pub overhead_ms: Option<Spread>,
-    /// Ranges worked off.
+    /// Number of evaluated ranges.
     pub ranges: u64,
-    /// Transactions of the store.
+    /// Transactions of the store per second.
     pub commits_per_s: f64,
-    /// Changes in them: results of a range, a sealed generation.
+    /// Changes in these transactions per second: results of a range, a sealed generation.
     pub changes_per_s: f64,
-    /// What one takes, ms.
+    /// Mean time of a transaction, ms.
     pub commit_ms: Option<f64>,
-    /// CPU time of the coordinator over time: 1 is a core.
+    /// CPU time of the coordinator over time; 1 is one core.
     pub coordinator_cores: f64,
-    /// The same of the light workers and watchers. Together with the coordinator's it can't exceed what the machine has.
+    /// CPU time of the light workers and watchers over time. Its sum with the coordinator's is limited by the machine's
+    /// cores.
     pub workers_cores: f64,
-    /// CPU time of the coordinator an evaluation, µs.
+    /// CPU time of the coordinator per evaluation, µs.
     pub coordinator_us: Option<f64>,
-    /// The coordinator's greatest resident set so far, MiB.
+    /// Peak resident set of the coordinator so far, MiB.
     pub peak_mib: Option<f64>,
-    /// Workers that died.
+    /// Number of workers that crashed.
     pub deaths: u64,
-    /// Workers that the coordinator took for dead, and ranges lost with them.
+    /// Number of workers that the coordinator treated as lost.
     pub workers_lost: u64,
-    /// As above.
+    /// Number of leases that ended because their worker was lost.
     pub leases_lost: u64,
 }
 
-/// How something spreads.
+/// Median and 95th percentile of values.
 #[derive(Serialize)]
 pub struct Spread {
-    /// Half are less.
+    /// Value that half of the values are below.
     pub median: f64,
-    /// 95 % are less.
+    /// Value that 95 % of the values are below.
     pub p95: f64,
 }
 
@@ -95,7 +96,7 @@ impl Spread {
     }
 }
 
-/// What stands at a moment.
+/// Counters at a point in time.
 struct Moment {
     at: Instant,
     useful: f64,
@@ -122,7 +123,8 @@ impl Moment {
     }
 }
 
-/// The result of the preparation of each of a fleet's jobs, which all have the same robot and physics.
+/// Returns the result of the preparation of each job of a fleet. It is the same, as all jobs have the same robot and
+/// physics.
 pub fn prepared(job: &Checked) -> Result<Vec<u8>, Error> {
     match variant(job, 1, 0)?.prepare(&|| false) {
         Ok(preparation) => Ok(Outcome::Prepared(preparation).encode()),
@@ -131,7 +133,7 @@ pub fn prepared(job: &Checked) -> Result<Vec<u8>, Error> {
     }
 }
 
-/// Measures one line. `prepared`: see [`prepared`].
+/// Measures one line. `prepared` is the result of [`prepared`]; the last argument is (workers, jobs).
 pub async fn measure(
     args: &BenchFleet,
     job: &Checked,
@@ -209,7 +211,7 @@ pub async fn measure(
     })
 }
 
-/// Starts so many workers, and waits until they are connected.
+/// Starts `workers` light workers and waits until they are connected.
 async fn connect(
     url: &Url,
     workers: u32,
@@ -223,7 +225,7 @@ async fn connect(
         while (last || started.is_multiple_of(AT_ONCE)) && tally.sessions.load(Ordering::Relaxed) < u64::from(started) {
             if begun.elapsed() > CONNECT {
                 let reason = format!(
-                    "only {} of {workers} connect within {} s (is `ulimit -n` large enough?)",
+                    "only {} of {workers} workers connected within {} s: check that `ulimit -n` allows enough open files",
                     tally.sessions.load(Ordering::Relaxed),
                     CONNECT.as_secs()
                 );
@@ -235,7 +237,7 @@ async fn connect(
     Ok(fleet)
 }
 
-/// Lets time pass, unless a job ends.
+/// Waits for `time`, or returns the error of a job that ends earlier.
 async fn pass(watched: &mut JoinSet<Result<Infallible, Error>>, time: Duration) -> Result<(), Error> {
     tokio::select! {
         () = tokio::time::sleep(time) => Ok(()),
@@ -246,7 +248,7 @@ async fn pass(watched: &mut JoinSet<Result<Infallible, Error>>, time: Duration) 
     }
 }
 
-/// Submits a job and tells of its seals until something goes wrong: it has more generations than there is time.
+/// Submits a job and records its seals until an error. The job has more generations than the measurement lasts.
 async fn watch(mut client: Client, job: Checked, tally: Arc<Tally>) -> Result<Infallible, Error> {
     let request_id = job.digest().to_string();
     let request = v1::SubmitJobRequest { request_id, job_toml: job.to_toml(), priority: 0 };
@@ -263,8 +265,8 @@ async fn watch(mut client: Client, job: Checked, tally: Arc<Tally>) -> Result<In
     Err(Error::JobEnded { name: ended.name, id: ended.id, how })
 }
 
-/// The job with another seed, a swarm of so many particles that never ends, and an engine whose candidates are evaluated
-/// one by one.
+/// Returns the job with another seed, a swarm of `population` particles that never ends, and an engine that evaluates
+/// candidates one by one.
 fn variant(job: &Checked, population: u32, number: u32) -> Result<Checked, Error> {
     let refused = |source| Error::Invalid { file: "the job of the fleet".to_owned(), source };
     let mut spec: JobSpec = job.spec().clone();
@@ -281,7 +283,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn jobs_of_a_fleet_differ_in_their_seeds_alone_and_outlast_any_measurement() {
+    fn fleet_jobs_differ_only_in_seed_and_never_end() {
         let toml = "name = \"x\"\nseed = 5\nrobot = \"quadropod\"\nenvironment = \"empty\"\n[gaits]\ncount = 1\n\
                     [fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"ga\"\n";
         let job = Checked::from_toml(toml).unwrap();

@@ -1,7 +1,7 @@
-//! `evogait bench fleet`: what a coordinator bears, and how busy it keeps its workers.
+//! `evogait bench fleet`: load that a coordinator can serve, and efficiency of its workers.
 //!
-//! The coordinator is the real one, with SQLite on disk, in a process of its own; the workers are sessions of this process
-//! that speak the real protocol and simulate nothing but the time that it takes.
+//! The coordinator is the real one, with SQLite on disk, in a process of its own. The workers are sessions of this
+//! process: they use the real protocol, but sleep instead of simulating.
 
 mod chains;
 mod host;
@@ -29,19 +29,19 @@ struct View {
     machine: Machine,
     slots_of_a_worker: u32,
     population: u32,
-    /// What an evaluation takes: median, s, and standard deviation of its logarithm.
+    /// Median time of an evaluation, s, and standard deviation of its logarithm.
     median: f64,
     sigma: f64,
-    /// What workers say that it took, s, where that is something else.
+    /// Evaluation time that workers report instead of the drawn one, s.
     claim: Option<f64>,
-    /// Mean time between two deaths of a worker, s; 0: none dies.
+    /// Mean time between two crashes of a worker, s; 0 means that workers never crash.
     lifetime: f64,
-    /// Share of ranges that fail.
+    /// Share of ranges that workers report as failed.
     fail: f64,
     lines: Vec<Line>,
 }
 
-/// Measures and tells.
+/// Measures all lines and prints them.
 pub fn run(args: BenchFleet, quiet: bool) -> Result<(), Error> {
     if let Some(folder) = args.host {
         return super::super::with_runtime(host::serve(folder));

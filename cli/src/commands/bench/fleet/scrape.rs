@@ -1,4 +1,4 @@
-//! What the coordinator counts, as it tells Prometheus.
+//! Counters of the coordinator, read from its Prometheus metrics.
 
 use std::io;
 use std::net::SocketAddr;
@@ -6,25 +6,25 @@ use std::time::Duration;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
-/// It has so long to answer: more than the coordinator itself waits for its gauges, and a busy machine.
+/// Time limit of a request: longer than the coordinator waits for its own gauges, and enough for a busy machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Some of its numbers. All of them only grow.
+/// Some counters of the coordinator. None of them ever decreases.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Numbers {
-    /// Evaluations that were committed.
+    /// Number of committed evaluations.
     pub evaluations: f64,
-    /// Generations sealed.
+    /// Number of sealed generations.
     pub generations: f64,
-    /// Transactions.
+    /// Number of transactions.
     pub commits: f64,
-    /// s they took.
+    /// Time of all transactions, s.
     pub commit_seconds: f64,
-    /// Changes in them: results of a range, a sealed generation, a job's state.
+    /// Changes in the transactions: results of a range, a sealed generation, a job's state.
     pub changes: f64,
-    /// Workers that were lost.
+    /// Number of lost workers.
     pub workers_lost: f64,
-    /// Ranges that were lost with them.
+    /// Number of leases that ended because their worker was lost.
     pub leases_lost: f64,
 }
 
@@ -45,7 +45,7 @@ impl Numbers {
         }
     }
 
-    /// What came since.
+    /// Returns the increase of all counters since `before`.
     pub fn since(self, before: Self) -> Self {
         Self {
             evaluations: self.evaluations - before.evaluations,
@@ -59,7 +59,7 @@ impl Numbers {
     }
 }
 
-/// Asks for them.
+/// Requests the metrics from the coordinator.
 pub async fn scrape(address: SocketAddr) -> io::Result<Numbers> {
     let asked = async {
         let mut stream = TcpStream::connect(address).await?;
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_found_by_their_whole_name() {
+    fn metrics_are_matched_by_full_name() {
         let text = "# TYPE evogait_commit_seconds histogram\n\
                     evogait_commit_seconds_sum 1.5\n\
                     evogait_commit_seconds_count 30\n\

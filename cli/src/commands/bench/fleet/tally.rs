@@ -1,4 +1,4 @@
-//! What light workers tell of each other's doings: shared by all of them, and read by who measures.
+//! Counters that all light workers of the process share and the measurement reads.
 
 use super::chains::{Chains, Spell};
 use super::usage::Usage;
@@ -8,23 +8,23 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
-/// All of it.
+/// Counters and times of all light workers.
 #[derive(Debug)]
 pub struct Tally {
-    /// Sessions ever opened.
+    /// Number of sessions opened so far.
     pub sessions: AtomicU64,
-    /// Ranges worked off.
+    /// Number of evaluated ranges.
     pub ranges: AtomicU64,
-    /// Deaths.
+    /// Number of crashes.
     pub deaths: AtomicU64,
     usage: Mutex<Usage>,
     chains: Mutex<Chains>,
-    /// Seeds of the jobs by their ids: read once, not once a worker.
+    /// Seeds of the jobs by job id, so that a job's text is parsed once and not once per worker.
     seeds: RwLock<HashMap<String, u64>>,
 }
 
 impl Tally {
-    /// Nothing has happened yet.
+    /// Creates counters at zero.
     pub fn new() -> Self {
         Self {
             sessions: AtomicU64::new(0),
@@ -36,17 +36,17 @@ impl Tally {
         }
     }
 
-    /// Slot time.
+    /// Returns the slot time.
     pub fn usage(&self) -> MutexGuard<'_, Usage> {
         self.usage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Generations.
+    /// Returns the chains of the generations.
     pub fn chains(&self) -> MutexGuard<'_, Chains> {
         self.chains.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The seed of a job, whose text came with it if the session had not had it; 0 if nobody ever had it.
+    /// Returns the seed of a job, from `job_toml` if it is not known yet; 0 if that text has no seed.
     pub fn seed(&self, job_id: &str, job_toml: &str) -> u64 {
         #[derive(Deserialize)]
         struct Seeded {
@@ -63,7 +63,7 @@ impl Tally {
     }
 }
 
-/// A busy slot. Dropped before it is done, what it did came to nothing.
+/// Busy slot. If it is dropped before [`Busy::done`], its time counts as wasted.
 pub struct Busy<'a> {
     tally: &'a Tally,
     begun: Instant,
@@ -71,19 +71,19 @@ pub struct Busy<'a> {
 }
 
 impl<'a> Busy<'a> {
-    /// Begins now.
+    /// Creates a busy period that begins now.
     pub fn begin(tally: &'a Tally) -> Self {
         let begun = Instant::now();
         tally.usage().begin(begun);
         Self { tally, begun, done: false }
     }
 
-    /// When it began.
+    /// Returns the time at which it began.
     pub fn begun(&self) -> Instant {
         self.begun
     }
 
-    /// It is done now, and should have taken this long. Answers with the spell.
+    /// Ends the busy period now. Time beyond the drawn time counts as wasted. Returns the busy period.
     pub fn done(mut self, drawn: Duration, free_since: Instant) -> Spell {
         let ended = Instant::now();
         self.done = true;

@@ -1,4 +1,4 @@
-//! How long slots were busy: an integral over all of them, exact at any moment, and what of it did not count.
+//! Busy time of slots: an integral over all slots, exact at any time, and the part of it that does not count.
 
 use std::time::{Duration, Instant};
 
@@ -7,32 +7,32 @@ use std::time::{Duration, Instant};
 pub struct Usage {
     busy: u32,
     since: Instant,
-    /// Of all slots, up to `since`.
+    /// Busy time of all slots, up to `since`.
     spent: Duration,
-    /// Beyond what was drawn (a machine that wakes too late), or for what came to nothing.
+    /// Busy time beyond the drawn times (the machine woke a task too late), and of evaluations that were lost.
     wasted: Duration,
 }
 
 impl Usage {
-    /// Nobody is busy.
+    /// Creates the integral with no slot busy.
     pub fn new(now: Instant) -> Self {
         Self { busy: 0, since: now, spent: Duration::ZERO, wasted: Duration::ZERO }
     }
 
-    /// A slot begins.
+    /// Records that a slot begins.
     pub fn begin(&mut self, now: Instant) {
         self.advance(now);
         self.busy += 1;
     }
 
-    /// A slot ends, after a time of which so much did not count.
+    /// Records that a slot ends. `wasted` of its time did not count.
     pub fn end(&mut self, now: Instant, wasted: Duration) {
         self.advance(now);
         self.busy -= 1;
         self.wasted += wasted;
     }
 
-    /// s of slot time that counted so far. What runs counts until it turns out not to.
+    /// Returns the slot time that counted so far, s. Running evaluations count until they turn out to be wasted.
     pub fn useful(&mut self, now: Instant) -> f64 {
         self.advance(now);
         self.spent.as_secs_f64() - self.wasted.as_secs_f64()
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slot_time_is_the_sum_over_slots_cut_where_it_is_read() {
+    fn useful_slot_time_includes_running_evaluations() {
         let begun = Instant::now();
         let at = |ms: u64| begun + Duration::from_millis(ms);
         let mut usage = Usage::new(begun);
@@ -59,13 +59,13 @@ mod tests {
         assert_eq!(usage.useful(at(2500)), 2.0);
         usage.end(at(3000), Duration::ZERO);
         assert_eq!(usage.useful(at(4000)), 4.0);
-        // It was told to take 2.9 s: what it took more is not the fleet's merit.
+        // The drawn time was 2.9 s: the 0.1 s beyond it does not count.
         usage.end(at(5000), Duration::from_millis(100));
         assert_eq!(usage.useful(at(9000)), 4.9);
     }
 
     #[test]
-    fn what_came_to_nothing_is_taken_back() {
+    fn time_of_lost_evaluation_is_subtracted() {
         let begun = Instant::now();
         let at = |s: u64| begun + Duration::from_secs(s);
         let mut usage = Usage::new(begun);
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_that_tell_of_moments_out_of_order_lose_nothing() {
+    fn out_of_order_begin_times_lose_no_slot_time() {
         let begun = Instant::now();
         let mut usage = Usage::new(begun);
         usage.begin(begun + Duration::from_secs(2));

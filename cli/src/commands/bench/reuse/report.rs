@@ -1,4 +1,4 @@
-//! What was found, for people: tables, a page and pictures.
+//! Report of a comparison for people: tables for the terminal, a page and pictures.
 
 use super::View;
 use crate::console::table;
@@ -18,7 +18,7 @@ const HEAD: [&str; 9] = [
     "than literal",
 ];
 
-/// Tables for the terminal.
+/// Returns the tables for the terminal.
 pub fn text(view: &View) -> String {
     let tables = view.environments.iter().map(|found| {
         let rows: Vec<Vec<String>> = found.rows.iter().map(|r| row(view, r)).collect();
@@ -27,7 +27,7 @@ pub fn text(view: &View) -> String {
     format!("{}\n\n{}", heading(view), tables.collect::<Vec<_>>().join("\n\n"))
 }
 
-/// The same as a page of Markdown.
+/// Returns the report as a page of Markdown.
 pub fn markdown(view: &View) -> String {
     let mut page = format!("# Transition reuse: {}\n\n{}\n", view.robot, heading(view));
     for found in &view.environments {
@@ -40,11 +40,11 @@ pub fn markdown(view: &View) -> String {
     page
 }
 
-/// Scores with the job's own reuse against plain ones.
+/// Returns the picture of the scores with the job's own reuse against plain scores.
 pub fn scatter(view: &View, found: &Found) -> Picture {
     let is_own =
         |c: &Column| (c.reuse.tolerance, c.reuse.variants, c.repeats, c.draw) == (view.own.0, view.own.1, 1, 0);
-    // A job without reuse has its own scores in the plain column.
+    // The scores of a job without reuse are in the plain column.
     let own = found.columns.iter().position(is_own).unwrap_or(0);
     let set = |name: &str, evolved: bool| ScatterSet {
         name: name.to_owned(),
@@ -112,7 +112,7 @@ fn name(view: &View, row: &Row) -> String {
     name
 }
 
-/// Such as "0.944 (0.912 to 0.968)".
+/// Formats a value with its interval, such as "0.944 (0.912 to 0.968)".
 fn with_interval(e: Estimate) -> String {
     format!("{:.3} ({:.3} to {:.3})", e.value, e.low, e.high)
 }

@@ -1,4 +1,4 @@
-//! One examination: a question about one candidate, and its answer.
+//! An examination: a question about a candidate, and its answer.
 
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Counts;
@@ -9,54 +9,54 @@ use crate::search::Scored;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A question about a candidate.
+/// Kind of question about a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Question {
-    /// Its scores on fresh RRT seeds, on the search's setting.
+    /// The candidate's scores on fresh RRT seeds, on the search's setting.
     Fresh,
-    /// Its scores on fresh RRT seeds on the reference setting; the same seeds for all candidates.
+    /// The candidate's scores on fresh RRT seeds on the reference setting; the same seeds for all candidates.
     Reference,
-    /// The same with [`FRICTION_STEP`] less friction.
+    /// As [`Question::Reference`], with friction lower by the share [`FRICTION_STEP`].
     LessFriction,
-    /// The same with [`FRICTION_STEP`] more friction.
+    /// As [`Question::Reference`], with friction higher by the share [`FRICTION_STEP`].
     MoreFriction,
-    /// The scores of its trees in the search with every expansion simulated, none reused.
+    /// The scores of the candidate's trees in the search, with every expansion simulated and none reused.
     WithoutReuse,
-    /// Its gaits, its tree and the tree's best path.
+    /// The candidate's gaits, its tree and the tree's best path.
     Traces,
 }
 
-/// The share by which friction is changed to see how fragile a winner is.
+/// Relative change of friction that tests a winner's robustness.
 pub const FRICTION_STEP: f64 = 0.1;
 
 /// A question about a candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Examination {
-    /// The question.
+    /// The kind of question.
     pub question: Question,
     /// The candidate.
     pub candidate: Scored,
 }
 
-/// Outcome of an examination.
+/// Answer to an examination.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answer {
-    /// One a tree; `None` where the evaluation failed: the trees together exceed the budget, there is no reference to
-    /// answer on, or the robot does not come to rest with other friction.
+    /// Scores, one per tree; `None` for a failed evaluation. Evaluations fail if the trees together exceed the budget,
+    /// the job has no reference, or the robot does not come to rest with the changed friction.
     pub scores: Vec<Option<f64>>,
-    /// Its effort.
+    /// Effort of the examination.
     pub counts: Counts,
-    /// For [`Question::Traces`].
+    /// Traces, for [`Question::Traces`].
     pub traces: Option<Traces>,
 }
 
 impl Examination {
-    /// A question about a candidate.
+    /// Makes an examination of a candidate.
     pub fn new(question: Question, candidate: &Scored) -> Self {
         Self { question, candidate: candidate.clone() }
     }
 
-    /// Returns true if it is this question about this candidate.
+    /// Returns true if this is the examination of the candidate with this question.
     pub fn is(&self, question: Question, candidate: &Scored) -> bool {
         let place = |s: &Scored| (s.generation, s.candidate);
         self.question == question && place(&self.candidate) == place(candidate)
@@ -77,8 +77,8 @@ impl fmt::Display for Examination {
     }
 }
 
-/// Carries an examination out. Questions about a reference that the job has not, or about friction that is out of range
-/// or that its robot does not come to rest with, are answered by failed evaluations. `stop` is asked now and then.
+/// Carries out an examination. If the job has no reference, friction is out of range, or the robot does not come to
+/// rest with this friction, the answer consists of failed evaluations. Calls `stop` from time to time.
 ///
 /// # Panics
 /// If the genotype's length does not fit the job.
@@ -103,7 +103,7 @@ pub fn examine(job: &Job, examination: &Examination, stop: &dyn Fn() -> bool) ->
     }
 }
 
-/// Scores on the job's reference, or on one that differs from it.
+/// Returns scores on the job's reference, or on a variant of it.
 fn on_reference(
     job: &Job,
     reference: Option<&Job>,
@@ -119,7 +119,7 @@ fn on_reference(
     }
 }
 
-/// The reference with other friction; `None` where it can't be used.
+/// Returns the reference with changed friction; `None` if it can't be used.
 fn friction(job: &Job, factor: f64, stop: &dyn Fn() -> bool) -> Result<Option<Job>, Stopped> {
     let Some(reference) = job.reference() else { return Ok(None) };
     let Some(friction) = reference.spec().physics.friction else { return Ok(None) };
@@ -131,7 +131,7 @@ fn friction(job: &Job, factor: f64, stop: &dyn Fn() -> bool) -> Result<Option<Jo
     }
 }
 
-/// The random streams of trees that candidates are scored on again: the same for all candidates of a job.
+/// Returns the random streams of the trees for fresh scores. They are the same for all candidates of a job.
 fn streams(job: &Job, purpose: Purpose) -> impl Iterator<Item = Stream> {
     let seed = job.spec().seed;
     (0..job.fresh_seeds()).map(move |repeat| Stream::new(seed, purpose, 0, 0, repeat))

@@ -1,10 +1,10 @@
-//! The work after a search: examinations of the best candidates, and the winner that follows from them.
+//! Finish of a search: examinations of the best candidates, and the winner that follows from them.
 //!
 //! There are two rounds. *Finishing* scores the archive on the reference setting and audits the global bests without
-//! reuse; the published winner is the archive's best there. *Reporting* examines the winner and the first generation's
-//! best. Without a reference (the paper's bare procedure) there is only the second, of the search's best. Which
-//! examinations there are follows from what the search found and from answers alone, so rounds can be stopped and taken
-//! up anywhere.
+//! reuse; the published winner is the archive's best on the reference setting. *Reporting* examines the winner and the
+//! first generation's best. Without a reference (the paper's procedure) there is only *reporting*, and the winner is
+//! the search's best. The examinations follow only from the search's result and from earlier answers, so rounds can be
+//! stopped and resumed anywhere.
 
 mod examine;
 
@@ -15,21 +15,21 @@ use crate::problem::Checked;
 use crate::search::Scored;
 use crate::search::archive::Archive;
 
-/// The scores that answered an examination, one a tree; `None` where the evaluation failed.
+/// An examination and its scores, one per tree; `None` for a failed evaluation.
 pub type Done = (Examination, Vec<Option<f64>>);
 
-/// The plan of the work, independent of robots.
+/// Rules of a job's finish, independent of its robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// Direction: larger or smaller scores are better.
+    /// Direction of better scores: larger or smaller.
     pub direction: Direction,
-    /// Genotypes to be scored on the reference setting; 0: the winner is the search's best.
+    /// Number of genotypes to score on the reference setting; 0: the winner is the search's best.
     pub archive: u32,
     /// True if every global best is scored again without reuse.
     pub audit: bool,
 }
 
-/// The candidates that the search found.
+/// Result of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// The best of generation 0, or of the first generation with a success.
@@ -38,12 +38,12 @@ pub struct Found {
     pub best: Scored,
     /// The best distinct genotypes, best first.
     pub archive: Vec<Scored>,
-    /// Every global best, as they came.
+    /// Every global best, in the order of generations.
     pub bests: Vec<Scored>,
 }
 
 impl Plan {
-    /// That of a job. Audits are for jobs that reuse transitions.
+    /// Returns the rules of a job's finish. Audits apply only to jobs that reuse transitions.
     pub fn of(job: &Checked) -> Self {
         Self {
             direction: job.direction(),
@@ -52,12 +52,12 @@ impl Plan {
         }
     }
 
-    /// An empty archive for the search to fill.
+    /// Creates an empty archive for the search to fill.
     pub fn new_archive(&self) -> Archive {
         Archive::new(self.direction, self.archive)
     }
 
-    /// The first round, longest work first; empty without a reference.
+    /// Returns the examinations of the first round, longest work first. They are empty without a reference.
     pub fn finishing(&self, found: &Found) -> Vec<Examination> {
         let audits = if self.audit { found.bests.as_slice() } else { &[] };
         let audits = audits.iter().map(|best| Examination::new(Question::WithoutReuse, best));
@@ -65,21 +65,22 @@ impl Plan {
         audits.chain(archive).collect()
     }
 
-    /// The archive in the order of its scores on the reference setting, ties as in the search. Its first is the winner.
+    /// Returns the archive in the order of its scores on the reference setting; ties keep the search's order. The first
+    /// entry is the winner.
     pub fn ranked<'a>(&self, found: &'a Found, done: &[Done]) -> Vec<(&'a Scored, Vec<Option<f64>>)> {
         let mut ranked: Vec<_> = found.archive.iter().map(|s| (s, scores(done, Question::Reference, s))).collect();
         let worse = |a: &[Option<f64>], b: &[Option<f64>]| self.direction.better(mean(b), mean(a));
-        // Stable, and `better` is a strict weak order: a failure is worse than any number.
+        // The sort is stable, and `better` is a strict weak order: a failure is worse than any number.
         ranked.sort_by(|(_, a), (_, b)| worse(a, b).cmp(&worse(b, a)));
         ranked
     }
 
-    /// The published winner.
+    /// Returns the published winner.
     pub fn winner(&self, found: &Found, done: &[Done]) -> Scored {
         self.ranked(found, done).first().map_or(&found.best, |(winner, _)| winner).clone()
     }
 
-    /// The second round, longest work first: what the report needs and `done` has not.
+    /// Returns the examinations of the second round, longest work first: those that the report needs and `done` lacks.
     pub fn reporting(&self, found: &Found, winner: &Scored, done: &[Done]) -> Vec<Examination> {
         let first = &found.first;
         let mut wanted = vec![(Question::WithoutReuse, winner)];
@@ -102,12 +103,12 @@ impl Plan {
     }
 }
 
-/// The answer to a question; empty if it was not asked.
+/// Returns the scores that answer a question; empty if it was not examined.
 pub(crate) fn scores(done: &[Done], question: Question, candidate: &Scored) -> Vec<Option<f64>> {
     done.iter().find(|(e, _)| e.is(question, candidate)).map(|(_, scores)| scores.clone()).unwrap_or_default()
 }
 
-/// Sum of what examinations took.
+/// Returns the sum of the counts of examinations.
 pub fn total<'a>(counts: impl IntoIterator<Item = &'a Counts>) -> Counts {
     counts.into_iter().fold(Counts::default(), |mut sum, &c| {
         sum += c;
@@ -159,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_examined_twice() {
+    fn examinations_are_not_repeated_in_report_round() {
         let found = found();
         let round = PLAN.finishing(&found);
         assert_eq!(round.len(), 2 + 4);
@@ -168,10 +169,10 @@ mod tests {
         let asked = PLAN.reporting(&found, &found.best, &done);
         assert!(!asked.iter().any(|e| e.is(Question::WithoutReuse, &found.best)));
         assert!(asked.iter().any(|e| e.is(Question::Reference, &found.first)));
-        // A winner that never was a global best is still scored without reuse.
+        // A winner that was never a global best is still scored without reuse.
         let asked = PLAN.reporting(&found, &found.archive[1], &done);
         assert!(asked.iter().any(|e| e.is(Question::WithoutReuse, &found.archive[1])));
-        // The winner can be the first generation's best: one set of examinations then.
+        // If the winner is the first generation's best, there is one set of examinations.
         let one = Found { first: found.best.clone(), ..found.clone() };
         let asked = PLAN.reporting(&one, &one.best, &done);
         assert_eq!(asked.iter().filter(|e| e.question == Question::Fresh).count(), 1);
