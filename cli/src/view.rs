@@ -1,7 +1,7 @@
 //! Jobs and workers of a coordinator as JSON and as text. Scripts rely on the field names.
 
 use crate::console;
-use crate::poison::{Subject, question};
+use crate::failed_task::{Subject, question};
 use crate::values::{self, count, number};
 use crate::watch::{has_ended, word};
 use proto::v1;

@@ -1,13 +1,13 @@
 //! Listening socket with limits on connections and on the time that a connection may stay unauthenticated.
 //!
 //! A connection is unauthenticated until a call on it is permitted. The time limit covers the TLS handshake, too: an
-//! idle connection is closed after [`STRANGER_WITHIN`], in any phase.
+//! idle connection is closed after [`AUTHENTICATE_WITHIN`], in any phase.
 
 use crate::limits::{
-    MAX_CONNECTIONS, MAX_CONNECTIONS_OF_ADDRESS, MAX_SCALER_CONNECTIONS, MAX_STRANGERS, MAX_STRANGERS_OF_ADDRESS,
-    STRANGER_WITHIN,
+    AUTHENTICATE_WITHIN, MAX_CONNECTIONS, MAX_CONNECTIONS_OF_ADDRESS, MAX_SCALER_CONNECTIONS, MAX_UNAUTHENTICATED,
+    MAX_UNAUTHENTICATED_OF_ADDRESS,
 };
-use crate::seldom::Seldom;
+use crate::log_limit::LogLimit;
 use prometheus_client::metrics::gauge::Gauge;
 use std::collections::HashMap;
 use std::io;
@@ -29,7 +29,7 @@ const REST: Duration = Duration::from_millis(100);
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Count {
     all: usize,
-    strangers: usize,
+    unauthenticated: usize,
 }
 
 #[derive(Debug, Default)]
@@ -49,7 +49,7 @@ pub(crate) struct Admission {
     all: Limit,
     of_address: Limit,
     /// Limits on unauthenticated connections, in total and per address; `None` if calls need no token.
-    strangers: Option<(Limit, Limit)>,
+    unauthenticated: Option<(Limit, Limit)>,
     /// Time that a connection may stay unauthenticated.
     patience: Duration,
 }
@@ -57,19 +57,22 @@ pub(crate) struct Admission {
 impl Admission {
     /// Limits for the services of clients and workers. `tokens` is true if calls require tokens.
     pub fn of_service(tokens: bool) -> Self {
-        let strangers = ((MAX_STRANGERS, "MAX_STRANGERS"), (MAX_STRANGERS_OF_ADDRESS, "MAX_STRANGERS_OF_ADDRESS"));
+        let unauthenticated = (
+            (MAX_UNAUTHENTICATED, "MAX_UNAUTHENTICATED"),
+            (MAX_UNAUTHENTICATED_OF_ADDRESS, "MAX_UNAUTHENTICATED_OF_ADDRESS"),
+        );
         Self {
             all: (MAX_CONNECTIONS, "MAX_CONNECTIONS"),
             of_address: (MAX_CONNECTIONS_OF_ADDRESS, "MAX_CONNECTIONS_OF_ADDRESS"),
-            strangers: tokens.then_some(strangers),
-            patience: STRANGER_WITHIN,
+            unauthenticated: tokens.then_some(unauthenticated),
+            patience: AUTHENTICATE_WITHIN,
         }
     }
 
     /// Limits for the external scaler for KEDA.
     pub fn of_scaler() -> Self {
         let most = (MAX_SCALER_CONNECTIONS, "MAX_SCALER_CONNECTIONS");
-        Self { all: most, of_address: most, strangers: None, patience: STRANGER_WITHIN }
+        Self { all: most, of_address: most, unauthenticated: None, patience: AUTHENTICATE_WITHIN }
     }
 }
 
@@ -90,35 +93,35 @@ impl Counts {
         let below = |count: usize, (most, name): Limit| if count < most { Ok(()) } else { Err(name) };
         below(self.total.all, admission.all)?;
         below(of_address.all, admission.of_address)?;
-        if let Some((in_all, of_one)) = admission.strangers {
+        if let Some((in_all, of_one)) = admission.unauthenticated {
             if !address.is_loopback() {
-                below(self.total.strangers, in_all)?;
+                below(self.total.unauthenticated, in_all)?;
             }
-            below(of_address.strangers, of_one)?;
+            below(of_address.unauthenticated, of_one)?;
         }
         for count in [&mut self.total, self.by_address.entry(address).or_default()] {
             count.all += 1;
-            count.strangers += 1;
+            count.unauthenticated += 1;
         }
         self.told.inc();
         Ok(())
     }
 
     fn known(&mut self, address: IpAddr) {
-        self.total.strangers -= 1;
+        self.total.unauthenticated -= 1;
         if let Some(count) = self.by_address.get_mut(&address) {
-            count.strangers -= 1;
+            count.unauthenticated -= 1;
         }
     }
 
     fn leave(&mut self, address: IpAddr, known: bool) {
-        let strangers = usize::from(!known);
+        let unauthenticated = usize::from(!known);
         self.total.all -= 1;
-        self.total.strangers -= strangers;
+        self.total.unauthenticated -= unauthenticated;
         self.told.dec();
         if let Some(count) = self.by_address.get_mut(&address) {
             count.all -= 1;
-            count.strangers -= strangers;
+            count.unauthenticated -= unauthenticated;
             if count.all == 0 {
                 self.by_address.remove(&address);
             }
@@ -132,14 +135,14 @@ pub(crate) struct Door {
     counts: Arc<Mutex<Counts>>,
     admission: Admission,
     rest: Option<Pin<Box<Sleep>>>,
-    told: Seldom,
+    told: LogLimit,
 }
 
 impl Door {
     /// Creates the stream. `connections` is the gauge of open connections.
     pub fn new(listener: TcpListener, admission: Admission, connections: Gauge) -> Self {
         let counts = Arc::new(Mutex::new(Counts { told: connections, ..Counts::default() }));
-        let told = Seldom::default();
+        let told = LogLimit::default();
         Self { listener, counts, admission, rest: None, told }
     }
 
@@ -321,15 +324,15 @@ mod tests {
     fn connection_limits_hold_per_address_and_in_total() {
         let mut counts = Counts::default();
         let guarded = Admission::of_service(true);
-        for _ in 0..MAX_STRANGERS_OF_ADDRESS {
+        for _ in 0..MAX_UNAUTHENTICATED_OF_ADDRESS {
             assert_eq!(counts.enter(A, &guarded), Ok(()));
         }
-        assert_eq!(counts.enter(A, &guarded), Err("MAX_STRANGERS_OF_ADDRESS"));
+        assert_eq!(counts.enter(A, &guarded), Err("MAX_UNAUTHENTICATED_OF_ADDRESS"));
         counts.known(A);
         assert_eq!(counts.enter(A, &guarded), Ok(()), "an authenticated connection frees a place");
         for n in 0.. {
             if let Err(limit) = counts.enter(other(n), &guarded) {
-                assert_eq!((limit, counts.total.strangers), ("MAX_STRANGERS", MAX_STRANGERS));
+                assert_eq!((limit, counts.total.unauthenticated), ("MAX_UNAUTHENTICATED", MAX_UNAUTHENTICATED));
                 break;
             }
         }
@@ -360,7 +363,7 @@ mod tests {
         }
         counts.known(A);
         counts.leave(A, true);
-        assert_eq!((counts.total, counts.told.get()), (Count { all: 2, strangers: 2 }, 2));
+        assert_eq!((counts.total, counts.told.get()), (Count { all: 2, unauthenticated: 2 }, 2));
         counts.leave(A, false);
         counts.leave(A, false);
         assert_eq!((counts.total, counts.told.get()), (Count::default(), 0));
@@ -391,7 +394,7 @@ mod tests {
         let (door, _client, mut guest) = visit(patience).await;
         guest.visit.is_known();
         guest.visit.is_known();
-        assert_eq!(lock(&door.counts).total, Count { all: 1, strangers: 0 });
+        assert_eq!(lock(&door.counts).total, Count { all: 1, unauthenticated: 0 });
         assert!(tokio::time::timeout(4 * patience, guest.read_u8()).await.is_err(), "it stays open");
         let visit = guest.visit.clone();
         drop(guest);

@@ -13,6 +13,7 @@ mod fail_point;
 mod journal;
 pub mod limits;
 mod live;
+mod log_limit;
 mod metrics;
 #[cfg(unix)]
 pub mod open_files;
@@ -22,7 +23,6 @@ pub mod permit;
 mod pulse;
 pub mod record;
 pub mod scheduler;
-mod seldom;
 mod server;
 mod standby;
 pub mod store;

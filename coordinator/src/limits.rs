@@ -47,11 +47,11 @@ pub const MAX_CONNECTIONS: usize = 2 * MAX_SESSIONS + 12_768;
 /// behind NAT has one address.
 pub const MAX_CONNECTIONS_OF_ADDRESS: usize = 2 * MAX_SESSIONS + 4576;
 /// Limit on unauthenticated connections if calls require tokens: connections without a permitted call.
-pub const MAX_STRANGERS: usize = 1024;
+pub const MAX_UNAUTHENTICATED: usize = 1024;
 /// Limit on unauthenticated connections from one address.
-pub const MAX_STRANGERS_OF_ADDRESS: usize = 256;
+pub const MAX_UNAUTHENTICATED_OF_ADDRESS: usize = 256;
 /// Limit on the time that a connection may stay unauthenticated.
-pub const STRANGER_WITHIN: Duration = Duration::from_secs(30);
+pub const AUTHENTICATE_WITHIN: Duration = Duration::from_secs(30);
 /// Limit on the time of a TLS handshake.
 pub const HANDSHAKE_WITHIN: Duration = Duration::from_secs(10);
 /// Limit on concurrent calls on one connection; more calls wait.

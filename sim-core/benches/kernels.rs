@@ -1,5 +1,5 @@
-//! The kernels that evaluations are made of, one at a time: `cargo bench -p sim-core`. `evogait bench` measures whole
-//! evaluations, on any robot and job.
+//! Benchmarks of single kernels of an evaluation: `cargo bench -p sim-core`. `evogait bench` measures whole evaluations
+//! of any robot and job.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use sim_core::base::random::{Purpose, Stream};
@@ -13,11 +13,11 @@ use sim_core::problem::Job;
 use std::hint::black_box;
 
 fn job() -> Job {
-    let entry = catalogue::find(catalogue::jobs(), "quadropod-empty").expect("it ships");
-    Job::from_toml(entry.toml).expect("what ships is valid")
+    let entry = catalogue::find(catalogue::jobs(), "quadropod-empty").expect("the catalogue must have this job");
+    Job::from_toml(entry.toml).expect("jobs of the catalogue must be valid")
 }
 
-/// A gait, uniform in the controller's bounds.
+/// Returns a gait drawn uniformly within the controller's bounds.
 fn gait(job: &Job) -> Vec<f64> {
     let mut stream = Stream::new(1, Purpose::Sample, 0, 0, 0);
     job.controller().space(job.robot()).bounds().map(|(low, high)| stream.uniform(low, high)).collect()
@@ -33,7 +33,7 @@ fn rollout(c: &mut Criterion) {
             b.iter(|| RapierEngine.run(job.robot(), &physics, &[], black_box(&[request])))
         });
     }
-    // As many as the widest vectors have lanes; narrower ones take several turns.
+    // 16 rollouts fill the lanes of the widest vectors; narrower vectors take several passes.
     let physics = Physics::of(EngineKind::Lockstep, Scale::Paper);
     let best = Level::new();
     let mut levels = vec![("best", best)];
@@ -64,13 +64,13 @@ fn kinematics(c: &mut Criterion) {
     c.bench_function("bounds of the robot", |b| b.iter(|| robot.bounds(black_box(state))));
 }
 
-/// The main job's tree of 150 iterations, all of its transitions known.
+/// Measures the growth of the main job's tree of 150 iterations when all of its transitions are known.
 fn tree(c: &mut Criterion) {
     let job = job();
     let genotype = &job.optimiser().ask().genotypes[0];
     let stream = search_streams(&job, 0, 0).next().expect("a candidate has a tree");
     let mut trials = [Trial::new(&job, genotype, job.spec().planner.reuse_tolerance, [stream.clone()])];
-    grow(&job, &mut trials, &|| false).expect("nobody stops it");
+    grow(&job, &mut trials, &|| false).expect("this growth is never stopped");
     let [Trial { mut table, .. }] = trials;
     c.bench_function("tree of known transitions", |b| {
         b.iter(|| {

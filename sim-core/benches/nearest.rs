@@ -1,7 +1,8 @@
-//! Nearest neighbours as the planner asks for them: the tree of places against a linear scan.
+//! Nearest-neighbour queries of the planner: the tree of places against a linear scan.
 //!
-//! A step is what an iteration of RRT-MP does for one gait: the nearest to a random place, the nearest to an arrival
-//! but its parent, and one place added. `at/N` is a step in a set of N places; `grown/450` all steps from the root on.
+//! A step is the work of one iteration of RRT-MP for one gait: find the place nearest to a random place, find the place
+//! nearest to an arrival except its parent, and add one place. `at/N` measures steps in a set of N places. `grown/450`
+//! measures 450 steps from an empty set on.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use sim_core::base::random::{Purpose, Stream};
@@ -56,7 +57,8 @@ impl Set for Linear {
     }
 }
 
-/// On a map whose side grows with the tree, so that trees of all sizes are equally dense.
+/// Returns a random place. The side of the map grows with the number of nodes, so that trees of all sizes are equally
+/// dense.
 fn random_place(stream: &mut Stream, nodes: usize) -> Place {
     let side = (nodes as f64 * 3.0).sqrt() / 2.0;
     let (x, y) = (stream.uniform(-side, side), stream.uniform(-side, side));

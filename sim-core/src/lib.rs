@@ -3,23 +3,22 @@
 //! Pure computation: no I/O, no clock, no threads of its own, no global random numbers. The same input gives the same
 //! bits on every machine. Lengths are in map units (mu, one module length), times in s, angles in rad, masses in kg.
 //!
-//! The folders have an order: each uses those before it and none after it. The test `layers` of the crate
-//! `cluster-tests` checks that.
+//! The folders are ordered: each uses only those before it. The test `layers` of the crate `cluster-tests` checks that.
 //!
 //! - [`base`]: maths, random streams, digests, limits, errors, scores
-//! - [`genotype`]: what a search varies, and its space
+//! - [`genotype`]: genotypes, which a search varies, and their space
 //! - [`model`]: robots and environments: files, checks, catalogue, compiled robots, places on a map
 //! - [`physics`]: rollouts: settings, motions, settling, and the engines rapier and lockstep
 //! - [`engines`]: registry of engines: their digests, fidelity, and the choice `auto`
-//! - [`exchange`]: robots in MJCF and URDF, in and out
-//! - [`control`]: controllers: a gait's parameters in, joint targets out; the `[gaits]` table
+//! - [`exchange`]: import and export of robots in MJCF and URDF
+//! - [`control`]: controllers, which turn a gait's parameters into joint targets; the `[gaits]` table
 //! - [`plan`]: planners, the table of transitions, and the `[planner]` table
-//! - [`objective`]: what a tree is worth; the `[fitness]` table
-//! - [`evaluate`]: candidates in, scores out
-//! - [`search`]: searches by ask and tell, the archive, and the `[optimiser]` table
+//! - [`objective`]: objectives, which score trees; the `[fitness]` table
+//! - [`evaluate`]: evaluation of candidates: their trees and scores
+//! - [`search`]: searches with an ask-and-tell interface, the archive, and the `[optimiser]` table
 //! - [`problem`]: a job's settings, checked and prepared for evaluations
 //! - [`report`]: records of motions, trees and paths
-//! - [`procedure`]: what a job does, round by round
+//! - [`procedure`]: procedures, the work of a job round by round
 //! - [`job`]: the job file
 
 pub mod base;

@@ -1,5 +1,5 @@
-//! Deliveries that can't be results of an assignment that was issued: each is refused, harms no job, and costs its worker a
-//! mark; three marks, or two different results of one task, put the worker into quarantine.
+//! Deliveries that can't be results of an issued assignment. Each is refused, does not harm the job, and costs its
+//! worker a mark. Three marks, or two different results of one task, quarantine the worker.
 
 use cluster_tests::sandbox::{Sandbox, tiny_job, undisturbed};
 use cluster_tests::scripted::{Outcome, Scripted, one_bit_off, with_first};
@@ -9,13 +9,13 @@ use sim_core::base::score::Counts;
 use sim_core::procedure::evolve::TaskResult;
 use tonic::{Code, Status};
 
-/// A job whose generations have room for all variations.
+/// Returns a job with generations large enough for all variations.
 fn job(seed: u32) -> String {
     tiny_job(seed, 2).replace("particles = 5", "particles = 8")
 }
 
 fn results(outcome: Outcome) -> Vec<Vec<u8>> {
-    let Outcome::Results(Results { results }) = outcome else { panic!("results") };
+    let Outcome::Results(Results { results }) = outcome else { panic!("the outcome must be results") };
     results
 }
 
@@ -23,18 +23,18 @@ fn of(results: Vec<Vec<u8>>) -> Outcome {
     Outcome::Results(Results { results })
 }
 
-/// A right delivery, changed in one place.
+/// Change of one place of a valid delivery.
 type Change = fn(&mut CompleteRequest);
 
-/// Changes the first of the results.
+/// Changes the first result.
 fn first(request: &mut CompleteRequest, change: impl FnOnce(Vec<u8>) -> Vec<u8>) {
-    let outcome = request.outcome.take().expect("it has results");
+    let outcome = request.outcome.take().expect("the delivery has results");
     request.outcome = Some(with_first(outcome, change));
 }
 
 /// Changes the content of the first result.
 fn content(request: &mut CompleteRequest, change: impl FnOnce(TaskResult) -> TaskResult) {
-    first(request, |result| change(TaskResult::decode(&result).expect("a right result")).encode());
+    first(request, |result| change(TaskResult::decode(&result).expect("the first result can be decoded")).encode());
 }
 
 fn score(request: &mut CompleteRequest, new: f64) {
@@ -56,12 +56,12 @@ fn counts(request: &mut CompleteRequest, change: impl FnOnce(&mut Counts)) {
 }
 
 fn all(request: &mut CompleteRequest, change: impl FnOnce(&mut Vec<Vec<u8>>)) {
-    let mut all = results(request.outcome.take().expect("it has results"));
+    let mut all = results(request.outcome.take().expect("the delivery has results"));
     change(&mut all);
     request.outcome = Some(of(all));
 }
 
-/// 64 KiB without meaning, the same each time.
+/// Returns 64 KiB of pseudo-random bytes, the same each time.
 fn noise() -> Vec<u8> {
     let mut state = 1u32;
     let next = || {
@@ -71,7 +71,7 @@ fn noise() -> Vec<u8> {
     std::iter::repeat_with(next).take(64 << 10).collect()
 }
 
-/// Ways to change a right delivery so that it must be refused, and a word of the reason.
+/// Changes that make a valid delivery invalid: description, part of the expected reason, change.
 const VARIATIONS: &[(&str, &str, Change)] = &[
     ("no outcome", "missing", |r| r.outcome = None),
     ("no results", "the delivery has 0 results", |r| all(r, Vec::clear)),
@@ -91,7 +91,7 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
         r.count += 1;
         all(r, |all| all.push(all[0].clone()));
     }),
-    ("a range without an end", "never issued", |r| r.count = u32::MAX),
+    ("the longest range", "never issued", |r| r.count = u32::MAX),
     ("no tasks", "never issued", |r| {
         r.count = 0;
         all(r, Vec::clear);
@@ -99,37 +99,37 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
     ("another assignment", "never issued", |r| r.assignment_id -= 1),
     ("an assignment of the future", "never issued", |r| r.assignment_id += 1000),
     ("another engine", "the result is from engine 070707070707", |r| r.engine_digest = vec![7; 32]),
-    ("half an engine digest", "16 bytes", |r| r.engine_digest.truncate(16)),
+    ("a truncated engine digest", "16 bytes", |r| r.engine_digest.truncate(16)),
     ("no permit", "never issued", |r| r.permit.clear()),
-    ("a cut permit", "never issued", |r| {
+    ("a truncated permit", "never issued", |r| {
         r.permit.pop();
     }),
-    ("a permit with one bit turned", "never issued", |r| r.permit[40] ^= 1),
-    ("a permit of other tasks", "never issued", |r| r.permit[0] ^= 1),
+    ("a permit with one bit flipped", "never issued", |r| r.permit[40] ^= 1),
+    ("a permit with a changed first byte", "never issued", |r| r.permit[0] ^= 1),
     ("a failure without a permit", "never issued", |r| {
         r.permit.clear();
         r.outcome = Some(Outcome::Failure("it panicked".to_owned()));
     }),
     ("an empty result", "it is empty", |r| first(r, |_| Vec::new())),
-    ("a cut result", "can't be decoded", |r| {
+    ("a truncated result", "can't be decoded", |r| {
         first(r, |mut result| {
             result.pop();
             result
         })
     }),
-    ("a result with a byte more", "not encoded as its own value", |r| first(r, |result| [&result[..], &[0]].concat())),
+    ("a result with an extra byte", "not encoded as its own value", |r| first(r, |result| [&result[..], &[0]].concat())),
     ("noise", "is refused: its format is", |r| first(r, |_| noise())),
-    ("noise after a right beginning", "not encoded as its own value", |r| {
+    ("noise after a valid result", "not encoded as its own value", |r| {
         first(r, |result| [result, noise()].concat())
     }),
-    ("a score that is no number", "is out of range", |r| score(r, f64::NAN)),
+    ("a score that is NaN", "is out of range", |r| score(r, f64::NAN)),
     ("an infinite score", "is out of range", |r| score(r, f64::INFINITY)),
     ("an impossible score", "is out of range", |r| score(r, 100.5)),
     ("an impossible count", "is impossible", |r| counts(r, |counts| counts.rollouts = u64::MAX)),
     ("more unstable rollouts than rollouts", "is impossible", |r| {
         counts(r, |counts| counts.unstable = counts.rollouts + 1)
     }),
-    ("a genotype that was not asked for", "does not use", |r| {
+    ("a genotype that was not requested", "does not use", |r| {
         content(r, |result| match result {
             TaskResult::Evaluated { score, descriptors, counts, .. } => {
                 TaskResult::Evaluated { genotype: Some(vec![0.5].into()), score, descriptors, counts }
@@ -137,12 +137,12 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
             other => other,
         })
     }),
-    ("an answer to another question", "not of an evaluation", |r| {
+    ("a result of another kind of task", "not of an evaluation", |r| {
         content(r, |_| TaskResult::Examined { scores: vec![Some(1.0)], counts: Counts::default(), traces: None })
     }),
 ];
 
-/// A delivery of an assignment's right results, changed.
+/// Returns a delivery of the correct results of an assignment, changed.
 fn changed(worker: &Scripted, assign: &Assign, change: Change) -> CompleteRequest {
     let mut request = worker.delivery(assign, worker.honest(assign));
     change(&mut request);
@@ -157,9 +157,9 @@ fn why(answer: Result<Verdict, Status>, what: &str) -> String {
     }
 }
 
-/// The ids of the workers in quarantine, of those connected.
+/// Returns the ids of connected workers that are quarantined.
 async fn quarantined(sandbox: &Sandbox) -> Vec<String> {
-    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers;
+    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("the coordinator lists its workers").into_inner().workers;
     workers.into_iter().filter(|worker| worker.quarantined).map(|worker| worker.id).collect()
 }
 
@@ -169,7 +169,7 @@ async fn malformed_or_unissued_delivery_is_refused_without_harm() {
     let _coordinator = sandbox.coordinator();
     let text = job(51);
     let id = sandbox.submit("r", &text).await.id;
-    // What a task costs is known from now on, so that more than one is given at once.
+    // The first result measures the cost of a task. From now on, assignments have more than one task.
     let mut honest = Scripted::join(&sandbox, "honest").await;
     let assign = honest.is_given().await;
     let right = honest.honest(&assign);
@@ -182,15 +182,15 @@ async fn malformed_or_unissued_delivery_is_refused_without_harm() {
         let request = changed(&worker, &assign, *change);
         let told = why(worker.sends(request).await, what);
         assert!(told.contains(reason), "{what}: {told}");
-        // One mark is no quarantine: it may still be right.
+        // One mark does not quarantine the worker: it can still deliver valid results.
         worker.gives_back();
     }
     let after = sandbox.job(&id).await;
     let stands = |job: &proto::v1::Job| (job.rounds_sealed, job.tasks_done, job.last_event, job.disputes.len());
-    assert_eq!(stands(&after), stands(&before), "nothing is stored of any of them");
+    assert_eq!(stands(&after), stands(&before), "refused deliveries must not be stored");
     assert!(quarantined(&sandbox).await.is_empty());
     let standing = sandbox.standing(&id).await;
-    assert!(standing.attempts.is_empty(), "a refusal costs no task an attempt: {standing:?}");
+    assert!(standing.attempts.is_empty(), "a refusal must not cost the task an attempt: {standing:?}");
 
     let _worker = sandbox.worker(2);
     assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
@@ -208,9 +208,9 @@ async fn permit_of_another_assignment_is_refused() {
     let of_other = other.is_given().await;
     let right = one.honest(&of_one);
     let stolen = CompleteRequest { permit: of_other.permit.clone(), ..one.delivery(&of_one, right.clone()) };
-    assert!(why(one.sends(stolen).await, "another's permit").contains("never issued"));
+    assert!(why(one.sends(stolen).await, "the permit of another assignment").contains("never issued"));
     let named = CompleteRequest { worker_id: "other".to_owned(), ..one.delivery(&of_one, right.clone()) };
-    assert!(why(one.sends(named).await, "another's name").contains("never issued"));
+    assert!(why(one.sends(named).await, "the name of another worker").contains("never issued"));
     assert_eq!(one.delivers(&of_one, right).await, Verdict::Accepted);
     let right = other.honest(&of_other);
     assert_eq!(other.delivers(&of_other, right).await, Verdict::Accepted);
@@ -232,14 +232,14 @@ async fn permit_outlives_coordinator_but_not_its_store() {
     worker.gives_back();
     coordinator.kill_9();
     let coordinator = sandbox.coordinator();
-    // Its own connection is broken: another one delivers in its name.
+    // The worker's own connection is broken, so another worker delivers under its name.
     let mut other = Scripted::join(&sandbox, "other").await;
-    assert_eq!(other.sends(worker.delivery(&assign, right)).await.expect("it is answered"), Verdict::Accepted);
+    assert_eq!(other.sends(worker.delivery(&assign, right)).await.expect("the delivery is answered"), Verdict::Accepted);
     let delivered = sandbox.job(&id).await;
     assert_eq!((delivered.rounds_sealed, delivered.tasks_done > 0), (1, true));
     coordinator.kill_9();
 
-    // Another store has another key: the same job under the same id, and the same assignment.
+    // Another store has another key, but the same job id and assignment id.
     let mut elsewhere = Sandbox::new();
     let _other = elsewhere.coordinator();
     assert_eq!(elsewhere.submit("r", &text).await.id, id);
@@ -258,17 +258,17 @@ async fn late_delivery_of_ended_job_is_obsolete() {
     let mut worker = Scripted::join(&sandbox, "w").await;
     let assign = worker.is_given().await;
     let right = worker.honest(&assign);
-    sandbox.client().cancel_job(CancelJobRequest { id: id.clone() }).await.expect("it ends");
+    sandbox.client().cancel_job(CancelJobRequest { id: id.clone() }).await.expect("the job can be cancelled");
     let ended = sandbox.job(&id).await;
     assert_eq!(ended.state(), JobState::Cancelled);
     assert_eq!(worker.delivers(&assign, right).await, Verdict::Obsolete);
-    // Of an ended job nothing is left to check it against.
+    // The coordinator does not check results of ended jobs.
     assert_eq!(worker.delivers(&assign, of(vec![noise()])).await, Verdict::Obsolete);
     assert_eq!(sandbox.job(&id).await, ended);
 }
 
 #[tokio::test]
-async fn three_marks_quarantine_exactly_that_worker() {
+async fn three_marks_quarantine_only_that_worker() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let text = job(55);
@@ -280,8 +280,8 @@ async fn three_marks_quarantine_exactly_that_worker() {
     let right = bad.honest(&assign);
     for mark in 1..=3 {
         assert!(quarantined(&sandbox).await.is_empty(), "before mark {mark}");
-        // In the name of others and from elsewhere nobody is marked.
-        let named = CompleteRequest { worker_id: "nobody".to_owned(), ..bad.delivery(&assign, right.clone()) };
+        // Deliveries under the name of an unconnected worker mark no worker.
+        let named = CompleteRequest { worker_id: "absent".to_owned(), ..bad.delivery(&assign, right.clone()) };
         why(bad.sends(named).await, "a name without a worker");
         let noise = bad.delivery(&assign, with_first(right.clone(), |_| noise()));
         why(bad.sends(noise).await, "noise");
@@ -306,29 +306,29 @@ async fn two_results_of_one_task_quarantine_their_worker() {
     let right = bad.honest(&assign);
     assert_eq!(bad.delivers(&assign, right.clone()).await, Verdict::Accepted);
     assert_eq!(bad.delivers(&assign, right.clone()).await, Verdict::Duplicate);
-    assert!(quarantined(&sandbox).await.is_empty(), "the same result again is welcome");
+    assert!(quarantined(&sandbox).await.is_empty(), "repeating a result must not quarantine the worker");
     assert_eq!(bad.delivers(&assign, one_bit_off(right.clone())).await, Verdict::Conflict);
     assert_eq!(quarantined(&sandbox).await, ["bad"]);
     assert_eq!(bad.delivers(&assign, right).await, Verdict::Quarantined);
-    // Its results count for nothing now, so two others have to agree.
+    // The bad worker's results are ignored now, so two other workers have to agree.
     let _workers = [sandbox.worker(1), sandbox.worker(1)];
     assert_eq!(sandbox.result(&id).await.result_digest, undisturbed(&text).await);
 }
 
 #[tokio::test]
-async fn thousand_refused_deliveries_hardly_grow_the_store() {
+async fn store_stays_small_after_thousand_refused_deliveries() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let text = job(57);
     let id = sandbox.submit("r", &text).await.id;
     assert_eq!(coordinator.terminate(), Some(0));
-    let size = |sandbox: &Sandbox| std::fs::metadata(sandbox.file("store.db")).expect("a store").len();
+    let size = |sandbox: &Sandbox| std::fs::metadata(sandbox.file("store.db")).expect("the store exists").len();
     let before = size(&sandbox);
     let coordinator = sandbox.coordinator();
     let mut worker = Scripted::join(&sandbox, "first").await;
     let assign = worker.is_given().await;
     let wrong = worker.delivery(&assign, of(vec![noise(); assign.tasks.len()]));
-    // The same from workers that are connected, each until it is in quarantine, and from many that are not.
+    // Sends the delivery from 50 connected workers, three times each, and then under the names of unconnected workers.
     let mut refused = 0;
     for number in 0..50 {
         let mut other = Scripted::join(&sandbox, &format!("w{number}")).await;
@@ -345,7 +345,7 @@ async fn thousand_refused_deliveries_hardly_grow_the_store() {
     }
     worker.gives_back();
     let _ended = Scripted::join(&sandbox, "w0").await;
-    assert_eq!(quarantined(&sandbox).await, ["w0"], "quarantine is kept");
+    assert_eq!(quarantined(&sandbox).await, ["w0"], "quarantine must survive a new connection");
     assert_eq!(coordinator.terminate(), Some(0));
     let grown = size(&sandbox).saturating_sub(before);
     println!("{refused} refused deliveries: the store grew by {grown} bytes");

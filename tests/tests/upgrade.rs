@@ -1,4 +1,4 @@
-//! Upgrades: a job that an older build took in waits for a worker of that build; stores of other formats load or are refused.
+//! Upgrades: a job from an older build waits for a worker of that build. Stores of other formats are loaded or refused.
 
 use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job, undisturbed, value};
 use cluster_tests::scripted::Scripted;
@@ -13,34 +13,34 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tonic::Code;
 
-/// The engine of the older build.
+/// Engine digest of the older build.
 const OLD: Digest = Digest([7; 32]);
 
 const GENERATIONS: u32 = 12;
 
-/// Makes the stored job one that an older build took in, as if that one had run it so far.
+/// Changes the stored job as if an older build had accepted it and run it so far.
 async fn age(sandbox: &Sandbox, job: &Checked) {
-    let store = SqliteStore::open(&sandbox.file("store.db")).await.expect("nobody has it open");
-    let mut loaded = store.start().await.expect("an epoch");
+    let store = SqliteStore::open(&sandbox.file("store.db")).await.expect("the store can be opened");
+    let mut loaded = store.start().await.expect("an epoch can be started");
     let mut record = loaded.active.remove(0).record;
     record.engine_digest = OLD;
     record.job_digest = job.digest_on(OLD);
     record.version = "0.0.9".to_owned();
     let mut folded = ResultDigest::start(&record.job_digest);
     for round in 0..record.rounds_sealed {
-        let digests = store.digests(&record.id, round).await.expect("it can be read").expect("it is sealed");
+        let digests = store.digests(&record.id, round).await.expect("the digests can be read").expect("the round is sealed");
         folded.round(round, &digests);
     }
     record.results_digest = folded.value();
-    store.commit(loaded.epoch, vec![Write::Note { record }]).await.expect("it is written");
-    store.close().await.expect("it closes");
+    store.commit(loaded.epoch, vec![Write::Note { record }]).await.expect("the record can be written");
+    store.close().await.expect("the store can be closed");
 }
 
-// The worker that the test plays computes here.
+// The scripted worker computes in this process.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn job_of_older_build_waits_for_its_workers() {
     let toml = tiny_job(41, GENERATIONS);
-    let job = Checked::from_toml(&toml).expect("a valid job");
+    let job = Checked::from_toml(&toml).expect("the job is valid");
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let worker = sandbox.worker(1);
@@ -52,45 +52,45 @@ async fn job_of_older_build_waits_for_its_workers() {
 
     let coordinator = sandbox.coordinator();
     let before = sandbox.job(&id).await;
-    assert!(before.rounds_sealed > 2 && before.rounds_sealed < GENERATIONS, "in mid-job: {}", before.rounds_sealed);
+    assert!(before.rounds_sealed > 2 && before.rounds_sealed < GENERATIONS, "the job must be incomplete: {} rounds are sealed", before.rounds_sealed);
     let _new = sandbox.worker(2);
     let beside = sandbox.submit("beside", &tiny_job(42, 1)).await;
     sandbox.result(&beside.id).await;
     tokio::time::sleep(Duration::from_secs(1)).await;
     let waits = sandbox.job(&id).await;
-    assert_eq!((waits.state(), waits.last_event), (JobState::Running, before.last_event), "nothing happens to it");
+    assert_eq!((waits.state(), waits.last_event), (JobState::Running, before.last_event), "the waiting job must not progress");
     let request = WatchJobRequest { id: id.clone(), after: before.last_event - 1 };
-    let mut events = sandbox.client().watch_job(request).await.expect("a stream").into_inner();
-    let told = events.message().await.expect("it stands").expect("what happened last").event;
+    let mut events = sandbox.client().watch_job(request).await.expect("the watch starts").into_inner();
+    let told = events.message().await.expect("the stream is open").expect("the stream has the last event").event;
     assert!(matches!(&told, Some(Event::Waits(reason)) if reason.contains("070707070707")), "{told:?}");
     let shown = sandbox.told(&["show", &id]);
     for part in ["waits for a worker of the build", "evogait 0.0.9 with engine 070707070707", "none of those connected"]
     {
-        assert!(shown.contains(part), "{part} is not in\n{shown}");
+        assert!(shown.contains(part), "missing \"{part}\" in\n{shown}");
     }
     let here = sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest.short());
-    assert!(here.into_iter().all(|digest| shown.contains(&digest)), "what is offered is not in\n{shown}");
+    assert!(here.into_iter().all(|digest| shown.contains(&digest)), "missing digest of an offered engine in\n{shown}");
 
-    // Who computes yet other bits is of no use.
-    let refused = Scripted::of_another_build(&sandbox, "other", Digest([8; 32])).await.err().expect("nobody needs it");
+    // A worker with a third engine is refused.
+    let refused = Scripted::of_another_build(&sandbox, "other", Digest([8; 32])).await.err().expect("the worker is refused");
     assert_eq!(refused.code(), Code::FailedPrecondition);
     assert!(refused.message().contains("080808080808") && refused.message().contains("no active job"), "{refused}");
 
-    let old = Scripted::of_another_build(&sandbox, "old", OLD).await.expect("a job needs it");
+    let old = Scripted::of_another_build(&sandbox, "old", OLD).await.expect("the worker is accepted because a job needs its engine");
     let works = tokio::spawn(old.works());
     let result = sandbox.result(&id).await;
     works.abort();
-    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("an answer").into_inner().workers;
-    let new = workers.iter().find(|w| w.slots == 2).expect("it is still there");
+    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("the coordinator lists its workers").into_inner().workers;
+    let new = workers.iter().find(|w| w.slots == 2).expect("the new worker is still connected");
     let of_beside = sandbox.job(&beside.id).await;
-    // The preparation, one generation, and what follows the search.
+    // Tasks of the other job: the preparation and one generation. Its finish takes fewer than 30 more.
     let tasks_of_beside = 1.0 + value(&of_beside, "evaluations");
     assert!(new.tasks as f64 >= tasks_of_beside, "{workers:?}");
-    assert!((new.tasks as f64) < tasks_of_beside + 30.0, "the new one had no part in it: {workers:?}");
+    assert!((new.tasks as f64) < tasks_of_beside + 30.0, "the new worker must compute no task of the old job: {workers:?}");
     assert_eq!(result.job.as_ref().map(|job| job.engine_digest.clone()), Some(OLD.0.to_vec()));
     sandbox.told(&["fetch", &id, "--out", "fetched"]);
-    let file = fs::read_to_string(sandbox.file("fetched").join("result.json")).expect("it was written");
-    assert!(file.contains(&OLD.to_string()), "the result says on which engine it was computed: {file}");
+    let file = fs::read_to_string(sandbox.file("fetched").join("result.json")).expect("the result file exists");
+    assert!(file.contains(&OLD.to_string()), "the result must name the engine that computed it: {file}");
     assert_eq!(coordinator.terminate(), Some(0));
 
     let mut undisturbed = Sandbox::new();
@@ -101,32 +101,34 @@ async fn job_of_older_build_waits_for_its_workers() {
     assert_eq!((result.artefacts, result.history), (same.artefacts, same.history));
 }
 
-/// A file of `tests/fixtures`.
+/// Returns the path of a file in `tests/fixtures`.
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
-/// Written by the release before jobs were rounds of tasks: a job of 400 generations, one of them sealed.
+/// The fixture was written by the last release before jobs consisted of rounds: a job of 400 generations, one of them
+/// sealed.
 #[test]
 fn store_of_older_format_is_refused_and_unchanged() {
     let sandbox = Sandbox::new();
-    let before = fs::read(fixture("store-v3.sqlite")).expect("a fixture");
-    fs::write(sandbox.file("store.db"), &before).expect("a copy");
+    let before = fs::read(fixture("store-v3.sqlite")).expect("the fixture exists");
+    fs::write(sandbox.file("store.db"), &before).expect("the fixture can be copied");
     let output = output_of(&mut sandbox.coordinator_command());
-    let text = String::from_utf8(output.stderr).expect("messages are text");
+    let text = String::from_utf8(output.stderr).expect("error messages are UTF-8");
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("store.db") && text.contains("an older version of evogait"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
-    assert!(fs::read(sandbox.file("store.db")).expect("it is there") == before, "the file is as it was");
+    assert!(fs::read(sandbox.file("store.db")).expect("the store exists") == before, "the file must not change");
 }
 
-/// The jobs of the recorded store: one that ended, and one in the middle of its search.
+/// Returns the jobs of the recorded store: one has ended, one is in its search.
 fn recorded_jobs() -> [String; 2] {
     let cheap = |seed, generations| tiny_job(seed, generations).replace("\"rapier\"", "\"lockstep\"");
     [cheap(61, 2), cheap(62, 40)]
 }
 
-/// Records the store and the result digests anew: `EVOGAIT_RECORD=1 cargo test -p cluster-tests --test upgrade recorded`.
+/// Records the store and the result digests again: `EVOGAIT_RECORD=1 cargo test -p cluster-tests --test upgrade
+/// recorded`.
 async fn record() {
     let [ended, unfinished] = recorded_jobs();
     let mut sandbox = Sandbox::new();
@@ -140,11 +142,11 @@ async fn record() {
     sandbox.until(&id, half_done).await;
     assert_eq!(coordinator.terminate(), Some(0));
     drop(worker);
-    fs::copy(sandbox.file("store.db"), fixture("store-v4.sqlite")).expect("the fixture is written");
+    fs::copy(sandbox.file("store.db"), fixture("store-v4.sqlite")).expect("the fixture can be written");
     let hex = |digest: Vec<u8>| digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
     let of_unfinished = undisturbed(&unfinished).await;
     let digests = format!("ended = \"{}\"\nunfinished = \"{}\"\n", hex(of_ended), hex(of_unfinished));
-    fs::write(fixture("store-v4.toml"), digests).expect("the digests are written");
+    fs::write(fixture("store-v4.toml"), digests).expect("the digests can be written");
 }
 
 #[tokio::test]
@@ -152,12 +154,12 @@ async fn recorded_store_loads_and_gives_recorded_digests() {
     if std::env::var_os("EVOGAIT_RECORD").is_some() {
         record().await;
     }
-    let text = fs::read_to_string(fixture("store-v4.toml")).expect("a fixture");
-    let digests: toml::Table = toml::from_str(&text).expect("digests by name");
+    let text = fs::read_to_string(fixture("store-v4.toml")).expect("the fixture exists");
+    let digests: toml::Table = toml::from_str(&text).expect("the fixture is valid TOML");
     let mut sandbox = Sandbox::new();
-    fs::copy(fixture("store-v4.sqlite"), sandbox.file("store.db")).expect("a copy");
+    fs::copy(fixture("store-v4.sqlite"), sandbox.file("store.db")).expect("the fixture can be copied");
     let _coordinator = sandbox.coordinator();
-    // The same requests as then: no job is new.
+    // Repeats the recorded requests, so no new job is created.
     let [ended, unfinished] = recorded_jobs();
     let (ended, unfinished) = (sandbox.submit("ended", &ended).await, sandbox.submit("unfinished", &unfinished).await);
     assert_eq!(ended.state(), JobState::Succeeded);
@@ -171,18 +173,18 @@ async fn recorded_store_loads_and_gives_recorded_digests() {
 }
 
 #[tokio::test]
-async fn stored_result_of_no_task_fails_its_job() {
+async fn invalid_stored_result_fails_its_job() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let id = sandbox.submit("r", &tiny_job(63, 1)).await.id;
     assert_eq!(coordinator.terminate(), Some(0));
-    let store = SqliteStore::open(&sandbox.file("store.db")).await.expect("nobody has it open");
-    let loaded = store.start().await.expect("an epoch");
+    let store = SqliteStore::open(&sandbox.file("store.db")).await.expect("the store can be opened");
+    let loaded = store.start().await.expect("an epoch can be started");
     let job = loaded.active[0].record.id.clone();
     let ranges = vec![(0, vec![[1, 2, 3].as_slice().into()])];
     let write = Write::Results { job, round: 0, ranges, finder: Finder::default() };
-    store.commit(loaded.epoch, vec![write]).await.expect("it is written");
-    store.close().await.expect("it closes");
+    store.commit(loaded.epoch, vec![write]).await.expect("the result can be written");
+    store.close().await.expect("the store can be closed");
 
     let _coordinator = sandbox.coordinator();
     let job = sandbox.job(&id).await;

@@ -1,4 +1,4 @@
-//! Assignments of this worker, from their arrival until their result is answered.
+//! Assignments of this worker, from their arrival until the coordinator answers their result.
 
 use proto::v1::{Heartbeat, RunningAssignment};
 use sim_core::procedure::Bench;
@@ -9,38 +9,38 @@ use tokio::sync::Notify;
 
 /// Tasks of one round of a job.
 pub(crate) struct Work {
-    /// The job.
+    /// Job of the round.
     pub bench: Arc<Bench>,
-    /// The round's number.
+    /// Number of the round.
     pub round: u32,
-    /// The tasks, each with its index in the round; at least one, without gaps.
+    /// Tasks with their indices in the round; at least one, without gaps.
     pub tasks: Vec<(u32, Vec<u8>)>,
-    /// Bytes that all tasks of the round share.
+    /// Bytes shared by all tasks of the round.
     pub shared: Arc<[u8]>,
-    /// Shows that the tasks were assigned to this worker: goes back with the result.
+    /// Proof that the coordinator assigned the tasks to this worker; sent back with the result.
     pub permit: Vec<u8>,
 }
 
 impl Work {
-    /// Index of the first task.
+    /// Returns the index of the first task.
     pub fn first(&self) -> u32 {
         self.tasks.first().map_or(0, |(index, _)| *index)
     }
 
-    /// Number of tasks.
+    /// Returns the number of tasks.
     pub fn count(&self) -> u32 {
         self.tasks.len() as u32
     }
 }
 
-/// State of an assignment. A slot takes it from `WAITING` to `COMPUTING` and to `DONE`; the watchdog takes it from
-/// `COMPUTING` to `ABANDONED`. Only one of the last two ever happens.
+/// States of an assignment. A slot changes it from `WAITING` to `COMPUTING` to `DONE`; the watchdog changes it from
+/// `COMPUTING` to `ABANDONED`. An assignment gets only one of the last two.
 const WAITING: u8 = 0;
 const COMPUTING: u8 = 1;
 const DONE: u8 = 2;
 const ABANDONED: u8 = 3;
 
-/// Work for one slot.
+/// Assignment of tasks to one slot.
 pub(crate) struct Assignment {
     pub id: u64,
     pub job_id: String,
@@ -56,23 +56,23 @@ impl Assignment {
         Self { id, job_id, work, stop, stage, progress }
     }
 
-    /// Returns true if it is no longer needed.
+    /// Returns true if the assignment is no longer needed.
     pub fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Marks it as computing. Returns false if it is no longer needed.
+    /// Marks the assignment as computing. Returns false if it is no longer needed.
     pub fn start(&self) -> bool {
         !self.stopped() && self.step(WAITING, COMPUTING)
     }
 
-    /// Its slot is done with it. `false` if the slot took so long that it was given up.
+    /// Marks the assignment as done. Returns false if the watchdog abandoned it before.
     pub fn finish(&self) -> bool {
         self.step(COMPUTING, DONE)
     }
 
-    /// Gives it up because its slot is stuck: its result is ignored from now on. Returns false if it has just been
-    /// finished.
+    /// Abandons the assignment because its slot is stuck: its result is ignored from now on. Returns false if the slot
+    /// has just finished it.
     pub fn abandon(&self) -> bool {
         let abandoned = self.step(COMPUTING, ABANDONED);
         if abandoned {
@@ -81,12 +81,12 @@ impl Assignment {
         abandoned
     }
 
-    /// A sign that its slot gets on.
+    /// Counts one step of progress.
     pub fn advance(&self) {
         self.progress.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Returns its progress: 0 while it waits for a slot, then a growing count.
+    /// Returns the progress: 0 while the assignment waits for a slot, then a growing count.
     pub fn progress(&self) -> u64 {
         match self.stage.load(Ordering::SeqCst) {
             WAITING => 0,
@@ -114,13 +114,13 @@ impl Assignment {
     }
 }
 
-/// All of them.
+/// All assignments of this worker.
 #[derive(Default)]
 pub(crate) struct Assignments {
     all: Mutex<BTreeMap<u64, Arc<Assignment>>>,
-    /// Assignments that are no longer needed but still run on a slot.
+    /// Assignments that are no longer needed but still occupy a slot.
     left: Mutex<Vec<Arc<Assignment>>>,
-    /// One of them went.
+    /// Notifies of each removal.
     gone: Notify,
 }
 
@@ -137,13 +137,13 @@ impl Assignments {
         self.lock().insert(assignment.id, assignment);
     }
 
-    /// Removes it after its result was answered, or when it is no longer needed.
+    /// Removes an assignment whose result was answered.
     pub fn remove(&self, id: u64) {
         self.lock().remove(&id);
         self.gone.notify_waiters();
     }
 
-    /// Gives work up. What is computing ends within a moment.
+    /// Stops assignments. Slots that compute them end after the current batch of rollouts.
     pub fn stop(&self, ids: &[u64]) {
         let mut all = self.lock();
         let stopped: Vec<_> = ids.iter().filter_map(|id| all.remove(id)).collect();
@@ -153,13 +153,13 @@ impl Assignments {
         self.gone.notify_waiters();
     }
 
-    /// Gives up what no slot has taken up.
+    /// Stops the assignments that no slot has started.
     pub fn stop_waiting(&self) {
         let waiting: Vec<u64> = self.lock().values().filter(|a| a.is(WAITING)).map(|a| a.id).collect();
         self.stop(&waiting);
     }
 
-    /// Gives up what slots work on; what is done stays until it is answered.
+    /// Stops the unfinished assignments; finished ones stay until their result is answered.
     pub fn stop_computing(&self) {
         let computing: Vec<u64> = self.lock().values().filter(|a| !a.is(DONE)).map(|a| a.id).collect();
         self.stop(&computing);
@@ -174,12 +174,12 @@ impl Assignments {
         self.lock().keys().copied().collect()
     }
 
-    /// Those that a slot works on.
+    /// Returns the assignments that slots compute.
     pub fn computing(&self) -> Vec<Arc<Assignment>> {
         self.lock().values().filter(|a| a.is(COMPUTING)).cloned().collect()
     }
 
-    /// The same with those that a slot should have dropped by now.
+    /// Returns the assignments that occupy a slot: those of `computing`, and stopped ones whose slot has not ended yet.
     pub fn in_hand(&self) -> Vec<Arc<Assignment>> {
         let mut left = self.lock_left();
         left.retain(|a| a.is(COMPUTING));
@@ -187,7 +187,7 @@ impl Assignments {
         self.computing().into_iter().chain(left).collect()
     }
 
-    /// Waits until there are none.
+    /// Waits until there are no assignments.
     pub async fn none_left(&self) {
         loop {
             let gone = self.gone.notified();
@@ -198,12 +198,12 @@ impl Assignments {
         }
     }
 
-    /// As Hello tells them.
+    /// Returns the assignments for Hello.
     pub fn running(&self) -> Vec<RunningAssignment> {
         self.lock().values().map(|a| a.to_wire()).collect()
     }
 
-    /// As a heartbeat tells them.
+    /// Returns a heartbeat with the assignments and their progress.
     pub fn heartbeat(&self) -> Heartbeat {
         let (running, progress) = self.lock().values().map(|a| (a.id, a.progress())).unzip();
         Heartbeat { running, progress }

@@ -7,44 +7,44 @@ use proto::dial::Dial;
 use proto::limits::{MAX_SLOTS, MAX_TIME, MAX_WORKER_NAME};
 use std::time::Duration;
 
-/// Time to finish what runs, unless another is given.
+/// Default of [`Config::grace`].
 pub const DEFAULT_GRACE: Duration = Duration::from_secs(10);
-/// A slot without progress for this long is stuck, unless another time is given.
+/// Default of [`Config::stuck_after`].
 pub const DEFAULT_STUCK_AFTER: Duration = Duration::from_secs(600);
-/// Shortest time after which a slot can be called stuck: a batch of rollouts takes a while.
+/// Least value of [`Config::stuck_after`]: one batch of rollouts can take a large part of a second.
 pub const MIN_STUCK_AFTER: Duration = Duration::from_secs(1);
-/// Default time between checks of an idle connection, and for the answer.
+/// Default of [`Config::keepalive`].
 pub const DEFAULT_KEEPALIVE: Duration = Duration::from_secs(10);
-/// Shortest time between two checks of a connection.
+/// Least value of [`Config::keepalive`].
 pub const MIN_KEEPALIVE: Duration = Duration::from_millis(100);
 
 /// Configuration of a worker.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// The coordinator's URL, such as `http://127.0.0.1:7077`; those of several that stand in for each other are separated
-    /// by commas.
+    /// URL of the coordinator, such as `http://127.0.0.1:7077`; URLs of a coordinator and its standbys are separated by
+    /// commas.
     pub coordinator: String,
     /// Credentials for the coordinator.
     pub credentials: Credentials,
-    /// Evaluations at once, 1 to 4096. One thread each.
+    /// Number of assignments computed at the same time, 1 to 4096; one thread each.
     pub slots: usize,
-    /// For people, up to 256 bytes; see [`default_name`].
+    /// Name shown to people, up to 256 bytes; see [`default_name`].
     pub name: String,
-    /// When told to stop, what runs has this long to be finished; then it is given back. 0 to 366 days.
+    /// Time to finish running tasks after a request to stop; after it the leases are returned. 0 to 366 days.
     pub grace: Duration,
-    /// Wall time that is left to the process, as a batch system gives it: the worker drains and ends before it. More than
-    /// the grace time and [`MARGIN`](crate::limits::MARGIN).
+    /// Wall time left to the process, as a batch system gives it: the worker drains and ends before it is up. Must be
+    /// more than the grace time plus [`MARGIN`](crate::limits::MARGIN).
     pub time_left: Option<Duration>,
-    /// A slot that ends no batch of rollouts for this long is stuck: 1 s to 366 days.
+    /// Time without a finished batch of rollouts after which a slot is stuck: 1 s to 366 days.
     pub stuck_after: Duration,
-    /// Address of the metrics pages, if they are wanted.
+    /// Address of the metrics pages; `None` for no pages.
     pub metrics: Option<telemetry::Bind>,
-    /// Time between checks of an idle connection, and for the answer: 0.1 s to 366 days.
+    /// Time between checks of an idle connection, and time limit for the answer: 0.1 s to 366 days.
     pub keepalive: Duration,
 }
 
 impl Config {
-    /// A worker with everything else as it is by default.
+    /// Creates a configuration with defaults for everything else.
     pub fn new(coordinator: String, slots: usize) -> Self {
         Self {
             coordinator,
@@ -87,7 +87,7 @@ impl Config {
     }
 }
 
-/// Host and process: `node7:4711`.
+/// Returns host and process id, such as `node7:4711`.
 pub fn default_name() -> String {
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     let host = match host.trim() {
@@ -97,7 +97,7 @@ pub fn default_name() -> String {
     format!("{host}:{}", std::process::id())
 }
 
-/// As many slots as the system has cores for this process.
+/// Returns the number of cores that the system gives this process.
 pub fn default_slots() -> usize {
     std::thread::available_parallelism().map_or(1, |n| n.get())
 }

@@ -1,4 +1,4 @@
-//! Delivery of results: each is sent until the coordinator answers, over its restarts.
+//! Delivery of results: each is sent until the coordinator answers, across its restarts.
 
 use crate::assignments::Assignments;
 use crate::metrics::Metrics;
@@ -16,12 +16,12 @@ use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::JoinSet;
 use tonic::Code;
 
-/// An answer takes a commit; longer than this, and the time that the result takes on its way, and it is lost.
+/// Time limit for an answer, which needs a commit, in addition to the time of the transfer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(30);
-/// Bytes a second that even a bad network brings home.
+/// Lowest assumed transfer rate, bytes/s.
 const SLOWEST: usize = 10_000;
 
-/// Delivers results.
+/// Sender of results.
 #[derive(Clone)]
 pub(crate) struct Courier {
     client: WorkerServiceClient<Way>,
@@ -37,7 +37,7 @@ impl Courier {
         Self { client, worker_id, assignments, metrics }
     }
 
-    /// Delivers all that comes, until the slots have ended and everything is answered.
+    /// Delivers all results until the slots have ended and every result is answered.
     pub async fn run(self, mut finished: UnboundedReceiver<Finished>) {
         let mut under_way = JoinSet::new();
         loop {
@@ -92,17 +92,18 @@ impl Courier {
                 }
                 Err(status) if retryable(status.code()) => {
                     self.metrics.retries.inc();
-                    tracing::debug!(assignment = id, job = request.job_id, %status, "delivered later");
+                    tracing::debug!(assignment = id, job = request.job_id, %status, "delivery failed: trying again");
                     backoff.wait().await;
                 }
-                // The coordinator will never take this one: it has to know, or it would wait for it.
+                // The coordinator will never accept this result. Report a failure, so that its task does not stay
+                // leased.
                 Err(status) if !matches!(request.outcome, Some(Outcome::Failure(_))) => {
                     let reason = format!("the coordinator refuses the result: {}", status.message());
                     tracing::error!(assignment = id, reason);
                     request.outcome = Some(Outcome::Failure(reason));
                 }
                 Err(status) => {
-                    tracing::error!(assignment = id, %status, "the coordinator refuses a failure");
+                    tracing::error!(assignment = id, %status, "the coordinator refuses the report of a failure");
                     break;
                 }
             }
@@ -111,16 +112,15 @@ impl Courier {
     }
 }
 
-/// Why a result can't be sent at all.
+/// Returns the reason if a result exceeds the size of a message.
 fn too_large(result: &CompleteRequest) -> Option<String> {
     let bytes = result.encoded_len();
     (bytes > MAX_MESSAGE).then(|| format!("its result has {bytes} bytes: at most {MAX_MESSAGE} can be delivered"))
 }
 
-/// Returns true if the same request may succeed later: for all codes except those about the request itself. An unknown
-/// worker or method may come from a proxy, or end when tokens are corrected; a worker that is really expelled learns so
-/// from its session, and ends.
-/// no place any more is told so in its session, and ends.
+/// Returns true if the same request may succeed later: for all codes except those about the request itself. A proxy may
+/// answer that the worker or the method is unknown, and corrected tokens may make the worker known again. An expelled
+/// worker ends because its session is refused.
 fn retryable(code: Code) -> bool {
     !matches!(code, Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange)
 }
@@ -131,9 +131,9 @@ fn log(assignment: u64, request: &CompleteRequest, verdict: Verdict) {
         (_, Verdict::Conflict) => tracing::error!(
             assignment,
             job,
-            "the coordinator has another result for the same work: this machine or another one computes wrongly"
+            "the coordinator has a different result for the same task: this machine or another one computes wrongly"
         ),
-        (Some(Outcome::Failure(reason)), _) => tracing::error!(assignment, job, reason, "work failed"),
+        (Some(Outcome::Failure(reason)), _) => tracing::error!(assignment, job, reason, "tasks failed"),
         (_, verdict) => tracing::debug!(assignment, job, round, first, count, ?verdict, "delivered"),
     }
 }

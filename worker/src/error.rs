@@ -6,57 +6,57 @@ use proto::dial::{BadAddress, DialError};
 use proto::limits::{MAX_SLOTS, MAX_WORKER_NAME};
 use std::time::Duration;
 
-/// Why a worker does not start, or stopped.
+/// Reason why a worker does not start, or ended.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Not an address that can be connected to.
+    /// Invalid address of a coordinator.
     #[error(transparent)]
     Address(#[from] BadAddress),
-    /// Credentials that can't be read.
+    /// Invalid or unreadable credentials.
     #[error(transparent)]
     Credentials(#[from] CredentialError),
-    /// Address and credentials do not go together.
+    /// Credentials that do not fit the address.
     #[error(transparent)]
     Dial(#[from] DialError),
-    /// Slots out of range.
-    #[error("{slots} slots are out of range: 1 to {MAX_SLOTS} are allowed")]
+    /// Number of slots out of range.
+    #[error("--slots {slots} is out of range: 1 to {MAX_SLOTS} are allowed")]
     Slots {
-        /// The given number.
+        /// Given number of slots.
         slots: usize,
     },
-    /// A name beyond the limit.
+    /// Name longer than the limit.
     #[error("the worker's name has {length} bytes: at most {MAX_WORKER_NAME} are allowed")]
     Name {
-        /// Bytes it has.
+        /// Length of the name in bytes.
         length: usize,
     },
-    /// The coordinator refuses this worker. Not retryable with the same build.
+    /// Refusal by the coordinator. Not retryable with the same build and credentials.
     #[error("the coordinator at {url} refuses this worker: {reason}")]
     Refused {
-        /// The address.
+        /// URL of the coordinator.
         url: String,
-        /// Its message.
+        /// Message of the coordinator.
         reason: String,
     },
     /// A time that can't be kept to.
     #[error(transparent)]
     Time(#[from] BadTime),
-    /// Slots got stuck, again and again. Start the worker again, if the machine is sound.
+    /// Too many stuck slots. Start the worker again, if the machine is sound.
     #[error(
-        "{stuck} slots made no progress for {} s each: the machine is sick, or its jobs are; the worker gave back what ran \
-         and ends",
+        "{stuck} slots made no progress for {} s each: the machine or the jobs are faulty; the worker returned its \
+         leases and ends",
         .after.as_secs_f64()
     )]
     Stuck {
         /// Number of stuck slots.
         stuck: usize,
-        /// For how long.
+        /// Time without progress after which a slot is stuck.
         after: Duration,
     },
-    /// Metrics can't be served as asked.
+    /// Address of the metrics pages that can't be used.
     #[error(transparent)]
     Metrics(#[from] telemetry::BindError),
-    /// The system gives no thread, or another thing that the worker can't be without.
+    /// Failure of the operating system, such as a thread that can't be started.
     #[error("the worker can't start: {0}")]
     System(String),
 }
@@ -64,27 +64,27 @@ pub enum Error {
 /// A time that can't be kept to.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BadTime {
-    /// Outside of what is allowed.
+    /// Time out of range.
     #[error("{option} {} is out of range: {} s to {} s are allowed", .given.as_secs_f64(), .least.as_secs_f64(), .most.as_secs_f64())]
     Range {
-        /// The option.
+        /// Name of the option.
         option: &'static str,
-        /// The given time.
+        /// Given time.
         given: Duration,
-        /// Least allowed.
+        /// Least allowed time.
         least: Duration,
-        /// Most allowed.
+        /// Greatest allowed time.
         most: Duration,
     },
-    /// It would have to leave before it came.
+    /// Remaining time too short: the worker would have to drain before it starts.
     #[error(
-        "--time-left {} is too short: {} s of grace and {} s to leave are kept free before the end; give more time, or a \
+        "--time-left {} is too short: it must be more than the grace time ({} s) plus {} s to end; give more time, or a \
          shorter --grace", .left.as_secs_f64(), .grace.as_secs_f64(), MARGIN.as_secs_f64()
     )]
     Left {
-        /// The given time.
+        /// Given time.
         left: Duration,
-        /// The grace time.
+        /// Grace time.
         grace: Duration,
     },
 }

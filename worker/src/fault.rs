@@ -1,9 +1,11 @@
-//! Faults on demand, for tests across processes; not part of release builds (feature `faults` puts them there).
+//! Injected faults for tests across processes. Release builds contain them only with the feature `faults`.
 //!
-//! The environment variable `EVOGAIT_FAULT` holds any number of them, separated by `;`: `KIND` or
-//! `KIND@round=R,index=I`, which strikes only that task of that round: round 0 is a job's preparation, round G + 1 generation
-//! G of its search. Kinds: `panic`; `abort`, the end of the whole process; `stall`, which never gets on; `wrong`, the lowest
-//! bit of the (first) score turned over; `slow@ms=N`, so many ms more a task.
+//! The environment variable `EVOGAIT_FAULT` holds faults separated by `;`. Each is `KIND`, which applies to all tasks,
+//! or `KIND@round=R,index=I`, which applies to that task of that round. Round 0 is a job's preparation; round G + 1 is
+//! generation G of its search.
+//!
+//! Kinds: `panic`; `abort` (ends the process); `stall` (never continues); `wrong` (inverts the lowest bit of the first
+//! score); `slow@ms=N` (delays each task by N ms).
 
 use crate::assignments::Work;
 use sim_core::procedure::evolve::TaskResult;
@@ -11,9 +13,9 @@ use sim_core::procedure::{Hooks, NotRun};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-/// The variable's name.
+/// Name of the environment variable.
 const VARIABLE: &str = "EVOGAIT_FAULT";
-/// Time between two checks of a slow or stuck slot.
+/// Time between two checks of a slowed or stalled slot.
 const NAP: Duration = Duration::from_millis(5);
 
 static FAULTS: LazyLock<Result<Vec<Fault>, String>> = LazyLock::new(|| match std::env::var(VARIABLE) {
@@ -47,11 +49,11 @@ impl Fault {
             "stall" => Kind::Stall,
             "wrong" => Kind::Wrong,
             "slow" => Kind::Slow,
-            _ => return Err(format!("{VARIABLE}: there is no fault '{kind}'")),
+            _ => return Err(format!("{VARIABLE}: unknown fault '{kind}': use panic, abort, stall, wrong or slow")),
         };
         let mut fault = Self { kind, round: None, index: None, ms: 0 };
         for place in places.split(',').filter(|place| !place.is_empty()) {
-            let wrong = || format!("{VARIABLE}: '{place}' is no round=N, index=N or ms=N");
+            let wrong = || format!("{VARIABLE}: invalid '{place}': use round=N, index=N or ms=N");
             let (key, value) = place.split_once('=').ok_or_else(wrong)?;
             let number: u32 = value.parse().map_err(|_| wrong())?;
             match key {
@@ -69,12 +71,12 @@ impl Fault {
     }
 }
 
-/// Checks that the variable can be read.
+/// Checks the syntax of the variable.
 pub(crate) fn check() -> Result<(), String> {
     FAULTS.clone().map(|_| ())
 }
 
-/// Does what the variable asks for, before the work itself.
+/// Applies the faults other than `wrong`, before the tasks are computed.
 pub(crate) fn strike(work: &Work, hooks: &dyn Hooks) -> Result<(), NotRun> {
     for fault in FAULTS.iter().flatten() {
         for (index, _) in work.tasks.iter().filter(|(index, _)| fault.is_at(work.round, *index)) {
@@ -92,7 +94,7 @@ pub(crate) fn strike(work: &Work, hooks: &dyn Hooks) -> Result<(), NotRun> {
     Ok(())
 }
 
-/// Turns the bits that `wrong` asks for. A preparation has no score.
+/// Applies `wrong` to the results. A preparation has no score, so it stays as it is.
 pub(crate) fn falsified(work: &Work, mut results: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
     for fault in FAULTS.iter().flatten().filter(|fault| fault.kind == Kind::Wrong && work.round > 0) {
         for ((index, _), result) in work.tasks.iter().zip(&mut results) {
@@ -104,7 +106,7 @@ pub(crate) fn falsified(work: &Work, mut results: Vec<Vec<u8>>) -> Vec<Vec<u8>> 
     results
 }
 
-/// The result with the lowest bit of its first score turned over.
+/// Returns the result with the lowest bit of its first score inverted.
 fn turned(result: &[u8]) -> Vec<u8> {
     let Ok(mut content) = TaskResult::decode(result) else { return result.to_owned() };
     let score = match &mut content {
@@ -133,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fault_strikes_its_place_and_nonsense_is_refused() {
+    fn fault_applies_to_its_task_and_invalid_text_is_refused() {
         let fault = Fault::read("panic@round=1,index=3").unwrap();
         assert!(fault.is_at(1, 3) && !fault.is_at(1, 2) && !fault.is_at(0, 3));
         assert!(Fault::read("abort").unwrap().is_at(7, 7));
@@ -144,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_turns_the_lowest_bit_of_the_first_score() {
+    fn wrong_inverts_lowest_bit_of_first_score() {
         let evaluated = |score| TaskResult::Evaluated {
             genotype: None,
             score,

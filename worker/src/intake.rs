@@ -1,4 +1,5 @@
-//! Takes assignments in: opens the job if need be, checks that this worker can do them, and puts them into the queue.
+//! Acceptance of assignments: opens the job if necessary, checks that this worker can compute the tasks, and puts the
+//! assignment into the queue.
 
 use crate::assignments::{Assignment, Assignments, Work};
 use crate::engines::Engines;
@@ -13,12 +14,12 @@ pub(crate) struct Intake {
     pub assignments: Arc<Assignments>,
     pub queue: Slots,
     pub jobs: Jobs,
-    /// Assignments that wait until their job is opened.
+    /// Assignments that wait until their job is open.
     pub waiting: Vec<Assign>,
 }
 
 impl Intake {
-    /// Takes work on, or says why not.
+    /// Queues an assignment, or returns the reason for its rejection.
     pub fn assigned(&mut self, mut assign: Assign) -> Result<Option<Reject>, Forgotten> {
         self.jobs.receive(&mut assign)?;
         match self.jobs.get(&assign.job_id) {
@@ -30,30 +31,30 @@ impl Intake {
         }
     }
 
-    /// Goes on with what waited for a job that was opened.
+    /// Queues the assignments that waited for this job, or rejects them if it can't be opened.
     pub fn opened(&mut self, id: &str, opened: Result<Arc<Bench>, String>) -> Vec<Reject> {
         let (ready, waiting): (Vec<_>, _) = std::mem::take(&mut self.waiting).into_iter().partition(|a| a.job_id == id);
         self.waiting = waiting;
         let take = |assign: Assign| match &opened {
             Ok(bench) => self.take(assign, bench.clone()),
-            Err(problem) => Some(reject(assign.assignment_id, format!("this worker can't read the job: {problem}"))),
+            Err(problem) => Some(reject(assign.assignment_id, format!("this worker can't open the job: {problem}"))),
         };
         ready.into_iter().filter_map(take).collect()
     }
 
-    /// Drops assignments that are not needed any more.
+    /// Stops assignments that are not needed any more.
     pub fn stop(&mut self, ids: &[u64]) {
         self.waiting.retain(|assign| !ids.contains(&assign.assignment_id));
         self.assignments.stop(ids);
     }
 
-    /// Gives up all that no slot has taken up.
+    /// Stops all assignments that no slot has started.
     pub fn stop_waiting(&mut self) {
         self.waiting.clear();
         self.assignments.stop_waiting();
     }
 
-    /// A heartbeat about everything that was taken in.
+    /// Returns a heartbeat with all accepted assignments.
     pub fn heartbeat(&self) -> Heartbeat {
         let mut heartbeat = self.assignments.heartbeat();
         heartbeat.running.extend(self.waiting.iter().map(|assign| assign.assignment_id));
@@ -81,12 +82,18 @@ impl Intake {
         }
         let count = u32::try_from(tasks.len()).ok().filter(|count| *count > 0);
         if count.and_then(|count| first.checked_add(count)).is_none() {
-            return Err(format!("{} tasks from {first} on are no range of tasks: it has at least one", tasks.len()));
+            return Err(format!(
+                "invalid range of {} tasks from index {first} on: at least one task, and indices below 2^32, are allowed",
+                tasks.len()
+            ));
         }
-        // A preparation shares nothing, and the digest of nothing is sent without bytes.
+        // A preparation shares no bytes, and an empty digest means that no bytes are shared.
         let shared = match round == 0 || shared_digest.is_empty() {
             true => Arc::default(),
-            false => self.jobs.shared(&job_id, &shared_digest).ok_or("what its tasks share was not sent")?,
+            false => self
+                .jobs
+                .shared(&job_id, &shared_digest)
+                .ok_or("the coordinator did not send the bytes that the tasks of the round share")?,
         };
         let tasks = (first..).zip(tasks).collect();
         Ok(Assignment::new(assignment_id, job_id, Work { bench, round, tasks, shared, permit }))

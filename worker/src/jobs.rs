@@ -1,5 +1,5 @@
-//! Jobs by id, with the bytes that tasks of their rounds share. Opening a job compiles its robot, so it is done beside the
-//! connection, which needs its heartbeats meanwhile.
+//! Jobs by id, with the bytes shared by the tasks of their rounds. Opening a job compiles its robot, so another thread
+//! opens it: the session must keep sending heartbeats.
 
 use proto::v1::Assign;
 use sim_core::procedure::Bench;
@@ -7,16 +7,16 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use tokio::task::JoinSet;
 
-/// Jobs that are kept: some more than a coordinator has active ones.
+/// Number of jobs kept: more than a coordinator has active jobs.
 const KEPT: usize = 1024;
-/// Shared bytes that are kept of a job: those of its newest rounds.
+/// Number of rounds of a job whose shared bytes are kept: the newest.
 const KEPT_SHARED: usize = 4;
 
-/// A job was sent before and is not kept any more. Connecting again brings it.
+/// Error: the job or its text is not kept any more. The coordinator sends it again after a reconnect.
 #[derive(Debug)]
 pub(crate) struct Forgotten;
 
-/// The jobs used last, and those that are being opened.
+/// Recently used jobs, and jobs being opened.
 #[derive(Default)]
 pub(crate) struct Jobs {
     kept: VecDeque<Kept>,
@@ -25,14 +25,15 @@ pub(crate) struct Jobs {
 
 struct Kept {
     id: String,
-    /// `None` while it is being opened.
+    /// `None` while the job is being opened.
     bench: Option<Arc<Bench>>,
-    /// Digest and bytes, the newest first.
+    /// Digests and shared bytes, newest first.
     shared: VecDeque<(Vec<u8>, Arc<[u8]>)>,
 }
 
 impl Jobs {
-    /// Takes out of an assignment what it brings for later ones: a job's text, which it begins to open, and shared bytes.
+    /// Moves the job's text and the shared bytes out of an assignment, keeps them for later assignments, and starts to
+    /// open a new job.
     pub fn receive(&mut self, assign: &mut Assign) -> Result<(), Forgotten> {
         let (text, shared) = (std::mem::take(&mut assign.job_toml), std::mem::take(&mut assign.shared));
         let mut kept = match self.kept.iter().position(|kept| kept.id == assign.job_id) {
@@ -54,22 +55,21 @@ impl Jobs {
         Ok(())
     }
 
-    /// The job with this id, if it is open.
+    /// Returns the job with this id, if it is open.
     pub fn get(&self, id: &str) -> Option<Arc<Bench>> {
         self.kept.iter().find(|kept| kept.id == id)?.bench.clone()
     }
 
-    /// The bytes with this digest that tasks of a job share, if they are kept.
+    /// Returns the shared bytes of a job by digest, if they are kept.
     pub fn shared(&self, id: &str, digest: &[u8]) -> Option<Arc<[u8]>> {
         let kept = self.kept.iter().find(|kept| kept.id == id)?;
         kept.shared.iter().find(|(own, _)| own == digest).map(|(_, bytes)| bytes.clone())
     }
 
-    /// Returns the next job that was opened, or the reason why this build can't open it; `None` if none is being
-    /// opened. Cancel-safe.
-    /// called again.
+    /// Returns the next opened job, or the reason why this build can't open it; `None` if no job is being opened.
+    /// Cancel-safe.
     pub async fn next(&mut self) -> Option<(String, Result<Arc<Bench>, String>)> {
-        // A panic is caught inside, and these tasks are never aborted.
+        // No error can occur: `open` catches panics, and these tasks are never aborted.
         let (id, opened) = self.opening.join_next().await?.ok()?;
         let opened = opened.map(Arc::new);
         if let Some(at) = self.kept.iter().position(|kept| kept.id == id) {
@@ -85,6 +85,6 @@ impl Jobs {
 fn open(text: &str) -> Result<Bench, String> {
     match std::panic::catch_unwind(|| Bench::open(text)) {
         Ok(opened) => opened.map_err(|error| error.to_string()),
-        Err(_) => Err("it panicked".to_owned()),
+        Err(_) => Err("opening it caused a panic".to_owned()),
     }
 }

@@ -1,8 +1,8 @@
-//! The worker: takes tasks from a coordinator, carries them out on its cores, delivers their results.
+//! Worker: receives tasks from a coordinator, computes them on its cores and delivers their results.
 //!
-//! `session` keeps the connection, `intake` takes assignments in, `assignments` knows what is being worked on, `slots` are
-//! the threads that compute, `watchdog` finds those that are stuck, `delivery` brings results home. Computing goes on while
-//! the coordinator can't be reached.
+//! `session` keeps the connection, `intake` accepts assignments, `assignments` records them, `slots` are the computing
+//! threads, `watchdog` finds stuck slots, `delivery` sends results. Computing continues while the coordinator can't be
+//! reached.
 
 mod assignments;
 mod config;
@@ -42,13 +42,14 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 use watchdog::Watchdog;
 
-/// Works until `drain` resolves, or its time is nearly up: then it takes nothing new, finishes what it can within the grace
-/// time, gives back the rest, and ends. Waits for a coordinator that is not there, and for one that went away.
+/// Runs a worker until `drain` resolves or its time is nearly up. Then it accepts no new tasks, finishes what it can
+/// within the grace time, returns the remaining leases, and ends. It waits for a coordinator that can't be reached, at
+/// the start and later.
 pub async fn run(config: Config, drain: impl Future<Output = ()> + Send) -> Result<(), Error> {
     run_until(config, drain, std::future::pending()).await
 }
 
-/// Like [`run`]; `at_once` cuts the grace time short.
+/// Runs a worker like [`run`]; when `at_once` resolves, the grace time ends.
 pub async fn run_until(
     config: Config,
     drain: impl Future<Output = ()> + Send,
@@ -59,7 +60,7 @@ pub async fn run_until(
 
 type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-// Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+// Boxed, so that it is compiled once in this crate and not in every crate that awaits it.
 fn work_until<'a>(config: Config, drain: Boxed<'a, ()>, at_once: Boxed<'a, ()>) -> Boxed<'a, Result<(), Error>> {
     Box::pin(work(config, drain, at_once))
 }
@@ -73,7 +74,7 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
     let assignments = Arc::new(Assignments::default());
     let metrics = Arc::new(Metrics::new(config.slots));
     let pulse = Arc::new(Pulse { metrics: metrics.clone(), assignments: assignments.clone() });
-    // Served until the worker ends.
+    // The endpoint serves as long as this value lives: until the worker ends.
     let _served = match config.metrics {
         Some(bind) => Some(telemetry::Endpoint::start(bind, pulse).await?),
         None => None,
@@ -108,25 +109,25 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
         let mut keeping = std::pin::pin!(session.keep());
         tokio::select! {
             refused = &mut keeping => {
-                // What is done may still be welcome.
+                // The coordinator may still accept finished results.
                 assignments.stop_computing();
                 let _ = timeout(DELIVER_WITHIN, assignments.none_left()).await;
                 refused
             }
             left = leave(&config, &assignments, &stage, (drain, at_once, watching), end) => {
-                // The last message may find no peer.
+                // The coordinator may be unreachable, so the last messages have a time limit.
                 let _ = timeout(LAST_WORDS, &mut keeping).await;
                 left
             }
         }
     };
-    // The threads see the flag within a moment.
+    // The threads check the flag after every batch of rollouts.
     assignments.stop_all();
     delivering.abort();
     outcome
 }
 
-/// Waits for a reason to leave, and then until there is nothing left to wait for.
+/// Waits for a reason to stop, drains the worker, and returns when no assignment is left or the time is up.
 async fn leave(
     config: &Config,
     assignments: &Assignments,
@@ -143,14 +144,14 @@ async fn leave(
     let (reason, outcome) = tokio::select! {
         () = drain => ("it received a request to stop", Ok(())),
         () = nearly_up => ("its time is nearly up", Ok(())),
-        stuck = watching => ("its slots get stuck", Err(Error::Stuck { stuck, after: config.stuck_after })),
+        stuck = watching => ("too many of its slots are stuck", Err(Error::Stuck { stuck, after: config.stuck_after })),
     };
     let grace = config.grace.as_secs_f64();
     tracing::info!(reason, running = assignments.computing().len(), grace_s = grace, "draining");
     stage.send_replace(Stage::Draining(reason));
     let mut at_once = std::pin::pin!(at_once);
     let hurried = tokio::select! {
-        // What is not finished by then is given back.
+        // Leases of unfinished tasks are returned after the grace time.
         _ = timeout(config.grace, assignments.none_left()) => false,
         () = &mut at_once => true,
     };
@@ -162,14 +163,14 @@ async fn leave(
         else => assignments.ids().is_empty(),
     };
     if !delivered {
-        tracing::warn!("some results could not be delivered: their tasks will be done again elsewhere");
+        tracing::warn!("some results could not be delivered: other workers will compute their tasks again");
     }
     assignments.stop_all();
     stage.send_replace(Stage::Leaving);
     outcome
 }
 
-/// Replaces slots that are stuck; returns how many there are once there are too many.
+/// Replaces stuck slots. Returns their number once it reaches [`MAX_STUCK`].
 async fn watch_slots(assignments: &Assignments, queue: &Slots, stuck_after: Duration) -> usize {
     let mut watchdog = Watchdog::default();
     let mut looks = tokio::time::interval(Watchdog::period(stuck_after));
@@ -184,7 +185,7 @@ async fn watch_slots(assignments: &Assignments, queue: &Slots, stuck_after: Dura
                 assignment = id,
                 job = assignment.job_id,
                 stuck,
-                "a slot is stuck: a fresh one takes its place"
+                "a slot is stuck: a new thread replaces it"
             );
             if stuck >= MAX_STUCK {
                 return stuck;
@@ -193,7 +194,7 @@ async fn watch_slots(assignments: &Assignments, queue: &Slots, stuck_after: Dura
     }
 }
 
-/// Returns an id that distinguishes this worker from all others, over reconnects. No result depends on it.
+/// Returns a random id, unique to this worker and kept over reconnects. No result depends on it.
 fn unique_id() -> String {
     let random = || RandomState::new().hash_one(std::process::id());
     format!("{:016x}{:016x}", random(), random())
@@ -206,7 +207,7 @@ mod tests {
     use proto::limits::MAX_SLOTS;
 
     #[tokio::test]
-    async fn what_can_not_work_is_said_before_anything_starts() {
+    async fn invalid_configuration_is_refused_before_start() {
         let config = |coordinator: &str, slots| Config::new(coordinator.to_owned(), slots);
         let run = |config| run(config, std::future::pending());
         for url in ["", "127.0.0.1:7077", "http://", "sqlite:x"] {
@@ -231,7 +232,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn worker_ends_in_order_without_any_coordinator() {
+    async fn drained_worker_without_coordinator_ends_without_error() {
         let config = Config::new("http://127.0.0.1:1".to_owned(), 1);
         let drain = tokio::time::sleep(Duration::from_millis(50));
         let ended = timeout(Duration::from_secs(5), run(config, drain)).await;
@@ -239,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn ids_differ() {
+    fn unique_ids_differ() {
         assert_ne!(unique_id(), unique_id());
     }
 }

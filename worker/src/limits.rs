@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-/// After the grace time, results that are done have this long to be delivered.
+/// Time to deliver finished results after the grace time.
 pub const DELIVER_WITHIN: Duration = Duration::from_secs(3);
-/// Time to let the last words out.
+/// Time to send the last messages before the connection closes.
 pub const LAST_WORDS: Duration = Duration::from_secs(1);
-/// Margin before the end of a worker with limited time: it starts to drain its grace time and this before its end.
+/// Time kept free before the end of a worker with limited time: it starts to drain when its grace time plus this margin
+/// is left.
 pub const MARGIN: Duration = Duration::from_secs(5);
-/// With so many stuck slots a worker drains and ends: each may hold a core. One poisoned task makes at most 4, alone
-/// and as part of a range.
+/// Number of stuck slots at which a worker drains and ends, because each may occupy a core. One faulty task causes at
+/// most 4 stuck slots over its attempts, alone and within a range.
 pub const MAX_STUCK: usize = 5;

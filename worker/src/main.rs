@@ -1,4 +1,4 @@
-//! The worker's binary.
+//! Binary of the worker.
 
 mod time_left;
 
@@ -12,10 +12,10 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use worker::{Config, Error, Hangup};
 
-/// Carries out tasks for a coordinator.
+/// Computes tasks for a coordinator.
 ///
-/// A worker holds nothing that matters: start as many as there are machines, stop or kill them at any time. It waits for
-/// its coordinator, keeps computing while the connection is down, and delivers when it is back.
+/// A worker stores nothing: start as many as you need, and stop or kill them at any time. It waits for its coordinator,
+/// continues to compute while the connection is down, and delivers its results after reconnecting.
 #[derive(Parser)]
 #[command(
     name = "worker",
@@ -24,67 +24,68 @@ use worker::{Config, Error, Hangup};
   worker --coordinator http://127.0.0.1:7077 --slots 4
   worker --coordinator https://a.example:7077,https://b.example:7077 --ca ca.pem --token-file worker.token
 
-SIGINT, SIGTERM and SIGHUP (unless under nohup) drain it: it takes nothing new, finishes what it can within the grace time, gives back the rest, which
-costs nothing, and ends with exit code 0. A second one cuts the grace time short. In a Slurm job it drains before its
-time is up with --time-left; deploy/slurm has such a job.
+SIGINT, SIGTERM and SIGHUP (unless under nohup) drain the worker: it accepts no new tasks, finishes what it can within
+the grace time, returns the remaining leases, and ends with exit code 0. A returned lease costs its tasks no attempt.
+A second signal ends the grace time. In a Slurm job, --time-left drains the worker before the job's time is up;
+deploy/slurm has an example.
 
-A candidate that panics or gets stuck has failed an attempt; the worker goes on. Messages go to standard error
+A task that panics or gets stuck costs one of its attempts; the worker continues. Log messages go to standard error
 (RUST_LOG=debug for more)."
 )]
 struct Arguments {
-    /// The coordinator to work for; several that stand in for each other are separated by commas [default:
+    /// URL of the coordinator; separate the URLs of a coordinator and its standbys by commas [default:
     /// $EVOGAIT_COORDINATOR, else http://127.0.0.1:7077]
     #[arg(long, value_name = "URL")]
     coordinator: Option<String>,
 
-    /// Certificate of the CA that signed the coordinator's, PEM; for https:// [default: $EVOGAIT_CA]
+    /// Certificate of the CA that signed the coordinator's certificate, PEM; for https:// [default: $EVOGAIT_CA]
     #[arg(long, value_name = "FILE")]
     ca: Option<PathBuf>,
 
-    /// Certificate to show to the coordinator, PEM [default: $EVOGAIT_CERT]
+    /// Client certificate of the worker, PEM [default: $EVOGAIT_CERT]
     #[arg(long, value_name = "FILE")]
     cert: Option<PathBuf>,
 
-    /// Its private key, PEM [default: $EVOGAIT_KEY]
+    /// Private key of the client certificate, PEM [default: $EVOGAIT_KEY]
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
 
-    /// File with a worker's token [default: $EVOGAIT_TOKEN_FILE; else the token itself is $EVOGAIT_TOKEN]
+    /// File with a token of role worker [default: $EVOGAIT_TOKEN_FILE; else $EVOGAIT_TOKEN holds the token itself]
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
 
-    /// Assignments at once [default: one a core]
+    /// Number of assignments computed at the same time, 1 to 4096 [default: number of cores]
     #[arg(long, value_name = "N", value_parser = slots)]
     slots: Option<usize>,
 
-    /// Name of the worker in `evogait workers` [default: host and process]
+    /// Name of the worker in `evogait workers` [default: HOST:PID]
     #[arg(long)]
     name: Option<String>,
 
     #[command(flatten)]
     telemetry: telemetry::Options,
 
-    /// When told to stop, time to finish what runs
+    /// Time to finish running tasks after a request to stop
     #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
     grace: Duration,
 
-    /// Wall time that is left to this process: it drains by itself before that. Seconds, or as Slurm prints them
+    /// Wall time left to this process: it drains before the end. Seconds, or Slurm's format
     /// ([DAYS-]HOURS:MINUTES:SECONDS)
     #[arg(long, value_name = "TIME", value_parser = time_left::slurm)]
     time_left: Option<Duration>,
 
-    /// A slot that ends no batch of rollouts for this long is stuck: its work counts as failed, and a fresh one takes its
-    /// place
+    /// Time without a finished batch of rollouts after which a slot is stuck: its tasks count as failed, and a new
+    /// thread replaces it
     #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "600")]
     stuck_after: Duration,
 
-    /// Seconds between checks of an idle connection, and for the coordinator's answer
+    /// Time between checks of an idle connection, and time limit for the coordinator's answer
     #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
     keepalive: Duration,
 }
 
 fn slots(text: &str) -> Result<usize, String> {
-    text.parse().map_err(|_| format!("whole numbers from 1 to {MAX_SLOTS} are allowed"))
+    text.parse().map_err(|_| format!("must be a whole number from 1 to {MAX_SLOTS}"))
 }
 
 #[tokio::main(worker_threads = 2)]
@@ -124,7 +125,7 @@ async fn run(arguments: Arguments) -> Result<(), Error> {
     let after = |least: u32| {
         let mut times = times.clone();
         async move {
-            // The task above never ends.
+            // The sender lives in the task above, which never ends.
             let _ = times.wait_for(|times| *times >= least).await;
         }
     };

@@ -1,4 +1,4 @@
-//! The worker's numbers, for Prometheus.
+//! Prometheus metrics of the worker.
 
 use crate::assignments::Assignments;
 use crate::work::Finished;
@@ -17,20 +17,20 @@ use telemetry::endpoint::Answer;
 
 type Label = [(&'static str, &'static str); 1];
 
-/// All of them.
+/// All metrics of the worker.
 pub(crate) struct Metrics {
     registry: Registry,
     /// Number of slots.
     slots: Gauge,
     busy: Gauge,
-    /// 1 while a session stands.
+    /// 1 while a session is open, else 0.
     pub connected: Gauge,
-    /// Sessions that were opened.
+    /// Number of sessions opened.
     pub sessions: Counter,
-    /// Tasks carried out.
+    /// Number of tasks computed.
     tasks: Counter,
     assignment_seconds: Histogram,
-    /// Deliveries that had to be tried again.
+    /// Number of repeated deliveries.
     pub retries: Counter,
     results: Family<Label, Counter>,
 }
@@ -51,14 +51,14 @@ impl Metrics {
         };
         metrics.slots.set(slots as i64);
         let r = &mut registry;
-        r.register("slots", "Assignments at once", metrics.slots.clone());
-        r.register("slots_busy", "Slots that have work", metrics.busy.clone());
+        r.register("slots", "Number of slots", metrics.slots.clone());
+        r.register("slots_busy", "Number of slots with an assignment", metrics.busy.clone());
         r.register("connected", "1 while the coordinator is connected", metrics.connected.clone());
-        r.register("sessions", "Sessions that were opened", metrics.sessions.clone());
-        r.register("tasks", "Tasks carried out", metrics.tasks.clone());
+        r.register("sessions", "Sessions opened", metrics.sessions.clone());
+        r.register("tasks", "Tasks computed", metrics.tasks.clone());
         let seconds = metrics.assignment_seconds.clone();
-        r.register_with_unit("assignment", "Time that an assignment kept its slot busy", Unit::Seconds, seconds);
-        r.register("delivery_retries", "Deliveries that had to be tried again", metrics.retries.clone());
+        r.register_with_unit("assignment", "Time that an assignment occupied its slot", Unit::Seconds, seconds);
+        r.register("delivery_retries", "Repeated deliveries of results", metrics.retries.clone());
         r.register("results", "Results delivered, by the coordinator's answer", metrics.results.clone());
         let build = Family::<Label, Gauge>::default();
         build.get_or_create(&[("version", env!("CARGO_PKG_VERSION"))]).set(1);
@@ -77,7 +77,7 @@ impl Metrics {
         Self { registry, ..metrics }
     }
 
-    /// Counts an assignment that a slot is done with.
+    /// Counts a finished assignment.
     pub fn worked(&self, finished: &Finished) {
         self.assignment_seconds.observe(Duration::from_micros(finished.compute_us).as_secs_f64());
         if let Outcome::Results(done) = &finished.outcome {
@@ -85,13 +85,13 @@ impl Metrics {
         }
     }
 
-    /// The coordinator answered.
+    /// Counts an answer of the coordinator.
     pub fn result(&self, verdict: Verdict) {
         self.results.get_or_create(&[("verdict", word(verdict))]).inc();
     }
 }
 
-/// An answer as a label.
+/// Returns the label of an answer.
 fn word(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Unspecified => "unspecified",
@@ -117,12 +117,12 @@ impl Vitals for Pulse {
         let held = self.assignments.ids().len() as i64;
         metrics.busy.set(held.min(metrics.slots.get()));
         let mut text = String::new();
-        // Writing to a string does not fail.
+        // Writing to a string can't fail.
         let _ = encode(&mut text, &metrics.registry);
         Box::pin(std::future::ready(text))
     }
 
-    /// A worker that waits for its coordinator is well.
+    /// Reports every running worker as healthy, also while it waits for its coordinator.
     fn health(&self) -> Answer<'_, Result<String, String>> {
         let connected = self.metrics.connected.get() == 1;
         let text = if connected { "connected" } else { "waiting for the coordinator" };

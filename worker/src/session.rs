@@ -1,4 +1,4 @@
-//! The connection to the coordinator: made again and again, and nothing is lost in between.
+//! Session with the coordinator. It is reopened after each break; assignments and results are kept meanwhile.
 
 use crate::error::Error;
 use crate::intake::Intake;
@@ -17,17 +17,17 @@ use tokio::sync::watch;
 use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::{Code, Status, Streaming};
 
-/// Shortest time between two heartbeats; shorter requests of the coordinator are raised to it.
+/// Shortest time between two heartbeats; a shorter time requested by the coordinator is raised to it.
 const LEAST_HEARTBEAT: Duration = Duration::from_millis(10);
 
 /// Stage of the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stage {
-    /// Takes work.
+    /// Accepts assignments.
     Working,
-    /// Finishes what it has, for a reason. Entered again when something of that is given back.
+    /// Finishes its assignments, for the given reason. Sent again after some of them were returned.
     Draining(&'static str),
-    /// Has nothing left, and hangs up.
+    /// Closes the connection.
     Leaving,
 }
 
@@ -36,16 +36,16 @@ pub(crate) struct Session {
     pub id: String,
     pub name: String,
     pub slots: u32,
-    /// When the worker ends by itself.
+    /// Time at which the worker ends by itself.
     pub end: Option<Instant>,
-    /// When it calls a slot stuck.
+    /// Time without progress after which a slot is stuck.
     pub stuck_after: Duration,
     pub intake: Intake,
     pub metrics: Arc<Metrics>,
     pub stage: watch::Receiver<Stage>,
 }
 
-/// A connection that stands.
+/// Open connection.
 struct Connection {
     said: UnboundedSender<WorkerMessage>,
     incoming: Streaming<CoordinatorMessage>,
@@ -53,13 +53,13 @@ struct Connection {
 }
 
 impl Session {
-    /// Connects, works, and connects again, until the worker leaves or the coordinator refuses it.
+    /// Connects, runs the session, and reconnects, until the worker leaves or the coordinator refuses it.
     pub async fn keep(&mut self) -> Result<(), Error> {
         let mut backoff = Backoff::new();
         let (mut told, mut known) = (false, false);
         let mut stage = self.stage.clone();
         loop {
-            // The one that this try is about: a failure makes the next try go elsewhere.
+            // Copied now: a failure makes `dial` select the next address.
             let url = self.way.dial().current().to_owned();
             let connected = tokio::select! {
                 connected = self.connect(&url) => connected,
@@ -80,15 +80,16 @@ impl Session {
             }
             match ended {
                 Ok(()) => {
-                    tracing::info!(url, "the connection ended: connecting again");
+                    tracing::info!(url, "the connection ended: reconnecting");
                     told = false;
                 }
-                // What was there before is not unknown to the coordinator: a proxy says so while it is away.
+                // A proxy answers UNIMPLEMENTED while the coordinator behind it is away. After a successful connection
+                // it is no refusal.
                 Err(status) if refusal(status.code()) && !(known && status.code() == Code::Unimplemented) => {
                     return Err(Error::Refused { url, reason: status.message().to_owned() });
                 }
                 Err(status) => {
-                    // Once is enough while nothing changes.
+                    // Logged once per outage.
                     if !told {
                         let reason = status.source().map_or(status.message().to_owned(), proto::dial::reason);
                         tracing::info!(url, reason, "waiting for the coordinator");
@@ -103,13 +104,13 @@ impl Session {
         }
     }
 
-    /// From dialing to Welcome.
+    /// Connects: sends Hello and waits for Welcome.
     async fn connect(&mut self, url: &str) -> Result<Connection, Status> {
         let mut client = WorkerServiceClient::new(self.way.clone())
             .max_decoding_message_size(MAX_MESSAGE)
             .max_encoding_message_size(MAX_MESSAGE);
         let (said, outgoing) = unbounded_channel();
-        // What the connection before brought and is not yet taken up is not known here any more: it is assigned again.
+        // Assignments that still wait for their job are not in Hello, so the coordinator assigns their tasks again.
         self.intake.waiting.clear();
         let left = self.end.map(|end| end.saturating_duration_since(Instant::now()).as_secs().max(1));
         let hello = Hello {
@@ -127,10 +128,10 @@ impl Session {
         let mut incoming = client.session(UnboundedReceiverStream::new(outgoing)).await?.into_inner();
         let welcome = match incoming.message().await? {
             Some(m) => m.message,
-            None => return Err(Status::unavailable("it hung up")),
+            None => return Err(Status::unavailable("the coordinator closed the connection before its Welcome")),
         };
         let Some(coordinator_message::Message::Welcome(Welcome { drop, heartbeat_ms, epoch, .. })) = welcome else {
-            return Err(Status::unavailable("it did not say Welcome"));
+            return Err(Status::unavailable("the coordinator's first message is not Welcome"));
         };
         self.metrics.connected.set(1);
         self.metrics.sessions.inc();
@@ -140,7 +141,7 @@ impl Session {
         Ok(Connection { said, incoming, heartbeat })
     }
 
-    /// From Welcome to the connection's end. An error is a refusal.
+    /// Runs the session from Welcome to the connection's end. An error is a refusal.
     async fn converse(&mut self, connection: Connection) -> Result<(), Status> {
         let Connection { said, mut incoming, heartbeat } = connection;
         let mut heartbeat = tokio::time::interval(heartbeat);
@@ -165,7 +166,7 @@ impl Session {
                     if *stage.borrow() != Stage::Leaving {
                         continue;
                     }
-                    // The last words have arrived once the other side ends, too.
+                    // The peer ends the stream after it has received the last messages.
                     drop(said);
                     while let Ok(Some(_)) = incoming.message().await {}
                     return Ok(());
@@ -173,7 +174,7 @@ impl Session {
             };
             match received {
                 Ok(Some(content)) => match content.message {
-                    // It crossed the word that this worker drains.
+                    // Sent before the coordinator received this worker's Drain: repeat it.
                     Some(coordinator_message::Message::Assign(_)) if *stage.borrow() != Stage::Working => {
                         self.say_drain(&said);
                     }
@@ -183,8 +184,8 @@ impl Session {
                         Err(Forgotten) => return Ok(()),
                     },
                     Some(coordinator_message::Message::Cancel(cancel)) => self.intake.stop(&cancel.assignment_ids),
-                    // It will be back: what is being computed will be welcome then.
-                    Some(coordinator_message::Message::Drain(drain)) => tracing::info!(reason = drain.reason, "drain"),
+                    // The coordinator restarts: computing continues, and results are delivered afterwards.
+                    Some(coordinator_message::Message::Drain(drain)) => tracing::info!(reason = drain.reason, "the coordinator is stopping"),
                     Some(coordinator_message::Message::Welcome(_)) | None => {}
                 },
                 Ok(None) => return Ok(()),
@@ -197,12 +198,13 @@ impl Session {
         }
     }
 
-    /// If the worker drains: gives back what no slot has taken up, and says what it still finishes.
+    /// Sends Drain if the worker drains: returns all assignments that no slot has started, and lists those that it
+    /// finishes.
     fn say_drain(&mut self, said: &UnboundedSender<WorkerMessage>) {
         let reason = match *self.stage.borrow() {
             Stage::Working => return,
             Stage::Draining(reason) => reason,
-            Stage::Leaving => "it leaves",
+            Stage::Leaving => "it ends",
         };
         self.intake.stop_waiting();
         let finishing = self.intake.assignments.ids();
@@ -212,11 +214,11 @@ impl Session {
 
 /// Waits until the worker leaves.
 async fn leaving(stage: &mut watch::Receiver<Stage>) {
-    // An error means that there is nothing left to wait for.
+    // An error means that the sender is gone: the worker has ended.
     let _ = stage.wait_for(|stage| *stage == Stage::Leaving).await;
 }
 
-/// Codes by which a coordinator refuses this worker for good.
+/// Returns true for codes by which a coordinator refuses this worker permanently.
 fn refusal(code: Code) -> bool {
     matches!(
         code,
@@ -229,6 +231,6 @@ fn refusal(code: Code) -> bool {
 }
 
 fn say(said: &UnboundedSender<WorkerMessage>, content: worker_message::Message) {
-    // A connection that broke shows where it is read.
+    // A broken connection is detected by the receiving side.
     let _ = said.send(WorkerMessage { message: Some(content) });
 }

@@ -1,4 +1,4 @@
-//! The threads that compute: one a slot. They end when the queue does.
+//! Computing threads, one per slot. They end when the queue is closed.
 
 use crate::assignments::Assignment;
 use crate::work::{Finished, carry_out, gave_up};
@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::mpsc::UnboundedSender;
 
-/// The way into the queue of the slots.
+/// Sender to the queue of the slots.
 #[derive(Clone)]
 pub(crate) struct Slots {
     queue: Sender<Arc<Assignment>>,
@@ -19,14 +19,14 @@ pub(crate) struct Slots {
 struct Shared {
     queue: Mutex<Receiver<Arc<Assignment>>>,
     done: UnboundedSender<Finished>,
-    /// Threads ever started.
+    /// Number of threads started so far.
     started: AtomicUsize,
-    /// Threads that were given up and have not come back.
+    /// Number of abandoned threads that have not ended yet.
     stuck: AtomicUsize,
 }
 
 impl Slots {
-    /// Starts the threads. `done` gets every result.
+    /// Starts the threads. They send every outcome to `done`.
     pub fn start(slots: usize, done: UnboundedSender<Finished>) -> io::Result<Self> {
         let (queue, receiver) = channel();
         let (started, stuck) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -36,23 +36,22 @@ impl Slots {
     }
 
     pub fn push(&self, assignment: Arc<Assignment>) {
-        // The threads outlive every sender: they end when there is none.
+        // Can't fail: the threads run until all senders are dropped.
         let _ = self.queue.send(assignment);
     }
 
-    /// Gives up a stuck slot: its work has failed, if it is still needed, and a fresh thread takes its place. The old
-    /// thread can't be ended from outside; if it ever continues, it ends by itself. Returns the number of stuck
-    /// threads.
+    /// Abandons a stuck slot: its tasks fail, if they are still needed, and a new thread replaces the slot. The old
+    /// thread can't be ended from outside; if it continues, it ends itself. Returns the number of stuck threads.
     pub fn replace(&self, assignment: &Arc<Assignment>, stuck_after: Duration) -> usize {
         let needed = !assignment.stopped();
         if assignment.abandon() {
             self.shared.stuck.fetch_add(1, Ordering::SeqCst);
             if needed {
-                // Without a receiver the worker is ending.
+                // If the receiver is gone, the worker is ending.
                 let _ = self.shared.done.send(gave_up(assignment, stuck_after));
             }
             if let Err(error) = Shared::spawn(&self.shared) {
-                tracing::error!(%error, "no thread for a fresh slot: this worker has one less");
+                tracing::error!(%error, "can't start a thread for a new slot: this worker has one slot less");
             }
         }
         self.shared.stuck.load(Ordering::SeqCst)

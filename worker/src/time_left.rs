@@ -1,19 +1,20 @@
-//! Times on the command line.
+//! Parsers of times on the command line.
 
 use std::time::Duration;
 
-/// Seconds, such as `10` or `0.5`.
+/// Parses seconds, such as `10` or `0.5`.
 pub fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| format!("'{text}' is no number of seconds"))?;
+    let seconds: f64 =
+        text.parse().map_err(|_| format!("'{text}' is not a number: give seconds, such as 10 or 0.5"))?;
     Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
 }
 
-/// Seconds, or what Slurm prints as time left: `[DAYS-]HOURS:MINUTES:SECONDS`, `MINUTES:SECONDS`.
+/// Parses seconds, or the time left that Slurm prints: `[DAYS-]HOURS:MINUTES:SECONDS` or `MINUTES:SECONDS`.
 pub fn slurm(text: &str) -> Result<Duration, String> {
     if !text.contains([':', '-']) {
         return seconds(text);
     }
-    let wrong = || format!("'{text}' is no time: seconds or [DAYS-]HOURS:MINUTES:SECONDS are understood");
+    let wrong = || format!("'{text}' is not a time: give seconds or [DAYS-]HOURS:MINUTES:SECONDS");
     let number = |text: &str| text.parse::<u32>().map(u64::from).map_err(|_| wrong());
     let (days, clock) = match text.split_once('-') {
         Some((days, clock)) => (number(days)?, clock),
@@ -33,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_read_as_slurm_prints_them() {
+    fn slurm_time_is_parsed_and_invalid_text_refused() {
         for (text, seconds) in
             [("90", 90), ("1:30", 90), ("2:00:01", 7201), ("1-00:00:00", 86_400), ("3-04:05:06", 273_906)]
         {

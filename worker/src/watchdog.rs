@@ -1,15 +1,16 @@
-//! Finds slots that are stuck: no batch of rollouts comes to its end for a named time.
+//! Detection of stuck slots: those that finish no batch of rollouts for a given time.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Number of checks in that time.
+/// Number of checks without progress after which a slot is stuck.
 pub(crate) const LOOKS: u32 = 10;
 
-/// Counts looks rather than seconds: a process that was stopped for an hour is not stuck when it goes on.
+/// Detector of stuck slots. It counts checks instead of seconds, so that slots are not stuck when the process continues
+/// after an hour of suspension.
 #[derive(Debug, Default)]
 pub(crate) struct Watchdog {
-    /// By assignment: how far it was, and how many looks ago it got there.
+    /// Per assignment: its progress, and the number of checks since it last changed.
     seen: BTreeMap<u64, (u64, u32)>,
 }
 
@@ -19,7 +20,7 @@ impl Watchdog {
         stuck_after / LOOKS
     }
 
-    /// Looks at all that is being computed, as (assignment, progress), and says which of it got nowhere.
+    /// Checks the progress of all computing assignments, given as (assignment, progress); returns the stuck ones.
     pub fn look(&mut self, computing: impl IntoIterator<Item = (u64, u64)>) -> Vec<u64> {
         let mut now = BTreeMap::new();
         for (id, progress) in computing {
@@ -47,7 +48,7 @@ mod tests {
             assert_eq!(watchdog.look([(1, 5), (2, u64::from(look)), (3, slow)]), NONE);
         }
         assert_eq!(watchdog.look([(1, 5), (2, 100), (3, 1)]), [1]);
-        // An id that went and comes again starts over.
+        // The count restarts for an id that was absent from a check.
         assert_eq!(watchdog.look([(2, 101)]), NONE);
         assert_eq!(watchdog.look([(1, 5), (2, 102)]), NONE);
     }

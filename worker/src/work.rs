@@ -1,4 +1,4 @@
-//! One assignment, carried out on the thread that calls.
+//! Computation of one assignment on the calling thread.
 
 use crate::assignments::Assignment;
 #[cfg(any(debug_assertions, feature = "faults"))]
@@ -11,15 +11,16 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// An assignment that a slot is done with.
+/// An assignment with its outcome.
 pub(crate) struct Finished {
     pub assignment: Arc<Assignment>,
     pub outcome: Outcome,
-    /// Time that the slot was busy with it, µs.
+    /// Time that the assignment occupied its slot, µs.
     pub compute_us: u64,
 }
 
-/// Carries tasks out; `None` if they were stopped. A panic is a failure of these tasks, not the end of the worker.
+/// Computes the tasks; returns `None` if they were stopped. A panic is a failure of these tasks and does not end the
+/// worker.
 pub(crate) fn carry_out(assignment: &Arc<Assignment>) -> Option<Finished> {
     let start = Instant::now();
     let outcome = match catch_unwind(AssertUnwindSafe(|| compute(assignment))) {
@@ -32,13 +33,13 @@ pub(crate) fn carry_out(assignment: &Arc<Assignment>) -> Option<Finished> {
     Some(Finished { assignment: assignment.clone(), outcome, compute_us })
 }
 
-/// Returns the failure of an assignment on a slot without progress.
+/// Returns the failure of an assignment whose slot is stuck.
 pub(crate) fn gave_up(assignment: &Arc<Assignment>, stuck_after: Duration) -> Finished {
-    let reason = format!("it was stuck: no batch of rollouts came to its end within {} s", stuck_after.as_secs_f64());
+    let reason = format!("it was stuck: no batch of rollouts was finished within {} s", stuck_after.as_secs_f64());
     Finished { assignment: assignment.clone(), outcome: Outcome::Failure(reason), compute_us: 0 }
 }
 
-/// The flag and the progress of an assignment.
+/// Stop flag and progress counter for the procedure.
 impl Hooks for Assignment {
     fn stop(&self) -> bool {
         self.advance();
@@ -72,7 +73,7 @@ mod tests {
                        [planner]\niterations = 2\n[fitness]\nkind = \"coverage\"\n[optimiser]\nkind = \"pso\"\n\
                        particles = 3\n[finish]\nkind = \"none\"\n";
 
-    /// The assignment of some tasks of the round at hand.
+    /// Returns an assignment of some tasks of the current round.
     fn assignment(procedure: &dyn Procedure, tasks: std::ops::Range<u32>) -> Arc<Assignment> {
         let round = procedure.round();
         let tasks = tasks.map(|index| (index, procedure.task(index))).collect();
@@ -114,8 +115,8 @@ mod tests {
     }
 
     #[test]
-    fn preparation_ends_when_it_is_stopped() {
-        // Settling takes minutes with so fine steps.
+    fn stopped_preparation_ends_within_a_second() {
+        // Settling takes minutes with such a small step size.
         let job = format!("{JOB}[physics]\nengine = \"rapier\"\nsteps_per_second = 10000\n");
         let assignment = assigned(&job, 0, vec![(0, start().task(0))], Arc::default());
         let assignments = crate::assignments::Assignments::default();
@@ -136,13 +137,13 @@ mod tests {
     }
 
     #[test]
-    fn task_that_can_not_be_read_is_a_failure() {
+    fn undecodable_task_is_a_failure() {
         let mut procedure = start();
         let prepared = results(&assignment(&*procedure, 0..1));
         procedure.tell(&prepared);
         let shared = procedure.round().shared;
         let finished = carry_out(&assigned(JOB, 1, vec![(0, vec![255; 9])], shared)).expect("it was not stopped");
-        let Outcome::Failure(reason) = finished.outcome else { panic!("it has a result") };
+        let Outcome::Failure(reason) = finished.outcome else { panic!("the task was computed") };
         assert!(reason.len() > 20, "{reason}");
     }
 }

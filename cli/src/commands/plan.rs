@@ -1,7 +1,7 @@
 //! `evogait plan`: writes a job that plans with the gaits of a run, and runs it.
 
-use super::given::{Given, given};
 use super::run::carry_out;
+use super::source_run::{SourceRun, read};
 use crate::arguments::Plan;
 use crate::error::Error;
 use crate::load;
@@ -19,7 +19,7 @@ const SEEDS: u32 = 20;
 
 /// Creates the job and runs it like `evogait run`.
 pub fn run(args: Plan, quiet: bool) -> Result<(), Error> {
-    let given = given(&args.of)?;
+    let given = read(&args.of)?;
     let spec = job(&args, &given)?;
     let label = format!("a plan with the gaits of {}", given.called);
     let job = Checked::new(spec).map_err(|source| Error::Invalid { file: label, source })?;
@@ -27,7 +27,7 @@ pub fn run(args: Plan, quiet: bool) -> Result<(), Error> {
 }
 
 /// Returns the job that plans: the job of the run, changed by the options.
-fn job(args: &Plan, given: &Given) -> Result<JobSpec, Error> {
+fn job(args: &Plan, given: &SourceRun) -> Result<JobSpec, Error> {
     let mut spec = given.job.spec().clone();
     if let Some(name) = &args.environment {
         let (environment, _) = load::environment(name)?;

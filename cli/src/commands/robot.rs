@@ -2,11 +2,11 @@
 
 use crate::arguments::{self, PictureFormat, RobotOutput};
 use crate::console;
-use crate::doubts;
 use crate::draw::{self, DrawnBox};
 use crate::error::Error;
 use crate::load;
 use crate::output::{atomic, png};
+use crate::plausibility;
 use serde::Serialize;
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::physics::Physics;
@@ -117,7 +117,7 @@ fn view(spec: &RobotSpec, robot: &Robot, variants: BTreeMap<String, Vec<String>>
 /// Returns the notes of an import and the warnings about the robot.
 fn remarks(robot: &Robot, mut notes: Vec<String>, file: &str) -> Vec<String> {
     notes.extend(robot.doubts());
-    notes.extend(doubts::of_unit(robot, file));
+    notes.extend(plausibility::unit_warning(robot, file));
     notes
 }
 

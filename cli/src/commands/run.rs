@@ -3,12 +3,12 @@
 use crate::arguments::{Place, Run, RunTo};
 use crate::client::{Client, Url};
 use crate::console;
-use crate::doubts;
 use crate::error::Error;
+use crate::failed_task;
 use crate::first_generation::{self, Scores};
 use crate::local::Local;
 use crate::output::{self, Finished, Folder, JOB, STORE};
-use crate::poison;
+use crate::plausibility;
 use crate::progress::{Label, Progress};
 use crate::signals::Interrupt;
 use crate::values;
@@ -123,7 +123,7 @@ async fn finish(
             Setting::of(job),
             job.chosen()
         ));
-        doubts::of(job).iter().for_each(|doubt| console::note(&format!("warning: {doubt}")));
+        plausibility::warnings(job).iter().for_each(|doubt| console::note(&format!("warning: {doubt}")));
     }
     let mut progress = Progress::new(&status, &Label::of_job(job), quiet);
     let mut progress_so_far = values::progress(&status);
@@ -154,7 +154,7 @@ async fn finish(
         Watched::Ended(ended) => {
             let see = ended.poisoned.as_ref().map(|poisoned| {
                 let file = folder.path().join(JOB);
-                format!("to repeat the failure: {}", poison::command_here(&file, poisoned))
+                format!("to repeat the failure: {}", failed_task::command_for_job_file(&file, poisoned))
             });
             watch::succeeded_or(&ended, see)?;
             let answer = client.result(&ended.id).await?;

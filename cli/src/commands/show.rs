@@ -4,7 +4,7 @@ use crate::arguments::Show;
 use crate::client::Client;
 use crate::console::{self, quoted};
 use crate::error::Error;
-use crate::poison::{self, Subject};
+use crate::failed_task::{self, Subject};
 use crate::progress::Label;
 use crate::standing::{self, StandingView};
 use crate::values::{self, count, number};
@@ -89,7 +89,10 @@ pub async fn run(args: Show) -> Result<(), Error> {
     if let Some(poisoned) = &job.poisoned {
         lines.push(format!("  failed         {}, {} times", poisoned.what, poisoned.attempts));
         lines.extend(Subject::of(poisoned).map(|subject| format!("  genome         {}", subject.genotype())));
-        lines.push(format!("  next           {} repeats it on this machine", poison::command_there(&job.id, poisoned)));
+        lines.push(format!(
+            "  next           {} repeats it on this machine",
+            failed_task::command_for_remote_job(&job.id, poisoned)
+        ));
     }
     match job.state() {
         JobState::Tainted => lines.push(format!("  next           evogait restart {}", quoted(&job.id))),

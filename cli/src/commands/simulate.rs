@@ -1,7 +1,7 @@
 //! `evogait simulate`: writes a job that simulates a motion, and runs it.
 
-use super::given::{Given, given};
 use super::run::carry_out;
+use super::source_run::{SourceRun, read};
 use crate::arguments::{GivenBy, Simulate, SimulateWhat};
 use crate::error::Error;
 use crate::load;
@@ -14,7 +14,7 @@ use sim_core::problem::{Checked, ReplanSpec, SIMULATE, SimulateSpec};
 /// Creates the job and runs it like `evogait run`.
 pub fn run(args: Simulate, quiet: bool) -> Result<(), Error> {
     let (mut spec, label) = match &args.of {
-        GivenBy::Run(of) => of_run(&args, given(of)?)?,
+        GivenBy::Run(of) => of_run(&args, read(of)?)?,
         GivenBy::Robot(robot) => of_robot(&args, robot)?,
     };
     spec.seed = args.seed.unwrap_or(spec.seed);
@@ -28,7 +28,7 @@ pub fn run(args: Simulate, quiet: bool) -> Result<(), Error> {
 }
 
 /// Returns the job for a motion of a run's gaits or robot, and its name in messages.
-fn of_run(args: &Simulate, given: Given) -> Result<(JobSpec, String), Error> {
+fn of_run(args: &Simulate, given: SourceRun) -> Result<(JobSpec, String), Error> {
     let mut spec = given.job.spec().clone();
     environment(args, &mut spec)?;
     let planner = PlannerSpec { repeats: 1, max_rollouts: None, stop_at_goal: None, ..spec.planner.clone() };
@@ -80,7 +80,7 @@ fn of_run(args: &Simulate, given: Given) -> Result<(JobSpec, String), Error> {
 }
 
 /// Returns the error for a plan that is requested in an environment that it was not made for.
-fn elsewhere(args: &Simulate, given: &Given) -> Error {
+fn elsewhere(args: &Simulate, given: &SourceRun) -> Error {
     let environment = args.environment.as_deref().unwrap_or_default();
     let message = format!(
         "--plan: the plan of {} is for environment \"{}\", not for \"{environment}\": plan there (`evogait plan RUN --environment \

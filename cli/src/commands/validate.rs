@@ -2,10 +2,10 @@
 
 use crate::arguments::{Validate, cores};
 use crate::console::{self, count, duration};
-use crate::doubts;
 use crate::error::Error;
 use crate::first_generation::{self, Scores};
 use crate::load;
+use crate::plausibility;
 use crate::summary;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
@@ -112,7 +112,11 @@ pub fn run(args: Validate) -> Result<(), Error> {
         evaluations,
         most_rollouts_per_evaluation: if simulate.is_some() { job.motion_rollouts() } else { job.most_rollouts() },
         estimate,
-        warnings: doubts::of(&job).into_iter().chain(doubts::of_goal(&job)).chain(warning.flatten()).collect(),
+        warnings: plausibility::warnings(&job)
+            .into_iter()
+            .chain(plausibility::goal_warning(&job))
+            .chain(warning.flatten())
+            .collect(),
         job_toml: job.to_toml(),
     };
     if args.json { console::say_json(&view) } else { console::say(&text(&view)) }

@@ -4,8 +4,8 @@ use crate::arguments::OneJob;
 use crate::client::Client;
 use crate::console;
 use crate::error::Error;
+use crate::failed_task;
 use crate::first_generation::{self, Scores};
-use crate::poison;
 use crate::progress::{Label, Progress};
 use crate::signals::Interrupt;
 use crate::values::{self, Generation};
@@ -73,10 +73,9 @@ pub async fn run(args: OneJob, quiet: bool) -> Result<(), Error> {
             if args.json {
                 console::say_json_line(&JobView::new(&job))?;
             }
-            let see = job
-                .poisoned
-                .as_ref()
-                .map(|p| format!("to repeat the failure on this machine: {}", poison::command_there(&job.id, p)));
+            let see = job.poisoned.as_ref().map(|p| {
+                format!("to repeat the failure on this machine: {}", failed_task::command_for_remote_job(&job.id, p))
+            });
             watch::succeeded_or(&job, see)?;
             if args.json || quiet {
                 return Ok(());

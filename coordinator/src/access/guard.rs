@@ -2,7 +2,7 @@
 
 use super::{Access, Caller, admit};
 use crate::door::Visit;
-use crate::seldom::Seldom;
+use crate::log_limit::LogLimit;
 use crate::standby::Gate;
 use std::future::ready;
 use std::pin::Pin;
@@ -15,7 +15,7 @@ use tower_service::Service;
 /// Refuses calls without permission before their body is read. A standby answers that it is a standby before it checks
 /// the token: its tokens may be out of date.
 pub(crate) fn layer<S>(access: Option<Arc<Access>>, gate: Gate) -> impl Layer<S, Service = Guard<S>> + Clone {
-    let told = Arc::new(Seldom::default());
+    let told = Arc::new(LogLimit::default());
     tower_layer::layer_fn(move |inner| Guard { inner, access: access.clone(), gate: gate.clone(), told: told.clone() })
 }
 
@@ -24,7 +24,7 @@ pub(crate) struct Guard<S> {
     inner: S,
     access: Option<Arc<Access>>,
     gate: Gate,
-    told: Arc<Seldom>,
+    told: Arc<LogLimit>,
 }
 
 impl<S> Service<http::Request<Body>> for Guard<S>

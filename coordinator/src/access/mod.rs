@@ -20,7 +20,7 @@ enum Caller {
     /// The coordinator requires no tokens.
     Trusted,
     /// The method requires no token.
-    Stranger,
+    Anonymous,
     /// The token permits the call.
     Holder(Pass),
 }
@@ -28,7 +28,7 @@ enum Caller {
 impl Caller {
     /// Returns true if the connection may stay open. A call without a token does not authenticate it.
     fn is_known(&self) -> bool {
-        !matches!(self, Self::Stranger)
+        !matches!(self, Self::Anonymous)
     }
 }
 
@@ -40,7 +40,7 @@ fn admit(access: Option<&Access>, path: &str, headers: &HeaderMap) -> Result<Cal
     // A method without a rule is for admins only: forgetting a rule must not open a method.
     let rule = rules::of(path).unwrap_or(Rule::Only(Role::Admin));
     if rule == Rule::Anybody {
-        return Ok(Caller::Stranger);
+        return Ok(Caller::Anonymous);
     }
     let Some(token) = bearer(headers) else {
         return Err(Status::unauthenticated(
@@ -101,9 +101,9 @@ mod tests {
             assert!(rules::methods().contains(&path), "{path} is not a method of any service: remove its rule");
             let of = |role: &str| code(&path, &[role]);
             let (client, worker) = (of("Bearer client-token-0123456"), of("Bearer worker-token-0123456"));
-            let (nobody, stranger) = (code(&path, &[]), of("Bearer stranger-token-01234"));
+            let (without, unknown) = (code(&path, &[]), of("Bearer unknown-token-01234"));
             assert!(of("bearer admin-token-01234567").is_ok(), "{path}");
-            let (expected_client, expected_worker, expected_nobody) = match rule {
+            let (expected_client, expected_worker, expected_without) = match rule {
                 Rule::Anybody => (Ok(false), Ok(false), Ok(false)),
                 Rule::Known => (Ok(true), Ok(true), Err(Code::Unauthenticated)),
                 Rule::Only(role) => {
@@ -112,7 +112,7 @@ mod tests {
                 }
             };
             assert_eq!((client, worker), (expected_client, expected_worker), "{path}");
-            assert_eq!((nobody, stranger), (expected_nobody, expected_nobody), "{path}");
+            assert_eq!((without, unknown), (expected_without, expected_without), "{path}");
         }
         for method in rules::methods() {
             assert!(rules::of(&method).is_some(), "{method} has no rule: add one to rules.rs");

@@ -1,8 +1,8 @@
-//! Digests: what makes two jobs, engines or results the same.
+//! Digests: SHA-256 identities of jobs, engines and results.
 //!
-//! A digest is SHA-256 over a canonical encoding of our own: every value is written with a tag and, where its length may
-//! vary, its length; floating-point numbers by their bits. Structures go through `serde`, so a field that is added to a
-//! job takes part in its identity by itself.
+//! A digest is SHA-256 over a canonical encoding. Every value is written with a tag, and with its length where the
+//! length may vary. Floating-point numbers are written by their bits. Structures are encoded through `serde`, so a new
+//! field of a job becomes part of its identity without further code.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -15,13 +15,14 @@ pub use canonical::Unencodable;
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Digest(pub [u8; 32]);
 
-/// A text that is not a digest.
+/// Error for a text that is not a digest; holds the text.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("'{0}' is not a digest: 64 hexadecimal digits are needed")]
 pub struct NotADigest(pub String);
 
 impl Digest {
-    /// The digest of a value's canonical encoding. `domain` keeps digests of different kinds of things apart.
+    /// Returns the digest of a value's canonical encoding. `domain` separates kinds of values: equal values in two
+    /// domains have different digests.
     pub fn of(domain: &str, value: &impl Serialize) -> Digest {
         let mut bytes = Vec::new();
         canonical::encode(&domain, &mut bytes).expect("a string has a canonical encoding");
@@ -29,7 +30,7 @@ impl Digest {
         Digest(Sha256::digest(&bytes).into())
     }
 
-    /// The digest of bytes, the same as [`Digest::of`] has for a value that `serde` calls bytes.
+    /// Returns the digest of bytes. It equals [`Digest::of`] for a value that `serde` serializes as bytes.
     pub fn of_bytes(domain: &str, bytes: &[u8]) -> Digest {
         struct Bytes<'a>(&'a [u8]);
         impl Serialize for Bytes<'_> {
@@ -40,7 +41,7 @@ impl Digest {
         Self::of(domain, &Bytes(bytes))
     }
 
-    /// The first twelve digits: enough to name a folder.
+    /// Returns the first twelve digits, enough to name a folder.
     pub fn short(&self) -> String {
         self.to_string()[..12].to_owned()
     }
@@ -74,7 +75,7 @@ impl std::str::FromStr for Digest {
 }
 
 impl Serialize for Digest {
-    /// As text where people read it, else as bytes.
+    /// Writes text in human-readable formats and bytes in all others.
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         if serializer.is_human_readable() { serializer.collect_str(self) } else { serializer.serialize_bytes(&self.0) }
     }
@@ -101,35 +102,35 @@ impl<'de> Deserialize<'de> for Digest {
     }
 }
 
-/// The running digest of the results of a job's tasks, round by round; once sealed, the *result digest*.
+/// Running digest of the results of a job's tasks, round by round. Sealed, it is the *result digest*.
 ///
 /// Two runs of jobs with the same job digest must end with the same result digest, on any workers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultDigest(Digest);
 
 impl ResultDigest {
-    /// Before the first round.
+    /// Returns the digest before the first round.
     pub fn start(job: &Digest) -> Self {
         Self(Digest::of("evogait result 1", &job.0))
     }
 
-    /// Goes on from a stored value.
+    /// Continues from a stored value.
     pub fn resume(stored: Digest) -> Self {
         Self(stored)
     }
 
-    /// The value so far, to be stored with the round.
+    /// Returns the value so far, which is stored with the round.
     pub fn value(&self) -> Digest {
         self.0
     }
 
-    /// Folds in a round: the digests of its tasks' results, in the order of the tasks.
+    /// Adds a round: the digests of its tasks' results, in the order of the tasks.
     pub fn round(&mut self, round: u32, results: &[Digest]) {
         let results: Vec<&[u8; 32]> = results.iter().map(|digest| &digest.0).collect();
         self.0 = Digest::of("evogait round 1", &(self.0.0, round, results));
     }
 
-    /// Ends with the last round.
+    /// Seals the digest after the last round.
     pub fn seal(self) -> Digest {
         Digest::of("evogait sealed result 1", &self.0.0)
     }

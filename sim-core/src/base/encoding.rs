@@ -1,35 +1,38 @@
-//! The compact encoding of what is stored and sent: tasks, results, settled starts, states of searches.
+//! Compact encoding of stored and sent values: tasks, results, settled starts, states of searches.
 //!
-//! One byte names format and version; serde's structures follow as postcard writes them. Numbers keep their bits. A value has
-//! exactly one encoding: other bytes that would decode to it are refused.
+//! The first byte names format and version. Serde's structures follow as postcard writes them, and numbers keep their
+//! bits. A value has exactly one encoding: other bytes that would decode to it are refused.
 
 use serde::de::{DeserializeOwned, Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 
-/// Bytes that are not a value's encoding.
+/// Error for bytes that are not a value's encoding.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unreadable {
-    /// There are none.
+    /// There are no bytes.
     #[error("it is empty")]
     Empty,
-    /// They are of another format or version.
-    #[error("its format is {found}, not {wanted}: it is of another kind or of another build")]
+    /// The bytes have another format or version.
+    #[error("its format is {found}, not {wanted}: it is another kind of value, or from another build of evogait")]
     Format {
         /// The first byte.
         found: u8,
-        /// The byte that belongs there.
+        /// The byte expected there.
         wanted: u8,
     },
-    /// They end too early, or a value in them is not allowed.
+    /// The bytes end too early, or a value in them is not allowed.
     #[error("it can't be decoded: {0}")]
     Broken(String),
-    /// They decode, but the value's own encoding differs: bytes follow it, or a number is written in more bytes than it needs.
-    #[error("it is not encoded as its own value is: {found} bytes instead of {wanted}, or others of them")]
+    /// The bytes decode, but differ from the value's own encoding: bytes follow it, or a number takes more bytes than
+    /// it needs.
+    #[error(
+        "it is not canonical: it has {found} bytes; exactly the {wanted} bytes that encode its value are needed"
+    )]
     NotCanonical {
-        /// Number of bytes or items found.
+        /// Number of bytes found.
         found: usize,
-        /// Number of bytes or items needed.
+        /// Number of bytes in the value's own encoding.
         wanted: usize,
     },
 }
@@ -42,7 +45,7 @@ pub fn encode(format: u8, value: &impl Serialize) -> Vec<u8> {
     postcard::to_extend(value, vec![format]).expect("our own structures have an encoding")
 }
 
-/// Decodes a value, from exactly its own encoding.
+/// Decodes a value. Accepts only the bytes that [`encode`] writes for it.
 pub fn decode<T: Serialize + DeserializeOwned>(format: u8, bytes: &[u8]) -> Result<T, Unreadable> {
     let (&found, rest) = bytes.split_first().ok_or(Unreadable::Empty)?;
     if found != format {
@@ -56,16 +59,16 @@ pub fn decode<T: Serialize + DeserializeOwned>(format: u8, bytes: &[u8]) -> Resu
     Ok(value)
 }
 
-/// Gives types `encode` and `decode`, each in a format of its own.
+/// Implements `encode` and `decode` for types, each with its own format.
 macro_rules! encoded {
     ($($type:ty = $format:expr),+) => {$(
         impl $type {
-            /// The bytes it is stored and sent as.
+            /// Returns the bytes that are stored and sent.
             pub fn encode(&self) -> Vec<u8> {
                 $crate::base::encoding::encode($format, self)
             }
 
-            /// Reads it from exactly those bytes.
+            /// Decodes a value from exactly the bytes that `encode` returns.
             pub fn decode(bytes: &[u8]) -> Result<Self, $crate::base::encoding::Unreadable> {
                 $crate::base::encoding::decode($format, bytes)
             }
@@ -120,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn other_bytes_than_a_values_own_are_refused() {
+    fn non_canonical_bytes_are_refused() {
         let value: Value = (5, None, vec![1.0]);
         let bytes = encode(7, &value);
         assert_eq!(decode::<Value>(7, &[]), Err(Unreadable::Empty));
@@ -130,7 +133,7 @@ mod tests {
         }
         let longer = [bytes.as_slice(), &[0]].concat();
         assert!(matches!(decode::<Value>(7, &longer), Err(Unreadable::NotCanonical { .. })));
-        // 5 in two bytes.
+        // The number 5 in two bytes.
         let padded = [&[7, 0x85, 0x00], &bytes[2..]].concat();
         assert!(decode::<Value>(7, &padded).is_err());
     }

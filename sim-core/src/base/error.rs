@@ -2,18 +2,18 @@
 
 use std::fmt;
 
-/// A value in a robot, environment or job that can't be used. Never retryable: the file must change.
+/// Error for a value in a robot, environment or job that can't be used. It is never retryable: the file must change.
 ///
 /// `field` is the path of the value inside its file, such as `module[3].attach.port`.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Invalid {
-    /// The text is not TOML, or its structure is not the expected one. `message` says where (line and column) and why.
+    /// The text is not TOML, or lacks the expected structure.
     #[error("{message}")]
     Syntax {
         /// Message of the parser, with line and column.
         message: String,
     },
-    /// A number outside of what is allowed; NaN and infinities are always outside.
+    /// A number is outside its range. NaN and infinities are always outside.
     #[error("{field} = {value} is out of range: allowed is {min} to {max}{}", unit_suffix(.unit))]
     OutOfRange {
         /// Path of the value.
@@ -24,10 +24,10 @@ pub enum Invalid {
         min: f64,
         /// Greatest allowed value.
         max: f64,
-        /// Unit of the three, empty for a pure number.
+        /// Unit of value, min and max; empty for a pure number.
         unit: &'static str,
     },
-    /// A whole number outside of what is allowed, with all its digits.
+    /// A whole number is outside its range. It is shown with all its digits.
     #[error("{field} = {value} is out of range: allowed is {min} to {max}{}", unit_suffix(.unit))]
     WholeOutOfRange {
         /// Path of the value.
@@ -38,10 +38,10 @@ pub enum Invalid {
         min: u64,
         /// Greatest allowed value.
         max: u64,
-        /// Unit of the three, empty for a pure number.
+        /// Unit of value, min and max; empty for a pure number.
         unit: &'static str,
     },
-    /// A name that nothing has.
+    /// A name does not exist.
     #[error("{field} = \"{value}\" is unknown: {}", Known(.known))]
     Unknown {
         /// Path of the value.
@@ -51,17 +51,18 @@ pub enum Invalid {
         /// The names that exist.
         known: Vec<String>,
     },
-    /// The same name twice.
+    /// A name is used twice.
     #[error("{field} = \"{value}\" is used twice: names must be unique")]
     Duplicate {
-        /// Path of the second one.
+        /// Path of the second use.
         field: String,
         /// The name.
         value: String,
     },
-    /// A name that can't be one.
+    /// A text is not allowed as a name.
     #[error(
-        "{field} = \"{value}\" is no name: 1 to {} letters, digits, '-', '_' or '.' are allowed",
+        "{field} = \"{value}\" is not a valid name: allowed are 1 to {} letters, digits, '-', '_' or '.', \
+         first a letter or digit",
         crate::base::limits::MAX_NAME_LENGTH
     )]
     Name {
@@ -82,7 +83,7 @@ pub enum Invalid {
         /// Depth of the overlap, mu.
         depth: f64,
     },
-    /// A module that hangs on nothing.
+    /// A module is not connected to the pivot.
     #[error("module \"{module}\" is not connected to pivot \"{pivot}\": give it an `attach` that leads there")]
     Disconnected {
         /// The module.
@@ -90,57 +91,59 @@ pub enum Invalid {
         /// The pivot's module.
         pivot: String,
     },
-    /// A module attached to itself, directly or around a loop.
+    /// A module is attached to itself, directly or around a loop.
     #[error("module \"{module}\" is attached to itself through {through}: attachments must form a tree")]
     AttachmentLoop {
         /// The module.
         module: String,
-        /// The way around.
+        /// Modules along the loop.
         through: String,
     },
-    /// Two modules on one face.
-    #[error("{field}: face \"{face}\" of module \"{module}\" is taken by \"{by}\"")]
+    /// Two modules are attached to one face.
+    #[error(
+        "{field}: face \"{face}\" of module \"{module}\" is already taken by \"{by}\": attach one elsewhere"
+    )]
     FaceTaken {
         /// Path of the second attachment.
         field: String,
-        /// The face.
+        /// Name of the face.
         face: String,
-        /// The module that has it.
+        /// Module that has the face.
         module: String,
-        /// The module that is attached there already.
+        /// Module that is attached there already.
         by: String,
     },
-    /// A place that has to be free is not.
+    /// The start or the goal lies outside the map or in an obstacle.
     #[error("{what} at ({x}, {y}) lies {wrong}")]
     Misplaced {
-        /// The misplaced thing: the start or the goal.
+        /// Name of the misplaced thing: "the start" or "the goal".
         what: &'static str,
-        /// mu from the map's centre.
+        /// x from the map's centre, mu.
         x: f64,
-        /// mu from the map's centre.
+        /// y from the map's centre, mu.
         y: f64,
         /// Description of the fault.
         wrong: String,
     },
-    /// Something in a robot of another format that a robot here can't have.
+    /// An element of a robot in another format can't be imported.
     #[error("line {line}, {element}: {reason}")]
     Foreign {
         /// Line on which the element begins.
         line: u32,
         /// The element and its name, such as `<joint name="knee">`.
         element: String,
-        /// Why not, and what is allowed.
+        /// Reason, and what is allowed.
         reason: String,
     },
-    /// Several of these, of one file.
+    /// Several faults of one file.
     #[error("{}", Several(.0))]
     Several(Vec<Invalid>),
-    /// Two settings that can't stand together, or one that needs another.
+    /// Two settings exclude each other, or one needs another.
     #[error("{field}: {reason}")]
     Conflict {
         /// Path of the value.
         field: String,
-        /// Why not, and what would do.
+        /// Reason, and how to resolve it.
         reason: String,
     },
 }
@@ -152,9 +155,9 @@ impl From<toml::de::Error> for Invalid {
     }
 }
 
-/// Expectations in a parser's messages, and their wording for readers without knowledge of Rust.
+/// Rust types in the TOML parser's messages, with wording that needs no knowledge of Rust.
 const EXPECTED: [(&str, &str); 4] = [
-    // TOML has larger integers than a field here takes.
+    // The parser adds this to integers that are too large for the field.
     ("` as i128", "`"),
     ("expected u32", "expected a whole number, 0 to 4294967295"),
     ("expected u64", "expected a whole number, 0 to 9223372036854775807"),
@@ -162,10 +165,10 @@ const EXPECTED: [(&str, &str); 4] = [
 ];
 
 impl Invalid {
-    /// Returns `Ok` without faults, the only fault, or all of them.
+    /// Returns `Ok` without faults, the only fault, or all of them as [`Invalid::Several`].
     ///
     /// # Errors
-    /// If there is one.
+    /// If there is at least one fault.
     pub fn all(mut faults: Vec<Invalid>) -> Result<(), Invalid> {
         match faults.len() {
             0 => Ok(()),
@@ -175,12 +178,12 @@ impl Invalid {
     }
 }
 
-/// Refusals collected so far, so that a user sees all of them at once.
+/// Faults collected while a file is checked, so that the user gets all of them at once.
 #[derive(Debug, Default)]
 pub(crate) struct Faults(Vec<Invalid>);
 
 impl Faults {
-    /// Adds a refusal.
+    /// Adds a fault, unless it is listed already or the list is full.
     pub fn add(&mut self, fault: Invalid) {
         match fault {
             Invalid::Several(several) => several.into_iter().for_each(|fault| self.add(fault)),
@@ -189,25 +192,25 @@ impl Faults {
         }
     }
 
-    /// The value, or nothing with its refusal added.
+    /// Returns the value, or adds its fault and returns `None`.
     pub fn take<T>(&mut self, found: Result<T, Invalid>) -> Option<T> {
         found.map_err(|fault| self.add(fault)).ok()
     }
 
-    /// Returns true if the limit on listed faults is reached.
+    /// Returns true if the limit on collected faults is reached.
     pub fn is_full(&self) -> bool {
         self.0.len() >= crate::base::limits::MAX_FAULTS_SOUGHT
     }
 
-    /// Returns true without faults.
+    /// Returns true if there is no fault.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// All refusals in the order of their lines.
+    /// Ends the collection. Faults are ordered by line; those without a line come last.
     ///
     /// # Errors
-    /// If there is one.
+    /// If there is at least one fault.
     pub fn end(mut self) -> Result<(), Invalid> {
         self.0.sort_by_key(|fault| match fault {
             Invalid::Foreign { line, .. } => *line,
@@ -245,7 +248,8 @@ impl fmt::Display for Known<'_> {
     }
 }
 
-/// The name that a misspelt one stands for, if one is near enough.
+/// Returns the known name that a misspelt name most likely stands for: at most 2 edits away, 1 for names of less than 4
+/// letters.
 pub(crate) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let distance = |known: &&str| strsim::damerau_levenshtein(name, known);
     let most = if name.len() < 4 { 1 } else { 2 };
@@ -266,7 +270,7 @@ pub(crate) fn in_range(
     }
 }
 
-/// Refuses a whole number outside `min..=max`, however large: a float would round it.
+/// Refuses a whole number outside `min..=max`. The number is not converted to a float, which would round large numbers.
 pub(crate) fn whole_in_range(
     field: impl Into<String>,
     value: impl Into<u64>,
@@ -281,7 +285,7 @@ pub(crate) fn whole_in_range(
     }
 }
 
-/// Refuses texts that can't name a thing in messages, tables and file names.
+/// Refuses texts that can't be names in messages, tables and file names.
 pub(crate) fn name(field: impl Into<String>, value: &str) -> Result<(), Invalid> {
     let fine = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     if (1..=crate::base::limits::MAX_NAME_LENGTH).contains(&value.len())

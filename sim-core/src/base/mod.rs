@@ -1,4 +1,4 @@
-//! Foundations: maths, random streams, digests, limits, errors, and numbers that every folder shares.
+//! Foundations that every folder shares: maths, random streams, digests, encoding, limits, errors, settings and scores.
 
 pub mod digest;
 pub mod encoding;

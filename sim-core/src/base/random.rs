@@ -1,49 +1,49 @@
-//! Random numbers that belong to one decision each.
+//! Streams of random numbers, one for each random decision.
 //!
-//! Every random decision draws from a stream of its own, keyed by what it is for: (seed, purpose, generation, candidate,
-//! repeat). Nothing depends on time, threads, workers or the order in which results arrive. The sampling on top of the
-//! raw words is ours, so a release of a random-number crate can't change results.
+//! The key of a stream is (seed, purpose, generation, candidate, repeat). Nothing depends on time, threads, workers or
+//! the order in which results arrive. Sampling from the raw words is part of this crate, so a release of a
+//! random-number crate can't change results.
 
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use sha2::{Digest, Sha256};
 
-/// Purpose of a stream of random numbers. The numbers are part of every result's identity: never reuse one.
+/// Purpose of a stream of random numbers. The numbers below are part of every result's identity: never reuse one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Purpose {
-    /// First positions of an optimiser's candidates.
+    /// Initial positions of an optimiser's candidates.
     InitialPosition = 1,
-    /// First velocities of a swarm.
+    /// Initial velocities of a swarm.
     InitialVelocity = 2,
-    /// r₁ and r₂ of Eq. 1.
+    /// Random factors r₁ and r₂ of Eq. 1.
     SwarmUpdate = 3,
     /// Selection, crossover and mutation of a genetic algorithm.
     Breeding = 4,
-    /// q_rand of the planner in an evaluation of the search.
+    /// Random configurations q_rand of the planner in an evaluation of the search.
     Planner = 5,
-    /// q_rand of the planner when a finished job's candidates are scored again.
+    /// Random configurations q_rand of the planner when a finished job's candidates are scored again.
     Rescore = 6,
     /// Gaits drawn for tests and benchmarks.
     Sample = 7,
     /// Resamples of a bootstrap interval.
     Bootstrap = 8,
-    /// q_rand of the planner when the finish scores candidates on the reference setting.
+    /// Random configurations q_rand of the planner when the finish scores candidates on the reference setting.
     Reference = 9,
-    /// q_rand of the planner in a job that plans with given gaits.
+    /// Random configurations q_rand of the planner in a job that plans with given gaits.
     Plan = 10,
-    /// Friction, start and the like of a repeat of a simulated motion; each quantity has a stream.
+    /// Variations in a repeat of a simulated motion, such as friction and start; each quantity has its own stream.
     Vary = 11,
-    /// q_rand of the planner where a simulated plan is made anew.
+    /// Random configurations q_rand of the planner when a simulated plan is replanned.
     Replan = 12,
 }
 
-/// A stream of random numbers for one decision.
+/// Stream of random numbers for one decision.
 #[derive(Clone, Debug)]
 pub struct Stream(ChaCha12Rng);
 
 impl Stream {
-    /// The stream of one decision. `repeat` tells several trees of one candidate apart.
+    /// Returns the stream of one decision. `repeat` distinguishes several trees of one candidate.
     pub fn new(seed: u64, purpose: Purpose, generation: u32, candidate: u32, repeat: u32) -> Self {
         let mut key = Sha256::new();
         key.update(b"evogait stream 1");
@@ -55,25 +55,26 @@ impl Stream {
         Self(ChaCha12Rng::from_seed(key.finalize().into()))
     }
 
-    /// Uniform in [0, 1): the top 53 bits of a word.
+    /// Returns a number uniform in [0, 1): the top 53 bits of a word.
     pub fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Uniform in [low, high).
+    /// Returns a number uniform in [low, high).
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Standard normal, by Box–Muller (one of the pair is used, so that draws stay independent of each other's count).
+    /// Returns a standard normal number, by Box–Muller. Only one of the pair is used, so that every draw takes the same
+    /// number of words.
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
         radius * libm::cos(2.0 * std::f64::consts::PI * self.unit())
     }
 
-    /// Uniform in 0..n, without bias (Lemire's multiply and reject). `n` must not be 0.
+    /// Returns a whole number uniform in 0..n, without bias (Lemire's multiply and reject). `n` must not be 0.
     pub fn below(&mut self, n: u32) -> u32 {
-        assert!(n > 0, "below(0) has no value to return");
+        assert!(n > 0, "below(n) needs n > 0");
         let threshold = n.wrapping_neg() % n;
         loop {
             let product = u64::from(self.0.next_u32()) * u64::from(n);
@@ -89,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn streams_match_record_and_differ_by_each_part_of_key() {
+    fn stream_depends_on_each_part_of_key() {
         let first = |mut s: Stream| s.unit().to_bits();
         let base = first(Stream::new(1, Purpose::Planner, 2, 3, 4));
         assert_eq!(base, first(Stream::new(1, Purpose::Planner, 2, 3, 4)));
@@ -105,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_those_of_the_distributions() {
+    fn samples_have_the_moments_of_their_distribution() {
         let mut s = Stream::new(7, Purpose::Sample, 0, 0, 0);
         let n = 100_000;
         let (mut mean_u, mut mean_n, mut var_n) = (0.0, 0.0, 0.0);

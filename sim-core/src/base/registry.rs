@@ -1,8 +1,8 @@
-//! Registries: the components of one kind, by name.
+//! Registries: the components of each kind, by name.
 //!
-//! Each kind of component has one registry beside its trait, and a component that ships is one line in it. A program
-//! that is built on evogait may add its own before it reads jobs that use them; on a cluster every coordinator and
-//! worker must then be such a program.
+//! Each kind of component has one registry beside its trait. A component that ships is one line in it. A program built
+//! on evogait may add its own components before it reads jobs that use them. On a cluster, every coordinator and worker
+//! must then be such a program.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -10,11 +10,11 @@ use std::sync::{PoisonError, RwLock};
 
 /// Name and revision of a component.
 pub trait Component: Sync + 'static {
-    /// Its name in job or robot files: lower case, words joined by `-`.
+    /// Returns the name in job or robot files: lower case, words joined by `-`.
     fn name(&self) -> &'static str;
 
-    /// Raised by hand when it computes something else than before. It enters the identity of the jobs that use it once
-    /// it is above 1.
+    /// Returns the revision, which is raised by hand when the component computes something else than before. A revision
+    /// above 1 is part of the identity of the jobs that use the component.
     fn revision(&self) -> u32 {
         1
     }
@@ -32,23 +32,23 @@ pub struct Registry<T: ?Sized + 'static> {
     added: RwLock<Vec<&'static T>>,
 }
 
-/// A component can't be added: another has its name.
+/// Error for a new component whose name is taken; holds the name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is a component \"{0}\" already: give the new one another name")]
+#[error("the component name \"{0}\" is taken: give the new component another name")]
 pub struct NameTaken(pub &'static str);
 
 impl<T: Component + ?Sized> Registry<T> {
-    /// A registry of the components that ship, at least one. Messages list them in this order.
+    /// Creates a registry of the components that ship, at least one. Messages list them in this order.
     pub const fn new(shipped: &'static [&'static T]) -> Self {
         Self { shipped, added: RwLock::new(Vec::new()) }
     }
 
-    /// The first of those that ship: what a file that names none chooses.
+    /// Returns the first component that ships, which is the default for a file without a name.
     pub fn default(&self) -> &'static T {
         self.shipped[0]
     }
 
-    /// Adds one. It stays as long as the process.
+    /// Adds a component for the rest of the process.
     pub fn add(&self, component: &'static T) -> Result<(), NameTaken> {
         let mut added = self.added.write().unwrap_or_else(PoisonError::into_inner);
         let taken = self.shipped.iter().chain(added.iter()).any(|known| known.name() == component.name());
@@ -59,24 +59,24 @@ impl<T: Component + ?Sized> Registry<T> {
         Ok(())
     }
 
-    /// The one of that name.
+    /// Returns the component with this name.
     pub fn find(&self, name: &str) -> Option<&'static T> {
         self.all().into_iter().find(|component| component.name() == name)
     }
 
-    /// All of them: those that ship, then those that were added.
+    /// Returns all components: those that ship, then those that were added.
     pub fn all(&self) -> Vec<&'static T> {
         let added = self.added.read().unwrap_or_else(PoisonError::into_inner);
         self.shipped.iter().chain(added.iter()).copied().collect()
     }
 
-    /// Their names, in the same order.
+    /// Returns the names of all components, in the same order.
     pub fn names(&self) -> Vec<&'static str> {
         self.all().into_iter().map(|component| component.name()).collect()
     }
 }
 
-/// A component that a file chose. Written and read as its name.
+/// Component chosen by a file. It is written and read as its name.
 pub struct Chosen<T: ?Sized + 'static>(pub &'static T);
 
 impl<T: ?Sized> Clone for Chosen<T> {
@@ -116,13 +116,13 @@ impl<'de, T: Registered + ?Sized> Deserialize<'de> for Chosen<T> {
         let name = String::deserialize(deserializer)?;
         let registry = T::registry();
         registry.find(&name).map(Self).ok_or_else(|| {
-            // The wording of serde's own refusal, which needs the list of names at compile time.
+            // Same wording as serde's own error, which needs the list of names at compile time.
             serde::de::Error::custom(format!("unknown variant `{name}`, {}", expected(&registry.names())))
         })
     }
 }
 
-/// The names that a parser expects, in serde's words: "expected one of `a`, `b`, `c`".
+/// Returns the names that a parser expects, in serde's wording: "expected one of `a`, `b`, `c`".
 pub(super) fn expected(known: &[&str]) -> String {
     let quoted: Vec<String> = known.iter().map(|name| format!("`{name}`")).collect();
     match quoted.as_slice() {
@@ -174,7 +174,9 @@ mod tests {
         assert_eq!(toml::from_str::<File>("").unwrap().kind.0.name(), "first");
         let file: File = toml::from_str("kind = \"second\"").unwrap();
         assert_eq!(toml::to_string(&file).unwrap(), "kind = \"second\"\n");
-        let Err(refused) = toml::from_str::<File>("\nkind = \"thrid\"") else { panic!("it was read") };
+        let Err(refused) = toml::from_str::<File>("\nkind = \"thrid\"") else {
+            panic!("the unknown name was accepted")
+        };
         let refused = refused.to_string();
         assert!(refused.contains("line 2"), "{refused}");
         assert!(refused.contains("unknown variant `thrid`, expected `first` or `second`"), "{refused}");

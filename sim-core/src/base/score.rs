@@ -26,7 +26,7 @@ impl Direction {
         }
     }
 
-    /// The best of a generation's scores: (index, score), ties to the lowest index. `None` if all failed.
+    /// Returns index and score of the best of a generation's scores; on a tie, the lowest index. `None` if all failed.
     pub fn best(self, scores: &[Option<f64>]) -> Option<(usize, f64)> {
         let mut best: Option<(usize, f64)> = None;
         for (i, &score) in scores.iter().enumerate() {
@@ -38,7 +38,7 @@ impl Direction {
     }
 }
 
-/// Mean of the scores that did not fail; `None` if all did.
+/// Returns the mean of the scores that did not fail; `None` if all failed.
 pub fn mean(scores: &[Option<f64>]) -> Option<f64> {
     let present = scores.iter().flatten().count();
     (present > 0).then(|| scores.iter().flatten().sum::<f64>() / present as f64)
@@ -51,9 +51,9 @@ pub struct Counts {
     pub rollouts: u64,
     /// Rollouts that did not run to their end: unstable, or refused by the engine.
     pub unstable: u64,
-    /// Physics ticks simulated, in milliseconds of simulated time.
+    /// Simulated time of all physics ticks, ms.
     pub simulated_ms: u64,
-    /// Edges tried by the planner, simulated or taken from the table of transitions.
+    /// Edges that the planner tried, simulated or taken from the table of transitions.
     pub edges: u64,
     /// Edges rejected because of an obstacle, the map's border or instability.
     pub rejected: u64,

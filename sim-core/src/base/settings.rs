@@ -1,7 +1,7 @@
 //! Settings as data: the table of a job file that chooses a component and gives its settings.
 //!
-//! A component lists its settings, each with unit, default and range. From these lists follow the reading of the table,
-//! the refusal of other keys and values, and the resolved table with every setting written out.
+//! A component lists its settings, each with unit, default and range. The lists determine how the table is read, which
+//! keys and values are refused, and the resolved table with every setting written out.
 
 use super::error::{Faults, Invalid, in_range, whole_in_range};
 use super::registry::{Chosen, Component, Registered, expected};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// A setting of a component.
+/// Setting of a component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setting {
     /// Key in the table.
@@ -20,9 +20,9 @@ pub struct Setting {
     pub unit: &'static str,
     /// Type of its values.
     pub number: NumberType,
-    /// Value where the file gives none. `None`: the setting is optional and stays away.
+    /// Value if the file gives none. `None`: the setting is optional and has no default.
     pub default: Option<Number>,
-    /// Least and greatest value. `None`: the component checks it, since it depends on other settings.
+    /// Least and greatest value. `None`: the component checks the value, because the range depends on other settings.
     pub range: Option<(f64, f64)>,
 }
 
@@ -35,37 +35,37 @@ pub enum NumberType {
     Real,
 }
 
-/// Value of a setting.
+/// Value of a setting, in the setting's type.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Number {
-    /// Of a setting with whole numbers.
+    /// Value of a setting with whole numbers.
     Whole(u32),
-    /// Of a setting with real numbers.
+    /// Value of a setting with real numbers.
     Real(f64),
 }
 
 impl Setting {
-    /// A setting with whole numbers.
+    /// Creates a setting with whole numbers.
     pub const fn whole(name: &'static str, default: u32) -> Self {
         Self { name, unit: "", number: NumberType::Whole, default: Some(Number::Whole(default)), range: None }
     }
 
-    /// A setting with real numbers.
+    /// Creates a setting with real numbers.
     pub const fn real(name: &'static str, unit: &'static str, default: f64) -> Self {
         Self { name, unit, number: NumberType::Real, default: Some(Number::Real(default)), range: None }
     }
 
-    /// A setting with real numbers that may stay away.
+    /// Creates an optional setting with real numbers.
     pub const fn optional_real(name: &'static str, unit: &'static str) -> Self {
         Self { name, unit, number: NumberType::Real, default: None, range: None }
     }
 
-    /// The same setting with the least and the greatest value that are allowed.
+    /// Returns the same setting with the least and the greatest allowed value.
     pub const fn within(self, least: f64, greatest: f64) -> Self {
         Self { range: Some((least, greatest)), ..self }
     }
 
-    /// Refuses a value out of range, with the path of the table.
+    /// Refuses a value out of range. `table` is the path of the table, for the message.
     fn check(&self, table: &str, value: Number) -> Result<(), Invalid> {
         let Some((least, greatest)) = self.range else { return Ok(()) };
         let field = format!("{table}.{}", self.name);
@@ -75,7 +75,7 @@ impl Setting {
         }
     }
 
-    /// A value that was read, in this setting's type.
+    /// Converts a value that was read to this setting's type.
     fn convert(&self, value: Number) -> Result<Number, String> {
         match (self.number, value) {
             (NumberType::Real, Number::Whole(value)) => Ok(Number::Real(value.into())),
@@ -87,27 +87,27 @@ impl Setting {
     }
 }
 
-/// A component that is chosen in a table beside its settings.
+/// Component that a table chooses and configures.
 pub trait Configurable: Component {
-    /// Its settings, in the order in which they are written out. This order is part of a job's identity.
+    /// Returns its settings, in the order in which they are written out. This order is part of a job's identity.
     fn settings(&self) -> &'static [Setting];
 }
 
-/// Values of a component's settings: what a file gives, and the defaults.
+/// Values of a component's settings: those that a file gives, and defaults for the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     known: &'static [Setting],
-    /// One a setting.
+    /// One value per setting.
     values: Vec<Option<Number>>,
 }
 
 impl Settings {
-    /// The defaults.
+    /// Returns the defaults.
     pub fn defaults(known: &'static [Setting]) -> Self {
         Self { known, values: known.iter().map(|setting| setting.default).collect() }
     }
 
-    /// Value of a setting with whole numbers.
+    /// Returns the value of a setting with whole numbers.
     ///
     /// # Panics
     /// If the component has no such setting.
@@ -118,15 +118,15 @@ impl Settings {
         }
     }
 
-    /// Value of a setting with real numbers.
+    /// Returns the value of a setting with real numbers.
     ///
     /// # Panics
-    /// If the component has no such setting, or it is optional and not given.
+    /// If the component has no such setting, or if the setting is optional and not given.
     pub fn real(&self, setting: &Setting) -> f64 {
         self.optional(setting).unwrap_or_else(|| panic!("setting {} has no value", setting.name))
     }
 
-    /// Value of an optional setting with real numbers.
+    /// Returns the value of an optional setting with real numbers.
     ///
     /// # Panics
     /// If the component has no such setting.
@@ -138,12 +138,12 @@ impl Settings {
         }
     }
 
-    /// Returns true if the value of a setting is within its range, or absent.
+    /// Returns true if the value of a setting is within its range or absent.
     pub fn fits(&self, setting: &Setting) -> bool {
         self.value(setting).is_none_or(|value| setting.check("", value).is_ok())
     }
 
-    /// Refuses all values out of range. `table`: the path of the table, for the message.
+    /// Refuses all values out of range. `table` is the path of the table, for the message.
     pub(crate) fn check(&self, table: &str) -> Result<(), Invalid> {
         let mut faults = Faults::default();
         for (setting, value) in self.known.iter().zip(&self.values) {
@@ -158,7 +158,7 @@ impl Settings {
     }
 }
 
-/// A table with a `kind`, the name of a component, and the settings of that component.
+/// Table with a `kind`, which is the name of a component, and the settings of that component.
 pub struct Table<T: ?Sized + 'static> {
     /// The component.
     pub kind: Chosen<T>,
@@ -208,8 +208,8 @@ impl<'de, T: Configurable + Registered + ?Sized> Deserialize<'de> for Table<T> {
 /// Key of the component's name.
 const KIND: &str = "kind";
 
-/// Reader of a table. The settings of all components are available before the kind is read, so each value is read as
-/// its type, and an error names the value's line.
+/// Visitor that reads a table. Each value is read as the type of its setting even before the kind is read, so that an
+/// error names the value's line.
 struct Reading<T: ?Sized>(PhantomData<T>);
 
 impl<'de, T: Configurable + Registered + ?Sized> Visitor<'de> for Reading<T> {
@@ -240,8 +240,8 @@ impl<'de, T: Configurable + Registered + ?Sized> Visitor<'de> for Reading<T> {
     }
 }
 
-/// The settings of all components, each name once: first those that all components have. Where components give one name
-/// different types, it is read as a real number.
+/// Returns the settings of all components, each name once. Settings that all components have come first. If components
+/// give one name different types, it is read as a real number.
 fn settings_of_all<T: Configurable + ?Sized>(components: &[&'static T]) -> Vec<Setting> {
     let has = |component: &&'static T, name: &str| component.settings().iter().any(|s| s.name == name);
     let mut all: Vec<Setting> = Vec::new();
@@ -256,7 +256,7 @@ fn settings_of_all<T: Configurable + ?Sized>(components: &[&'static T]) -> Vec<S
     all
 }
 
-/// Refuses a setting that the kind does not have.
+/// Refuses settings that the kind does not have.
 fn only_settings_of<T: Configurable + ?Sized>(
     kind: &T,
     all: &[Setting],
@@ -270,7 +270,7 @@ fn only_settings_of<T: Configurable + ?Sized>(
     Err(format!("`{}` is no setting of kind = \"{}\", which has {own}", stray.name, kind.name()))
 }
 
-/// Reads a key: `None` for the kind, otherwise one of the settings.
+/// Reader of a key: `None` for the kind, otherwise one of the settings.
 struct Key<'a>(&'a [Setting]);
 
 impl<'de, 'a> DeserializeSeed<'de> for Key<'a> {
@@ -294,7 +294,7 @@ impl<'a> Visitor<'_> for Key<'a> {
         }
         self.0.iter().find(|setting| setting.name == name).map(Some).ok_or_else(|| {
             let known: Vec<&str> = [KIND].into_iter().chain(self.0.iter().map(|setting| setting.name)).collect();
-            // The words of serde's own refusal.
+            // Same wording as serde's own error.
             E::custom(format!("unknown field `{name}`, {}", expected(&known)))
         })
     }
@@ -316,7 +316,7 @@ mod tests {
     use super::*;
     use crate::base::registry::Registry;
 
-    /// A kind with a name and settings.
+    /// Kind with a name and settings.
     struct Kind(&'static str, &'static [Setting]);
 
     const STEPS: Setting = Setting::whole("steps", 5).within(1.0, 9.0);
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn resolved_table_has_every_setting_in_the_kinds_order() {
+    fn resolved_table_lists_all_settings_in_order() {
         let written = |text| toml::to_string(&read(text).unwrap()).unwrap();
         assert_eq!(written("kind = 'one'"), "kind = \"one\"\ngain = 0.5\nsteps = 5\n");
         assert_eq!(written("steps = 7\ngain = 1\nkind = 'one'"), "kind = \"one\"\ngain = 1.0\nsteps = 7\n");

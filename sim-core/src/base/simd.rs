@@ -1,12 +1,12 @@
-//! SIMD lanes: one source, compiled for several instruction sets, the best of which is chosen at run time.
+//! SIMD lanes: one source is compiled for several instruction sets, and the best of them is chosen at run time.
 //!
-//! Results have the same bits at every level as long as the work uses only operations that IEEE 754 rounds correctly, and no
-//! lane looks at another.
+//! Results have the same bits at every level if the code uses only operations that IEEE 754 rounds correctly, and no
+//! lane reads another lane.
 
 pub use fearless_simd::Level;
 
 /// Runs code that is generic over the instruction set at a level: AVX-512, AVX2, or the baseline, which computes fused
-/// multiply-adds in software. Not all levels are used, because each one is compiled in full.
+/// multiply-adds in software. Other levels are left out, because the code is compiled in full for each level.
 macro_rules! at_level {
     ($level:expr, $simd:ident => $what:expr) => {{
         use fearless_simd::Simd as _;
@@ -30,7 +30,7 @@ macro_rules! at_level {
 }
 pub(crate) use at_level;
 
-/// Every level that this machine can run, for tests that compare bits.
+/// Returns every level that this machine can run, for tests that compare bits.
 #[cfg(test)]
 pub(crate) fn levels() -> Vec<Level> {
     let best = Level::new();

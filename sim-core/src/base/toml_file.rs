@@ -10,8 +10,8 @@ use toml::de::{DeTable, DeValue, Deserializer, Error};
 /// Reads a value from TOML.
 ///
 /// # Errors
-/// The text is not TOML, has a key that there is not (all such keys are listed), lacks one, or holds a value of the wrong
-/// type; with line and column.
+/// If the text is not TOML, has unknown keys (all are listed), lacks a key, or holds a value of the wrong type. The
+/// error gives line and column.
 pub fn read<T: DeserializeOwned>(text: &str) -> Result<T, Invalid> {
     let mut error = match toml::from_str(text) {
         Ok(value) => return Ok(value),
@@ -20,7 +20,8 @@ pub fn read<T: DeserializeOwned>(text: &str) -> Result<T, Invalid> {
     let Ok(mut table) = DeTable::parse(text) else { return Err(error.into()) };
     let place = |error: &Error| error.span().map_or(0, |span| span.start);
     let mut faults = vec![(place(&error), Invalid::from(error.clone()))];
-    // With such a key put right or taken out, the next one shows. Other faults may follow from it.
+    // Each pass corrects or removes one unknown key, so that the parser reports the next one. Other faults are not
+    // collected, because they may be consequences of the correction.
     for _ in 1..MAX_FAULTS {
         let Some(key) = unknown_key(&error) else { break };
         mend(table.get_mut(), &key, &expected(&error));
@@ -115,7 +116,7 @@ kind = "pso"
     }
 
     #[test]
-    fn no_more_faults_are_sought_than_are_listed() {
+    fn search_for_faults_stops_at_listed_maximum() {
         let many: String = (0..30).map(|i| format!("unknown{i} = {i}\n")).collect();
         let said = read::<JobSpec>(&(many + JOB)).unwrap_err().to_string();
         assert!(said.starts_with("10 faults\n"), "{said}");

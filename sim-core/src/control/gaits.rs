@@ -53,8 +53,8 @@ pub(crate) fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32)
     let ticks = gaits.duration / TICK;
     if (steps - libm::round(steps)).abs() > 1e-6 || (ticks - libm::round(ticks)).abs() > 1e-6 {
         let reason = format!(
-            "{} s is not a whole number of physics steps ({steps_per_second} a second) and of ticks of the target table \
-             (200 a second); choose a duration that is a whole number of both",
+            "{} s is not a whole number of physics steps ({steps_per_second} a second) and of ticks of \
+             the target table (200 a second); choose a duration that is a whole number of both",
             gaits.duration
         );
         return Err(Invalid::Conflict { field: field.into(), reason });
@@ -69,8 +69,8 @@ pub(crate) fn space_of(gaits: &GaitsSpec, robot: &Robot) -> Result<Space, Invali
     if !genes.is_empty() {
         set_bounds(&mut genes, &gaits.bounds)?;
         if genes.iter().all(|named| is_fixed(named.gene)) {
-            let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: give one \
-                          of them two different bounds";
+            let reason = "all parameters are fixed (lower bound = upper bound), so there is nothing to search for: \
+                          give one of them two different bounds";
             return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
         }
     }
@@ -111,7 +111,8 @@ fn set_bounds(genes: &mut [NamedGene], bounds: &BTreeMap<String, (f64, f64)>) ->
         in_range(format!("{field}[1]"), high, (-1000.0, 1000.0), "")?;
         if low > high {
             let reason = format!(
-                "the lower bound {low} lies above the upper bound {high}; two equal bounds keep the parameter at that value"
+                "the lower bound {low} lies above the upper bound {high}; \
+                 two equal bounds keep the parameter at that value"
             );
             return Err(Invalid::Conflict { field, reason });
         }

@@ -1,5 +1,5 @@
-//! Shipped table of the lockstep engine's fidelity, from which jobs with `engine = "auto"` get their engine. `evogait
-//! bench fidelity --table` makes its rows.
+//! Shipped table of the lockstep engine's fidelity, from which jobs with `engine = "auto"` get their engine.
+//! `evogait bench fidelity --table` makes its rows.
 
 use crate::base::digest::Digest;
 use crate::base::error::{Invalid, in_range, whole_in_range};
@@ -137,9 +137,10 @@ const SHIPPED: &str = include_str!("../../../scenarios/fidelity.toml");
 
 /// Comment at the head of the file.
 const HEAD: &str = "\
-# Fidelity of settings of the lockstep engine against its converged reference, robot by robot. `engine = \"auto\"` uses the
-# fastest setting with sufficient fidelity, or rapier where there is none. Made by tests/fidelity-table.sh;
-# docs/performance.md explains it. A row is valid for one robot (by its mechanics, not its name) and one engine revision.
+# Fidelity of settings of the lockstep engine against its converged reference, robot by robot. `engine = \"auto\"` uses
+# the fastest setting with sufficient fidelity, or rapier where there is none. Made by tests/fidelity-table.sh;
+# docs/performance.md explains it. A row is valid for one robot (by its mechanics, not its name) and one revision of
+# the engine.
 ";
 
 #[cfg(test)]

@@ -51,7 +51,8 @@ impl fmt::Display for Quiet {
         let joints = if self.engine == EngineKind::Rapier { " with multibody joints" } else { "" };
         write!(
             f,
-            "on {}{joints}, {} steps a second, {} substeps: on the job's own setting the robot keeps trembling at {:.2} mu/s",
+            "on {}{joints}, {} steps a second, {} substeps: \
+             on the job's own setting the robot keeps trembling at {:.2} mu/s",
             self.engine, self.physics.steps_per_second, self.physics.substeps, self.trembling
         )
     }

@@ -1,11 +1,12 @@
-//! Robots in other formats: MJCF (MuJoCo) and URDF (ROS). The functions take and return text; files are read and
-//! written elsewhere.
+//! Import and export of robots: MJCF (MuJoCo) and URDF (ROS). The functions take and return text; callers read and
+//! write the files.
 //!
-//! One unit of length in a file is 1 mu. Numbers are written so that reading them gives the same bits.
+//! One unit of length in a file is 1 mu, unless the caller gives another unit. Numbers are written so that reading them
+//! gives the same bits.
 //!
-//! What is imported is a tree of hinges from −90° to 90° with boxes and capsules on its bodies. Every element and
-//! attribute is read, or stands in a schema as knowingly passed over, or is refused with its line. Gravity, friction and
-//! motors are not the robot's: they are a job's `[physics]`.
+//! An imported robot is a tree of hinges from −90° to 90° with boxes and capsules on its bodies. Every element and
+//! attribute is read, ignored by the format's schema, or refused with its line. Gravity, friction and motors are not
+//! part of the robot: they come from a job's `[physics]`.
 
 mod mjcf;
 mod names;
@@ -20,17 +21,17 @@ use crate::base::error::{Faults, Invalid};
 use crate::model::{Robot, RobotSpec};
 use crate::physics::Physics;
 
-/// A format that a robot can be written in.
+/// Format that a robot can be written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// MuJoCo's XML: the robot on flat ground, with its motors and its friction, ready to be simulated.
+    /// MuJoCo's XML: the robot on flat ground, with its motors and its friction, ready for simulation.
     Mjcf,
-    /// The Unified Robot Description Format: links and joints; friction and gains have no place in it.
+    /// Unified Robot Description Format: links and joints. It has no place for friction and gains.
     Urdf,
 }
 
 impl Format {
-    /// The robot, with the gravity, friction and motors of `physics`, as text of this format.
+    /// Writes the robot, with the gravity, friction and motors of `physics`, as text of this format.
     pub fn write(self, robot: &Robot, physics: &Physics) -> String {
         match self {
             Self::Mjcf => mjcf::write(robot, physics),
@@ -39,19 +40,19 @@ impl Format {
     }
 }
 
-/// A robot from another format.
+/// Robot from another format.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Import {
     /// The robot.
     pub robot: RobotSpec,
-    /// Sentences for the user: what was passed over, which names are written differently.
+    /// Notes for the user: content that was ignored, and names that were changed.
     pub notes: Vec<String>,
 }
 
-/// Reads a robot from MJCF or URDF; the root element tells which it is.
+/// Reads a robot from MJCF or URDF. The root element determines the format.
 ///
 /// # Errors
-/// Names, for everything that robots here can't have, the line, the element and what is allowed.
+/// If the robot has content that can't be imported. The error gives the line, the element and what is allowed for each.
 pub fn read(text: &str) -> Result<Import, Invalid> {
     read_in(text, 1.0)
 }
@@ -66,11 +67,11 @@ pub fn read_in(text: &str, unit: f64) -> Result<Import, Invalid> {
     match source::tag(root) {
         "mujoco" => mjcf::read(root, unit),
         "robot" => urdf::read(root, unit),
-        _ => Err(source::foreign(root, "this is no robot: MJCF begins with <mujoco>, URDF with <robot>")),
+        _ => Err(source::foreign(root, "this is not a robot file: MJCF begins with <mujoco>, URDF with <robot>")),
     }
 }
 
-/// The robot of a tree if nothing is wrong, checked as any robot file is, with faults told by their lines.
+/// Returns the robot of a tree if there are no faults. The robot is checked like any robot file; its faults get lines.
 fn finish(
     mut tree: Tree,
     unit: f64,
@@ -93,7 +94,7 @@ fn finish(
     Ok(Import { robot: tree.robot, notes: notes.into_iter().collect() })
 }
 
-/// A fault of one body, as one of the element that the body was read from.
+/// Converts a fault of a body to a fault of the element that the body was read from.
 fn located(fault: Invalid, tree: &Tree) -> Invalid {
     let text = fault.to_string();
     let found = text.strip_prefix("robot.body[").and_then(|rest| {

@@ -1,4 +1,4 @@
-//! Names of other formats as names here: MuJoCo and ROS allow any text, and bodies without a name.
+//! Conversion of names: MuJoCo and ROS allow any text, and bodies without a name.
 
 use super::source::foreign;
 use super::tree::Link;
@@ -6,21 +6,21 @@ use crate::base::error::{self, Faults};
 use crate::base::limits::MAX_NAME_LENGTH;
 use roxmltree::Node;
 
-/// A robot's name where its file gives none.
+/// Name of a robot if its file gives none.
 const UNNAMED: &str = "robot";
 
-/// Names that are allowed here and unique, in the order of the links.
+/// Converted names, allowed here and unique, in the order of the links.
 #[derive(Debug)]
 pub(super) struct Names {
     pub robot: String,
     pub bodies: Vec<String>,
-    /// Of the hinge that carries a link, where there is one.
+    /// Name of the hinge that carries each link, if there is one.
     pub hinges: Vec<Option<String>>,
     /// Note that lists the names that were changed.
     pub note: Option<String>,
 }
 
-/// Takes the names of a file; refuses those that it gives twice.
+/// Converts the names of a file. Refuses names that it gives twice.
 pub(super) fn adopt(robot: Option<&str>, links: &[Link], faults: &mut Faults) -> Names {
     let mut changed = Vec::new();
     let robot = match robot.filter(|name| !name.is_empty()) {
@@ -46,14 +46,14 @@ pub(super) fn adopt(robot: Option<&str>, links: &[Link], faults: &mut Faults) ->
         of_hinges[i] = Some(name);
     }
     let note = (!changed.is_empty())
-        .then(|| format!("names here have letters, digits, '-', '_' and '.': {}", changed.join(", ")));
+        .then(|| format!("changed names (allowed are letters, digits, '-', '_' and '.'): {}", changed.join(", ")));
     Names { robot, bodies, hinges: of_hinges, note }
 }
 
 struct Given<'a> {
     element: Node<'a, 'a>,
     name: Option<&'a str>,
-    /// Its name if the file gives none.
+    /// Name if the file gives none.
     instead: String,
 }
 
@@ -64,7 +64,7 @@ fn unique(given: &[Given], faults: &mut Faults, changed: &mut Vec<String>) -> Ve
         };
         let line = first.element.document().text_pos_at(first.element.range().start).row;
         let name = second.name.unwrap_or_default();
-        faults.add(foreign(second.element, format!("the name \"{name}\" is used twice, first in line {line}")));
+        faults.add(foreign(second.element, format!("the name \"{name}\" is used twice, first in line {line}: names must be unique")));
     }
     let allowed = |name: Option<&str>| name.filter(|name| error::name("", name).is_ok()).map(str::to_owned);
     let mut names: Vec<String> = given.iter().filter_map(|g| allowed(g.name)).collect();
@@ -82,7 +82,7 @@ fn unique(given: &[Given], faults: &mut Faults, changed: &mut Vec<String>) -> Ve
     found.collect()
 }
 
-/// A name as it can be written here.
+/// Converts a name to one that is allowed and free.
 fn one(name: &str, instead: &str, taken: &[String], changed: &mut Vec<String>) -> String {
     if error::name("", name).is_ok() {
         return name.to_owned();
@@ -95,7 +95,7 @@ fn one(name: &str, instead: &str, taken: &[String], changed: &mut Vec<String>) -
     name_here
 }
 
-/// The name, or the first of `name-2`, `name-3` … that is free.
+/// Returns the name, or the first of `name-2`, `name-3` … that is free.
 fn free(name: &str, taken: &[String]) -> String {
     let short = |most: usize| &name[..name.len().min(most)];
     let numbered = (2u32..).map(|n| {

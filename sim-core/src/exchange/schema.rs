@@ -1,37 +1,38 @@
-//! The elements and attributes of a format: read, knowingly passed over, or refused. There is nothing else.
+//! Rules for the elements and attributes of a format: each is read, ignored or refused. All others are refused as
+//! unknown.
 
 use super::source::{XACRO, foreign, foreign_attribute, has_expression, tag};
 use crate::base::error::{Faults, nearest};
 use roxmltree::Node;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// An element of a format.
+/// Rule for an element of a format.
 pub(super) struct Rule {
-    /// Its tag.
+    /// Tag of the element.
     pub tag: &'static str,
-    /// Attributes that are read, including those with only the neutral value allowed.
+    /// Attributes that are read, including those that must have their neutral value.
     pub read: &'static [&'static str],
-    /// Attributes that are knowingly passed over: looks, or what is a job's own.
+    /// Attributes that are ignored: appearance, or values that come from a job.
     pub passed: &'static [&'static str],
     /// Attributes that can't be imported.
     pub refused: &'static [&'static str],
-    /// Its content.
+    /// Content of the element.
     pub children: &'static [Child],
 }
 
-/// Content of an element.
+/// Rule for the content of an element.
 pub(super) enum Child {
-    /// At most one of these.
+    /// At most one such element.
     Once(&'static Rule),
-    /// Any number of these.
+    /// Any number of such elements.
     Many(&'static Rule),
-    /// Defaults for these: the same without a name and a class.
+    /// Defaults for such elements: the same without name and class.
     Template(&'static Rule),
-    /// Passed over with all that is in it.
+    /// Element that is ignored with all its content.
     Passed(&'static str),
-    /// Can't be imported: tag and reason.
+    /// Element that can't be imported: tag and reason.
     Refused(&'static str, &'static str),
-    /// Can't be imported unless it is empty: tag and reason.
+    /// Element that can't be imported unless it is empty: tag and reason.
     Empty(&'static str, &'static str),
 }
 
@@ -44,7 +45,7 @@ impl Child {
     }
 }
 
-/// Record of all that is passed over: whole elements, and attributes by element.
+/// Record of all ignored content: whole elements, and attributes by element.
 #[derive(Debug, Default)]
 pub(super) struct Passed {
     elements: BTreeSet<&'static str>,
@@ -52,7 +53,7 @@ pub(super) struct Passed {
 }
 
 impl Passed {
-    /// One sentence for a user; none if nothing was passed over.
+    /// Returns one sentence for the user; `None` if nothing was ignored.
     pub fn note(&self) -> Option<String> {
         let elements = self.elements.iter().map(|tag| format!("<{tag}>"));
         let attributes = self.attributes.iter().map(|(tag, names)| {
@@ -60,11 +61,11 @@ impl Passed {
             format!("{tag} {}", names.join(" "))
         });
         let all: Vec<String> = elements.chain(attributes).collect();
-        (!all.is_empty()).then(|| format!("passed over (looks, or what a job's [physics] says): {}", all.join(", ")))
+        (!all.is_empty()).then(|| format!("ignored (appearance, or set by a job's [physics]): {}", all.join(", ")))
     }
 }
 
-/// Compares an element and all in it with its rule.
+/// Checks an element and all its content against its rule.
 pub(super) fn check(element: Node, rule: &'static Rule, faults: &mut Faults, passed: &mut Passed) {
     check_as(element, rule, false, faults, passed);
 }
@@ -75,7 +76,7 @@ fn check_as(element: Node, rule: &'static Rule, template: bool, faults: &mut Fau
         element.children().filter(|c| c.is_text()).find_map(|c| c.text().filter(|t| !t.trim().is_empty()))
     {
         let text: String = text.trim().chars().take(40).collect();
-        faults.add(foreign(element, format!("the text \"{text}\" in it has no meaning: values are attributes")));
+        faults.add(foreign(element, format!("the text \"{text}\" in it is not allowed: write values as attributes")));
     }
     let mut seen = BTreeSet::new();
     for inner in element.children().filter(Node::is_element) {
@@ -96,7 +97,7 @@ fn check_as(element: Node, rule: &'static Rule, template: bool, faults: &mut Fau
             Child::Once(rule) => {
                 if !seen.insert(rule.tag) {
                     faults
-                        .add(foreign(inner, format!("a second <{}> in <{}>: one is allowed", rule.tag, tag(element))));
+                        .add(foreign(inner, format!("a second <{}> in <{}>: only one is allowed", rule.tag, tag(element))));
                 }
                 check_as(inner, rule, false, faults, passed);
             }
@@ -125,7 +126,7 @@ fn attributes(element: Node, rule: &'static Rule, template: bool, faults: &mut F
         } else if let Some(known) = named(rule.passed) {
             passed.attributes.entry(rule.tag).or_default().insert(known);
         } else if named(rule.refused).is_some() {
-            faults.add(foreign_attribute(element, name, format!("{name} can't be imported: leave it out")));
+            faults.add(foreign_attribute(element, name, format!("{name} can't be imported: remove it")));
         } else {
             let all = rule.read.iter().chain(rule.passed).copied();
             let all: Vec<&str> = all.filter(|name| !(template && ["name", "class"].contains(name))).collect();
@@ -144,7 +145,7 @@ fn unknown_element(element: Node, rule: &Rule) -> crate::base::error::Invalid {
     let allowed: Vec<&str> = allowed.map(Child::tag).collect();
     let reason = match nearest(tag(element), &allowed) {
         Some(meant) => format!("there is no such element in <{}>: <{meant}> may be meant", rule.tag),
-        None if allowed.is_empty() => format!("nothing may stand in <{}>: values are attributes", rule.tag),
+        None if allowed.is_empty() => format!("no content is allowed in <{}>: write values as attributes", rule.tag),
         None => format!("this element can't be imported in <{}>: allowed are {}", rule.tag, allowed.join(", ")),
     };
     foreign(element, reason)

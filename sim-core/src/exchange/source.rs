@@ -1,22 +1,22 @@
-//! Reading XML: elements by the names that a user sees, numbers, and refusals with their place.
+//! Access to XML: elements by tag, numbers, and errors with their line.
 
 use crate::base::error::{Invalid, whole_in_range};
 use crate::base::limits::{MAX_TOML_LENGTH, MAX_XML_DEPTH};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 
-/// Largest magnitude of any number.
+/// Greatest magnitude of any number.
 const LARGEST: f64 = 1e9;
 
-/// Why a file that xacro has yet to expand is refused.
-pub(super) const XACRO: &str = "this is xacro, which makes URDF: run `xacro FILE > robot.urdf` first and import that";
+/// Reason to refuse a file that xacro must expand first.
+pub(super) const XACRO: &str = "this file needs xacro: run `xacro FILE > robot.urdf` first and import the result";
 
 /// Returns true if a value has an expression that xacro must expand first.
 pub(super) fn has_expression(value: &str) -> bool {
     value.contains("${") || value.contains("$(")
 }
 
-/// A document that is not too long and not too deep.
+/// Parses a document. Refuses text that is too long, not XML, or nested too deeply.
 pub(super) fn parse(text: &str) -> Result<Document<'_>, Invalid> {
     whole_in_range("length of the robot's text", text.len() as u64, (0, MAX_TOML_LENGTH as u64), "bytes")?;
     let document = Document::parse(text).map_err(|error| not_xml(text, &error))?;

@@ -1,4 +1,4 @@
-//! The common part of both formats: links in each other's frames become the bodies of a robot file.
+//! Tree of links, common to both formats: links in each other's frames become the bodies of a robot file.
 
 use super::names::Names;
 use super::source::foreign;
@@ -9,7 +9,7 @@ use crate::model::{BodySpec, BoxSpec, CapsuleSpec, HingeSpec, RobotSpec};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
-/// Place of a frame in another one.
+/// Pose of a frame in another frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     pub rotation: UnitQuaternion<f64>,
@@ -17,7 +17,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// In the same place.
+    /// Returns the identity.
     pub fn none() -> Frame {
         Frame { rotation: UnitQuaternion::identity(), origin: Vector3::zeros() }
     }
@@ -26,55 +26,55 @@ impl Frame {
         self.origin + self.rotation * p
     }
 
-    /// Returns a frame that lies in this one, as seen from outside.
+    /// Returns the pose of `inner`, which is given in this frame, in the frame around this one.
     pub fn then(&self, inner: &Frame) -> Frame {
         Frame { rotation: self.rotation * inner.rotation, origin: self.point(inner.origin) }
     }
 
-    /// Returns true if it changes nothing, to the bit.
+    /// Returns true if it is exactly the identity.
     pub fn is_none(&self) -> bool {
         self.rotation == UnitQuaternion::identity() && self.origin == Vector3::zeros()
     }
 }
 
-/// A part of a link that collides, in the link's frame.
+/// Part of a link that collides, in the link's frame.
 #[derive(Clone, Debug)]
 pub(super) enum Solid {
     Box { at: Frame, half: Vector3<f64> },
     Capsule { ends: [Vector3<f64>; 2], radius: f64 },
 }
 
-/// A hinge in some frame.
+/// Hinge with anchor and axis in one frame.
 #[derive(Clone, Debug)]
 pub(super) struct Turning<'a> {
     pub element: Node<'a, 'a>,
-    /// As the file calls it.
+    /// Name in the file.
     pub name: Option<String>,
     pub anchor: Vector3<f64>,
     pub axis: Vector3<f64>,
 }
 
-/// A link, a body of MJCF: what carries it comes before it in the list.
+/// A link (a body of MJCF). It comes after the link that carries it.
 #[derive(Debug)]
 pub(super) struct Link<'a> {
     pub element: Node<'a, 'a>,
-    /// As the file calls it.
+    /// Name in the file.
     pub name: Option<String>,
-    /// The parent link; only the first link has none.
+    /// Index of the parent link; only the first link has none.
     pub parent: Option<usize>,
-    /// In its parent's frame.
+    /// Pose in the parent's frame.
     pub frame: Frame,
-    /// Without one it is part of its parent.
+    /// Hinge that carries it. Without a hinge it is part of its parent.
     pub hinge: Option<Turning<'a>>,
-    /// In its own frame.
+    /// Masses in its own frame.
     pub lumps: Vec<Lump>,
     pub solids: Vec<Solid>,
-    /// True if a part of it was refused: a missing mass is then no further fault.
+    /// True if a part of it was refused. A missing mass is then not reported.
     pub incomplete: bool,
 }
 
 impl<'a> Link<'a> {
-    /// A link at the root's place, with nothing in it.
+    /// Creates an empty link at the root's place.
     pub fn new(element: Node<'a, 'a>) -> Self {
         Self {
             element,
@@ -89,45 +89,45 @@ impl<'a> Link<'a> {
     }
 }
 
-/// A body that grows.
+/// Body under construction.
 struct Growing<'a> {
     element: Node<'a, 'a>,
     name: String,
-    /// The hinge with its name and the body that carries it, in that one's frame.
+    /// Index of the carrying body, name of the hinge, and the hinge in the carrying body's frame.
     hinge: Option<(usize, String, Turning<'a>)>,
     lumps: Vec<Lump>,
     solids: Vec<Solid>,
     incomplete: bool,
 }
 
-/// The robot, and for each link the index of its body.
+/// Robot, and for each link the index of its body.
 pub(super) struct Tree<'a> {
     pub robot: RobotSpec,
-    /// The element of each body.
+    /// Element of each body.
     pub elements: Vec<Node<'a, 'a>>,
     body_of: Vec<usize>,
     parent_of: Vec<Option<usize>>,
 }
 
 impl Tree<'_> {
-    /// Returns true if two links share a hinge or are rigidly joined, so that they never touch here.
+    /// Returns true if two links share a hinge or are rigidly joined, so that they never touch.
     pub fn neighbours(&self, a: usize, b: usize) -> bool {
         let (a, b) = (self.body_of[a], self.body_of[b]);
         a == b || self.parent_of[a] == Some(b) || self.parent_of[b] == Some(a)
     }
 }
 
-/// Joins links that never move against each other, and turns all frames to the axes of the neutral configuration.
-/// Bodies that can't be had are added to the faults.
+/// Joins links that never move relative to each other, and rotates all frames to the axes of the neutral configuration.
+/// Adds bodies that are not allowed to the faults.
 pub(super) fn grow<'a>(names: &Names, format: &str, links: &[Link<'a>], faults: &mut Faults) -> Tree<'a> {
     let mut bodies: Vec<Growing> = Vec::new();
-    // For each link its body, and its place in that body's frame.
+    // For each link its body, and its pose in that body's frame.
     let mut placed: Vec<(usize, Frame)> = Vec::new();
     for (i, link) in links.iter().enumerate() {
         let carrier = link.parent.map(|p| placed[p]);
         let seen = match carrier {
             Some((_, outer)) => outer.then(&link.frame),
-            // The robot's origin is its root's, its axes are those of the file.
+            // The origin of the robot is that of its root; its axes are those of the file.
             None => Frame { origin: Vector3::zeros(), ..link.frame },
         };
         let growing = |hinge| Growing {
@@ -153,12 +153,12 @@ pub(super) fn grow<'a>(names: &Names, format: &str, links: &[Link<'a>], faults: 
             }
         };
         if bodies.len() == MAX_BODIES + 1 {
-            let reason = format!("there are more than {MAX_BODIES} bodies: that many are allowed");
+            let reason = format!("there are too many bodies: at most {MAX_BODIES} are allowed");
             faults.add(foreign(link.element, reason));
         }
         let negative = link.lumps.iter().any(|lump| lump.mass < 0.0);
         if negative {
-            faults.add(foreign(link.element, "a negative mass: masses from 0 on are allowed"));
+            faults.add(foreign(link.element, "a negative mass: it must be 0 or greater"));
         }
         bodies[body].incomplete |= link.incomplete || negative;
         bodies[body].lumps.extend(link.lumps.iter().map(|lump| lump_in(lump, &frame)));
@@ -180,10 +180,10 @@ pub(super) fn grow<'a>(names: &Names, format: &str, links: &[Link<'a>], faults: 
     Tree { robot, elements, body_of: placed.iter().map(|p| p.0).collect(), parent_of }
 }
 
-/// A lump in a frame, seen from outside.
+/// Returns a lump, which is given in a frame, in the frame around it.
 pub(super) fn lump_in(lump: &Lump, frame: &Frame) -> Lump {
     let inertia = if frame.rotation == UnitQuaternion::identity() {
-        lump.inertia // to the bit
+        lump.inertia // keeps its bits
     } else {
         let turn: Matrix3<f64> = frame.rotation.to_rotation_matrix().into_inner();
         turn * lump.inertia * turn.transpose()
@@ -191,7 +191,7 @@ pub(super) fn lump_in(lump: &Lump, frame: &Frame) -> Lump {
     Lump { mass: lump.mass, center: frame.point(lump.center), inertia }
 }
 
-/// A solid in a frame, seen from outside.
+/// Returns a solid, which is given in a frame, in the frame around it.
 pub(super) fn solid_in(solid: &Solid, frame: &Frame) -> Solid {
     match solid {
         Solid::Box { at, half } => Solid::Box { at: frame.then(at), half: *half },
@@ -203,7 +203,7 @@ impl Growing<'_> {
     fn finish(self, names: &[String], faults: &mut Faults) -> Option<BodySpec> {
         let Some(Lump { mass, center, inertia: i }) = Lump::joined(&self.lumps) else {
             if !self.incomplete {
-                faults.add(foreign(self.element, "it has no mass: every body that moves needs some"));
+                faults.add(foreign(self.element, "it has no mass: every moving body needs a mass above 0"));
             }
             return None;
         };

@@ -1,35 +1,35 @@
-//! A writer of XML: indented elements, attributes in their order, everything escaped.
+//! Writer of XML: indented elements, attributes in their given order, and escaped values.
 
 use crate::base::math::{Rotation, Vector};
 
-/// An attribute's name and value.
+/// Name and value of an attribute.
 pub(super) type Attribute = (&'static str, String);
 
-/// A document that grows.
+/// XML document under construction.
 pub(super) struct Writer {
     text: String,
     open: Vec<&'static str>,
 }
 
 impl Writer {
-    /// A document with nothing but its declaration.
+    /// Creates a document with only its declaration.
     pub fn new() -> Self {
         Self { text: "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n".to_owned(), open: Vec::new() }
     }
 
-    /// A comment of one or more lines.
+    /// Writes a comment of one or more lines.
     pub fn comment(&mut self, text: &str) {
-        // A comment may not hold "--", names may; twice, since pairs overlap in "---".
+        // A comment must not hold "--", but names may. It is replaced twice, because pairs overlap in "---".
         let text = text.replace("--", "- -").replace("--", "- -").replace('\n', &format!("\n{}     ", self.indent()));
         self.line(&format!("<!-- {text} -->"));
     }
 
-    /// An element without content.
+    /// Writes an element without content.
     pub fn leaf(&mut self, tag: &'static str, attributes: &[Attribute]) {
         self.line(&format!("<{tag}{}/>", listed(attributes)));
     }
 
-    /// Begins an element, which [`Writer::close`] ends.
+    /// Begins an element. [`Writer::close`] ends it.
     pub fn open(&mut self, tag: &'static str, attributes: &[Attribute]) {
         self.line(&format!("<{tag}{}>", listed(attributes)));
         self.open.push(tag);
@@ -42,7 +42,7 @@ impl Writer {
         }
     }
 
-    /// The text; elements that are still open are ended.
+    /// Ends all open elements and returns the text.
     pub fn finish(mut self) -> String {
         while !self.open.is_empty() {
             self.close();
@@ -67,12 +67,12 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// x, y, z, each with the fewest digits that give its bits again.
+/// Formats x, y, z, each with the fewest digits that give its bits again.
 pub(super) fn triple(v: Vector) -> String {
     format!("{} {} {}", v.x, v.y, v.z)
 }
 
-/// MuJoCo's order: w, x, y, z.
+/// Formats a quaternion in MuJoCo's order: w, x, y, z.
 pub(super) fn quaternion(q: Rotation) -> String {
     format!("{} {} {} {}", q.w, q.x, q.y, q.z)
 }
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whatever_a_name_holds_the_document_stays_well_formed() {
+    fn document_with_special_characters_is_well_formed() {
         let mut xml = Writer::new();
         xml.comment("a--b---c");
         xml.open("robot", &[("name", "<\"&'>".to_owned())]);

@@ -1,4 +1,4 @@
-//! Genotypes: what a search varies, and the space that it varies it in.
+//! Genotypes, which a search varies, and their space.
 
 mod space;
 
@@ -6,9 +6,9 @@ pub use space::{Gene, Length, Misfit, NamedGene, Space};
 
 use serde::{Deserialize, Serialize};
 
-/// A candidate as a search varies it: its numbers, gene after gene. A choice is a whole number.
+/// Candidate of a search: its numbers, gene after gene. A choice is a whole number.
 ///
-/// Only searches, controllers, [`Space`] and what prints numbers read them.
+/// Only searches, controllers, [`Space`] and code that prints numbers read them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Genotype(Vec<f64>);
@@ -26,12 +26,12 @@ impl FromIterator<f64> for Genotype {
 }
 
 impl Genotype {
-    /// Its numbers, gene after gene.
+    /// Returns its numbers, gene after gene.
     pub fn numbers(&self) -> &[f64] {
         &self.0
     }
 
-    /// Its numbers, to be changed in place.
+    /// Returns its numbers, for changes in place.
     pub fn numbers_mut(&mut self) -> &mut [f64] {
         &mut self.0
     }
@@ -41,13 +41,13 @@ impl Genotype {
         self.0.iter().map(|v| v.to_bits()).eq(other.0.iter().map(|v| v.to_bits()))
     }
 
-    /// The numbers of each of `count` gaits, which have equally many each.
+    /// Returns the numbers of each of `count` gaits, which all have equally many numbers.
     ///
     /// # Panics
-    /// If the numbers can't be divided so, or `count` is 0.
+    /// If the numbers can't be divided equally, or if `count` is 0.
     pub fn gaits(&self, count: usize) -> impl Iterator<Item = &[f64]> {
         let each = self.0.len() / count;
-        assert_eq!(self.0.len(), each * count, "{count} gaits have equally many numbers each");
+        assert_eq!(self.0.len(), each * count, "{count} gaits must have equally many numbers each");
         (0..count).map(move |gait| &self.0[gait * each..][..each])
     }
 }
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_tell_signs_of_zero_and_lengths_apart() {
+    fn same_bits_distinguishes_zero_signs_and_lengths() {
         let genotype = |numbers: &[f64]| Genotype::from(numbers.to_vec());
         assert!(!genotype(&[0.0]).same_bits(&genotype(&[-0.0])));
         assert!(genotype(&[f64::NAN]).same_bits(&genotype(&[f64::NAN])));
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn genotype_is_written_as_its_numbers() {
+    fn genotype_is_serialized_as_list_of_numbers() {
         assert_eq!(serde_json::to_string(&Genotype::from(vec![1.5, -2.0])).unwrap(), "[1.5,-2.0]");
     }
 }

@@ -1,4 +1,4 @@
-//! The space that a search varies genotypes in: names, units and values of genes, and how many there are.
+//! Space of the genotypes that a search varies: names, units and values of genes, and length of genotypes.
 
 use super::Genotype;
 use crate::base::random::Stream;
@@ -6,64 +6,64 @@ use crate::base::random::Stream;
 /// Values that a gene can take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gene {
-    /// A number from `low` to `high`, both and their difference finite, `low` ≤ `high`. Where they are equal the gene is
-    /// fixed.
+    /// A number from `low` to `high`, with `low` ≤ `high`. Both and their difference are finite. If they are equal, the
+    /// gene is fixed.
     Real {
         /// Least value.
         low: f64,
         /// Greatest value.
         high: f64,
     },
-    /// One of so many options, at least 1, written as a whole number from 0.
+    /// One of several options, written as a whole number from 0.
     Choice {
-        /// Number of options.
+        /// Number of options, at least 1.
         options: u32,
     },
 }
 
-/// A gene with its name.
+/// Gene with its name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedGene {
-    /// Name in tables and results, such as `gait1.hip-front.omega1`. What follows its last dot is the parameter.
+    /// Name in tables and results, such as `gait1.hip-front.omega1`. The part after the last dot is the parameter.
     pub name: String,
     /// Unit; empty for a pure number.
     pub unit: &'static str,
-    /// Values that it can take.
+    /// Values that the gene can take.
     pub gene: Gene,
 }
 
 /// Length of the genotypes of a space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// One number a gene.
+    /// One number per gene.
     Fixed,
-    /// A sequence of segments; each has one number a gene.
+    /// A sequence of segments, each with one number per gene.
     Sequence {
-        /// Fewest segments.
+        /// Least number of segments.
         least: u32,
-        /// Most segments, not fewer than the fewest.
+        /// Greatest number of segments, at least `least`.
         most: u32,
     },
 }
 
-/// The set of genotypes that a search may try.
+/// Set of genotypes that a search may try.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Space {
-    /// The genes of a genotype, or of one segment of a sequence.
+    /// Genes of a genotype, or of one segment of a sequence.
     pub genes: Vec<NamedGene>,
     /// Length of genotypes.
     pub length: Length,
 }
 
-/// A genotype is not in a space.
+/// Error for a genotype that is not in a space.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Misfit {
-    /// It has too many or too few numbers.
+    /// The genotype has too many or too few numbers.
     #[error("it has {found} numbers; {wanted} are needed")]
     Length {
-        /// Number of genes found.
+        /// Number of numbers found.
         found: usize,
-        /// Number of genes allowed.
+        /// Allowed lengths, as text.
         wanted: String,
     },
     /// A number is NaN or infinite.
@@ -74,7 +74,7 @@ pub enum Misfit {
         /// Name of the gene.
         name: String,
     },
-    /// A number lies out of its bounds.
+    /// A number is out of its bounds.
     #[error("its number {index} ({name}) is {value}: allowed is {low} to {high}")]
     OutOfBounds {
         /// Index of the number, from 0.
@@ -83,12 +83,12 @@ pub enum Misfit {
         name: String,
         /// The number.
         value: f64,
-        /// Least allowed.
+        /// Least allowed value.
         low: f64,
-        /// Greatest allowed.
+        /// Greatest allowed value.
         high: f64,
     },
-    /// A choice is no whole number.
+    /// A choice is not a whole number.
     #[error("its number {index} ({name}) is {value}: a choice is a whole number")]
     NotWhole {
         /// Index of the number, from 0.
@@ -101,7 +101,7 @@ pub enum Misfit {
 }
 
 impl Gene {
-    /// Least and greatest value.
+    /// Returns the least and the greatest value.
     pub fn bounds(self) -> (f64, f64) {
         match self {
             Self::Real { low, high } => (low, high),
@@ -109,10 +109,10 @@ impl Gene {
         }
     }
 
-    /// A value drawn uniformly.
+    /// Returns a value drawn uniformly.
     fn draw(self, random: &mut Stream) -> f64 {
         match self {
-            // Rounding may lead out of very uneven bounds by a bit.
+            // Rounding may lead slightly out of very uneven bounds.
             Self::Real { low, high } => random.uniform(low, high).clamp(low, high),
             Self::Choice { options } => random.below(options).into(),
         }
@@ -120,30 +120,31 @@ impl Gene {
 }
 
 impl NamedGene {
-    /// The parameter that it is a value of, such as `omega1`: several genes can have the same.
+    /// Returns the parameter that the gene gives a value to, such as `omega1`. Several genes can have the same
+    /// parameter.
     pub fn parameter(&self) -> &str {
         self.name.rsplit('.').next().unwrap_or_default()
     }
 }
 
 impl Space {
-    /// Vectors of real numbers within the bounds (low, high); the genes are named `x1`, `x2` and so on.
+    /// Creates a space of real vectors within the bounds (low, high). The genes are named `x1`, `x2` and so on.
     pub fn of_reals(bounds: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let named = |(i, (low, high))| NamedGene { name: format!("x{i}"), unit: "", gene: Gene::Real { low, high } };
         Self { genes: (1..).zip(bounds).map(named).collect(), length: Length::Fixed }
     }
 
-    /// Names of the genes, in order.
+    /// Returns the names of the genes, in order.
     pub fn names(&self) -> Vec<String> {
         self.genes.iter().map(|named| named.name.clone()).collect()
     }
 
-    /// Least and greatest value of each gene, in order.
+    /// Returns the least and the greatest value of each gene, in order.
     pub fn bounds(&self) -> impl Iterator<Item = (f64, f64)> {
         self.genes.iter().map(|named| named.gene.bounds())
     }
 
-    /// Most numbers that a genotype can have.
+    /// Returns the greatest number of numbers that a genotype can have.
     pub fn longest(&self) -> usize {
         let segments = match self.length {
             Length::Fixed => 1,
@@ -155,7 +156,8 @@ impl Space {
     /// Refuses a genotype that is not in the space.
     ///
     /// # Errors
-    /// The first misfit: length, a number that is not finite, out of its bounds, or no whole number where one is needed.
+    /// The first misfit: a wrong length, or a number that is not finite, out of its bounds, or a fraction where a whole
+    /// number is needed.
     pub fn check(&self, genotype: &Genotype) -> Result<(), Misfit> {
         self.check_length(genotype.numbers().len())?;
         for (index, (&value, named)) in genotype.numbers().iter().zip(self.genes.iter().cycle()).enumerate() {
@@ -174,10 +176,10 @@ impl Space {
         Ok(())
     }
 
-    /// Refuses a number of numbers that no genotype of the space has.
+    /// Refuses a length that no genotype of the space has.
     ///
     /// # Errors
-    /// [`Misfit::Length`].
+    /// [`Misfit::Length`] for such a length.
     pub fn check_length(&self, found: usize) -> Result<(), Misfit> {
         let each = self.genes.len();
         let (fits, wanted) = match self.length {
@@ -191,7 +193,7 @@ impl Space {
         if fits { Ok(()) } else { Err(Misfit::Length { found, wanted }) }
     }
 
-    /// A genotype drawn uniformly: first the number of segments, if it varies, then gene after gene.
+    /// Returns a genotype drawn uniformly: first the number of segments, if it varies, then gene after gene.
     pub fn draw(&self, random: &mut Stream) -> Genotype {
         let segments = match self.length {
             Length::Fixed => 1,

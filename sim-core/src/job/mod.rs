@@ -12,14 +12,16 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 impl Checked {
-    /// The job digest: resolved job, robot, environment, optimiser and engine; not names or descriptions.
+    /// Returns the job digest: resolved job, robot, environment, optimiser and engine, but not their names or
+    /// descriptions.
     pub fn digest(&self) -> Digest {
         self.digest_on(self.engine_digest())
     }
 
-    /// The digest that the same job has where its engine has another digest, as in another build of evogait.
+    /// Returns the digest of the same job with another engine digest, as in another build of evogait.
     pub fn digest_on(&self, engine: Digest) -> Digest {
-        // Only what a job uses, and of that only what is not neutral: what is added later changes no digest of before.
+        // Only fields that the job uses and that are not neutral take part. So fields that are added later do not
+        // change existing digests.
         #[derive(Serialize)]
         struct Identity<'a> {
             spec: &'a JobSpec,

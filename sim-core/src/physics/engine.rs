@@ -4,7 +4,7 @@ use super::{Change, Motion, Physics, Rollout};
 use crate::model::environment::Block;
 use crate::model::{Robot, State};
 
-/// A rollout to be done.
+/// Start and motion of a rollout to simulate.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
     /// State at the start.
@@ -13,36 +13,36 @@ pub struct Request<'a> {
     pub motion: &'a Motion,
 }
 
-/// Why an engine can't simulate something.
+/// Reason why an engine can't simulate something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsupported {
-    /// Terrain that lockstep does not know.
+    /// Terrain that lockstep can't simulate.
     #[error(
-        "of terrain the lockstep engine knows stairs only: blocks on the ground, with sides along x and y, all between the \
-         same two lines, which are at least 10 mu apart"
+        "as terrain the lockstep engine supports stairs only: blocks on the ground, with sides along x and y, \
+         all between the same two lines, which are at least 10 mu apart"
     )]
     Terrain,
-    /// Shapes that lockstep does not know.
+    /// Shapes that lockstep can't simulate.
     #[error("the lockstep engine simulates boxes only, and the robot has capsules")]
     Capsules,
-    /// A kind of event, by its name, that no engine executes.
+    /// Event that no engine executes, by the name of its kind.
     #[error("no engine executes the event \"{0}\": a robot keeps its modules and their connections during a rollout")]
     Event(&'static str),
-    /// An event of a joint that the robot does not have.
+    /// Event of a joint that the robot does not have.
     #[error("the event is of joint {joint}, and the robot has {joints} joints, counted from 0")]
     Joint {
-        /// Number of the joint.
+        /// Index of the joint.
         joint: usize,
-        /// Joints of the robot.
+        /// Number of joints of the robot.
         joints: usize,
     },
-    /// A start with connections of its own.
+    /// Start with connections other than those of the robot.
     #[error("no engine starts from a state with connections other than those of the robot")]
     Connections,
 }
 
 impl Unsupported {
-    /// Refuses what neither engine can change of a robot.
+    /// Refuses an event that no engine executes, and an event of a joint that the robot does not have.
     pub(crate) fn of_event(robot: &Robot, change: &Change) -> Result<(), Self> {
         let joints = robot.hinges.len();
         match *change {
@@ -55,25 +55,27 @@ impl Unsupported {
     }
 }
 
-/// A physics engine: a batch of rollouts of one robot in, their outcomes out, in the same order.
+/// Physics engine, which simulates a batch of rollouts of one robot and returns their outcomes in the same order.
 ///
-/// A pure function of each request: what else is in the batch changes no bit of any outcome. A rollout builds a fresh world
-/// from exactly the numbers of its start, so continuing from the end of another has the same bits wherever it is done.
+/// An outcome is a pure function of its request: the other requests of the batch change no bit of it. A rollout builds
+/// a fresh world from exactly the numbers of its start, so continuing from the end of another rollout gives the same
+/// bits everywhere.
 ///
-/// [`supports`](Engine::supports) says beforehand whether all of a motion can be simulated. [`run`](Engine::run) needs no such
-/// question: what the engine can't do ends the rollout as [`Outcome::Refused`](super::Outcome::Refused), at its start for a
-/// robot, terrain or state, and at the event's step for an event. Nothing is left out in silence.
+/// [`supports`](Engine::supports) checks beforehand that all of a motion can be simulated. The check is optional: in
+/// [`run`](Engine::run), a part that the engine can't simulate ends the rollout as
+/// [`Outcome::Refused`](super::Outcome::Refused). An unsupported robot, terrain or state ends it at its start, an
+/// unsupported event at the event's step. No part is left out silently.
 pub trait Engine: Send + Sync {
     /// Checks that the engine can simulate all of a motion of a robot on a terrain.
     ///
     /// # Errors
-    /// The first thing that it can't simulate.
+    /// The first part that the engine can't simulate.
     fn supports(&self, robot: &Robot, terrain: &[Block], motion: &Motion) -> Result<(), Unsupported>;
 
-    /// Simulates. Ground is flat at z = 0 with `terrain` standing on it.
+    /// Simulates a batch. The ground is flat at z = 0, and `terrain` stands on it.
     fn run(&self, robot: &Robot, physics: &Physics, terrain: &[Block], batch: &[Request<'_>]) -> Vec<Rollout>;
 
-    /// Simulates one rollout on flat ground, which may be given up on the way: `None` once `stop` says so. Else the bits are
+    /// Simulates one rollout on flat ground. If `stop` ends it early, the result is `None`. Otherwise the bits are
     /// those of [`Engine::run`].
     fn run_until(
         &self,
@@ -85,7 +87,8 @@ pub trait Engine: Send + Sync {
         if stop() { None } else { Some(self.run(robot, physics, &[], &[*request]).swap_remove(0)) }
     }
 
-    /// Rollouts that take as long together as one of them alone, on this machine. Only speed depends on it.
+    /// Returns the number of rollouts that together take as long as one of them alone, on this machine. It affects only
+    /// speed.
     fn lanes(&self) -> usize {
         1
     }

@@ -1,4 +1,4 @@
-//! Rollouts: one motion simulated from one state, by engines behind one interface that takes a batch.
+//! Rollouts: one motion simulated from one state, by engines behind an interface that takes a batch.
 
 mod engine;
 pub mod lockstep;

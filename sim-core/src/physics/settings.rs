@@ -15,20 +15,20 @@ pub enum Scale {
     Real,
 }
 
-/// The `[physics]` table. What is not given follows from the scale.
+/// The `[physics]` table. Values that are not given follow from the scale.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsSpec {
-    /// The engine, or `auto`; in a resolved job the one that this became.
+    /// The engine, or `auto`. In a resolved job, the engine that was chosen.
     pub engine: EngineChoice,
     /// Size of the robot.
     pub scale: Scale,
     /// Kind of joints on rapier; the lockstep engine has reduced coordinates only.
     pub joints: JointKind,
-    /// mu/s².
+    /// Gravity, mu/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<f64>,
-    /// Coulomb friction of everything.
+    /// Coulomb friction of all bodies and the ground.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
     /// Proportional gain of the joints' motors, kg·mu²/s² a rad.
@@ -43,8 +43,8 @@ pub struct PhysicsSpec {
     /// Physics steps in a second of simulated time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps_per_second: Option<u32>,
-    /// Solver iterations (substeps) of a step; on the lockstep engine, the times that a step linearises contacts and
-    /// motors.
+    /// Solver iterations (substeps) of a step. On the lockstep engine, the number of linearisations of contacts and
+    /// motors in a step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps: Option<u32>,
 }
@@ -53,7 +53,7 @@ pub struct PhysicsSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EngineChoice {
-    /// Lockstep where its fidelity is known, else rapier.
+    /// Lockstep where its fidelity is sufficient, else rapier.
     #[default]
     Auto,
     /// The engine rapier.
@@ -62,18 +62,18 @@ pub enum EngineChoice {
     Lockstep,
 }
 
-/// The physics engines there are.
+/// The physics engines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EngineKind {
     /// rapier3d: any terrain.
     Rapier,
-    /// Many rollouts side by side: flat ground, stairs, boxes.
+    /// lockstep: many rollouts side by side, on flat ground or stairs, with boxes.
     Lockstep,
 }
 
 impl EngineKind {
-    /// As job files call it.
+    /// Returns the name in job files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rapier => "rapier",
@@ -101,10 +101,10 @@ impl From<EngineKind> for EngineChoice {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JointKind {
-    /// Every body moves by itself, and impulses pull the two of a joint together: cheap, and a little soft.
+    /// Every body moves by itself, and impulses pull the two bodies of a joint together. Fast, and a little soft.
     #[default]
     Impulse,
-    /// The robot moves in its joint angles (reduced coordinates), so that its joints can't come apart: a step costs several
+    /// The robot moves in its joint angles (reduced coordinates), so its joints can't come apart. A step costs several
     /// times as much.
     Multibody,
 }
@@ -113,10 +113,10 @@ pub enum JointKind {
 const LOCKSTEP_PAPER: (u32, u32) = (200, 2);
 const LOCKSTEP_REAL: (u32, u32) = (600, 2);
 
-/// Resolved `[physics]`.
+/// Resolved `[physics]` table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Physics {
-    /// mu/s², downwards.
+    /// Gravity, mu/s², downwards.
     pub gravity: f32,
     /// Coulomb friction between all bodies and the ground.
     pub friction: f32,
@@ -128,15 +128,15 @@ pub struct Physics {
     pub max_torque: f32,
     /// Steps in a second. Collisions are detected once a step.
     pub steps_per_second: u32,
-    /// rapier integrates a step in this many substeps: `1 / (steps_per_second · substeps)` decides the fidelity. The
-    /// lockstep engine linearises contacts and motors this many times in a step.
+    /// Number of substeps in which rapier integrates a step: `1 / (steps_per_second · substeps)` decides the fidelity.
+    /// On the lockstep engine, the number of linearisations of contacts and motors in a step.
     pub substeps: u32,
     /// Kind of joints.
     pub joints: JointKind,
 }
 
 impl Physics {
-    /// Returns the default physics of a scale on an engine; that of lockstep is rapier's with other steps.
+    /// Returns the default physics of a scale on an engine. That of lockstep is rapier's with other steps.
     pub fn of(engine: EngineKind, scale: Scale) -> Self {
         let rapier = Self::of_scale(scale);
         let (steps_per_second, substeps) = match (engine, scale) {
@@ -175,7 +175,7 @@ impl Physics {
         }
     }
 
-    /// The setting that winners are chosen and judged on: rapier's for the scale, in finer steps.
+    /// Returns the setting on which winners are chosen and scored again: rapier's for the scale, in finer steps.
     pub fn reference_of(scale: Scale) -> Self {
         let (steps_per_second, substeps) = match scale {
             Scale::Paper => (60, 16),
@@ -211,7 +211,7 @@ impl Physics {
         faults.end().map(|()| resolved)
     }
 
-    /// The table with engine and every number written out.
+    /// Returns the table with engine and every number written out.
     pub fn written_out(&self, engine: EngineKind, spec: &PhysicsSpec) -> PhysicsSpec {
         PhysicsSpec {
             engine: engine.into(),
@@ -227,7 +227,7 @@ impl Physics {
         }
     }
 
-    /// Steps of a rollout that lasts `duration` s.
+    /// Returns the number of steps of a rollout that lasts `duration` s.
     pub fn steps(&self, duration: f64) -> u32 {
         libm::round(duration * f64::from(self.steps_per_second)) as u32
     }

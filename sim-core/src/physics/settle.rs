@@ -1,50 +1,50 @@
-//! The start of a robot: its neutral configuration lowered to the ground until at rest.
+//! Settling, which finds the start of a robot: its neutral configuration, lowered to the ground until at rest.
 
 use super::{Engine, Motion, Outcome, Physics, Request, Rollout};
 use crate::base::math::{Pose, Vector, about_z, heading};
 use crate::model::{Robot, State};
 
-/// Slower than this, a robot is at rest, mu/s.
+/// Speed below which a robot is at rest, mu/s.
 const REST: f32 = 0.01;
-/// Length of a settling run, s, and how many there are at most.
+/// Duration of a settling run, s, and the greatest number of runs.
 const RUN: f64 = 2.0;
 const RUNS: usize = 10;
 
-/// Longest time that settling on one setting simulates, s.
+/// Longest simulated time of settling on one setting, s.
 pub const LONGEST_SETTLING: f64 = RUN * RUNS as f64;
 
-/// A robot that does not come to rest by itself.
+/// Error: a robot does not come to rest by itself.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unsettled {
-    /// The simulation broke.
+    /// The simulation is unstable.
     #[error(
         "the robot can't stand still in its neutral configuration: {0}; finer steps (physics.steps_per_second, \
-         physics.substeps) or softer motors (physics.stiffness, physics.damping) may hold it"
+         physics.substeps) or softer motors (physics.stiffness, physics.damping) may help"
     )]
     Unstable(Outcome),
-    /// It keeps moving.
+    /// The robot keeps moving.
     #[error(
-        "the robot still moves at {speed:.2} mu/s after standing for {seconds} s in its neutral configuration: it must come \
-         to rest by itself; give it more physics.damping, physics.stiffness or physics.friction, or a neutral \
+        "the robot still moves at {speed:.2} mu/s after standing for {seconds} s in its neutral configuration: \
+         it must come to rest by itself; give it more physics.damping, physics.stiffness or physics.friction, or a neutral \
          configuration that it can stand or lie in"
     )]
     Moving {
-        /// mu/s.
+        /// Speed at the end, mu/s.
         speed: f32,
         /// Simulated time, s.
         seconds: f64,
     },
-    /// The caller gave it up.
+    /// The caller stopped the settling.
     #[error("stopped before the robot came to rest")]
     Stopped,
 }
 
-/// The settled start on flat ground, in the canonical frame (x = y = 0, heading 0), on one setting.
+/// Settles a robot on one setting. Returns its start on flat ground, in the canonical frame (x = y = 0, heading 0).
 pub fn settle(engine: &dyn Engine, robot: &Robot, physics: &Physics) -> Result<State, Unsettled> {
     settle_until(engine, robot, physics, &|| false)
 }
 
-/// Does what [`settle`] does until `stop` says so: then it returns [`Unsettled::Stopped`].
+/// Settles a robot as [`settle`] does. Returns [`Unsettled::Stopped`] once `stop` returns true.
 pub fn settle_until(
     engine: &dyn Engine,
     robot: &Robot,
@@ -54,7 +54,7 @@ pub fn settle_until(
     stand(engine, robot, physics, |_| true, stop)
 }
 
-/// Does what [`settle_until`] does, where joints that turn slowly are no rest.
+/// Settles a robot as [`settle_until`] does, but does not accept slowly turning joints as rest.
 pub(crate) fn settle_still(
     engine: &dyn Engine,
     robot: &Robot,
@@ -64,7 +64,7 @@ pub(crate) fn settle_still(
     stand(engine, robot, physics, |rollout| drift(rollout) < REST, stop)
 }
 
-/// Lets the robot stand until it is slow at the end of a run, and the run satisfies `still`.
+/// Lets the robot stand until it is slow at the end of a run and the run satisfies `still`.
 fn stand(
     engine: &dyn Engine,
     robot: &Robot,
@@ -74,7 +74,7 @@ fn stand(
 ) -> Result<State, Unsettled> {
     let motion = Motion::standing(robot.hinges.len(), RUN);
     let mut state = robot.neutral();
-    // A little above the ground: exact ties of all corners at distance 0 are no generic start.
+    // A little above the ground, because all corners at exactly distance 0 are not a generic start.
     state.pivot.translation.z += 0.001;
     let mut speed = 0.0;
     for _ in 0..RUNS {
@@ -94,8 +94,8 @@ fn stand(
     Err(Unsettled::Moving { speed, seconds: LONGEST_SETTLING })
 }
 
-/// Mean speed over the second half of a run: of the pivot, mu/s, or of a joint, rad/s. The end speed of the lockstep engine
-/// is that of the bodies' origins, which a joint that turns slowly does not move.
+/// Returns the mean speed over the second half of a run: of the pivot, mu/s, or of a joint, rad/s, if that is greater.
+/// The end speed of the lockstep engine is that of the bodies' origins, which a slowly turning joint does not move.
 fn drift(rollout: &Rollout) -> f32 {
     let last = rollout.trace.len() - 1;
     let (from, to) = (rollout.trace.state(last / 2), rollout.trace.state(last));
@@ -105,7 +105,7 @@ fn drift(rollout: &Rollout) -> f32 {
     moved.max(turned) / seconds
 }
 
-/// The same state at x = y = 0 with heading 0.
+/// Returns the same state at x = y = 0 with heading 0.
 pub(crate) fn canonical(state: State) -> State {
     let pivot = state.pivot;
     let turn = about_z(-heading(pivot.rotation));

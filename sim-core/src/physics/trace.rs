@@ -1,24 +1,24 @@
-//! Outcome of a rollout and the way to it.
+//! Outcome and trace of a rollout.
 
 use super::Unsupported;
 use crate::base::math::{Pose, Rotation, Vector};
 use crate::model::{Robot, State};
 use std::fmt;
 
-/// Samples a second that a trace has at least, if there are as many steps.
+/// Least number of samples per second of a trace, if there are as many steps.
 const SAMPLES_PER_SECOND: u32 = 20;
-/// Number of samples with their boxes joined to one span.
+/// Samples from the first to the last of a span. A span joins the boxes of its samples.
 const SAMPLES_PER_SPAN: usize = 10;
 
-/// A rollout's outcome and the way to it.
+/// Outcome of a rollout, and its trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
-    /// The state at the end, with its velocities and, if it completed, the motion's end phase. Of an unstable rollout the
-    /// state at the last sound moment, of a refused one that before the refused event.
+    /// State at the end, with its velocities and, if the rollout completed, the motion's end phase. For an unstable
+    /// rollout it is the state at the last sound moment, for a refused one the state before the refused event.
     pub end: State,
     /// Greatest speed of a body at the end, mu/s.
     pub end_speed: f32,
-    /// Configurations on the way, the first at the start, the last at the end.
+    /// Configurations during the rollout, the first at the start, the last at the end.
     pub trace: Trace,
     /// Boxes around the robot over short spans of time, in the frame of the simulation.
     pub swept: Vec<Span>,
@@ -33,9 +33,9 @@ pub struct Rollout {
 /// Mechanical work of a robot's motors over a rollout, kg·mu²/s²: torque times turn, summed over joints and steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Effort {
-    /// With its sign: motors that brake take energy back.
+    /// Work with its sign; the work of a braking motor is negative.
     pub work: f64,
-    /// Work without signs: the cost of motors that can't store energy.
+    /// Work without signs, which is the cost if motors can't store energy.
     pub turnover: f64,
 }
 
@@ -57,18 +57,18 @@ impl std::ops::AddAssign for Effort {
 /// Outcome of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// It ran to its end.
+    /// The rollout ran to its end.
     Completed,
-    /// The simulation left its bounds and is worth nothing from there on.
+    /// The simulation left its bounds, and its numbers are invalid from there on.
     Unstable {
-        /// When, s.
+        /// Time at which the bound was exceeded, s.
         time: f32,
         /// The exceeded bound.
         bound: Bound,
     },
     /// The engine can't simulate the rest. Everything before is simulated.
     Refused {
-        /// When, s.
+        /// Time of the refusal, s.
         time: f32,
         /// Index of the refused event in the motion; `None` where the robot, the terrain or the start is refused.
         event: Option<usize>,
@@ -78,7 +78,7 @@ pub enum Outcome {
 }
 
 impl Rollout {
-    /// A rollout that is refused before its first step.
+    /// Returns a rollout that is refused before its first step.
     pub(crate) fn refused(robot: &Robot, start: &State, reason: Unsupported) -> Self {
         let mut trace = Trace::new(robot.hinges.len());
         trace.push(0.0, start);
@@ -105,21 +105,22 @@ pub enum Bound {
     Penetration,
     /// More kinetic energy a kg of the robot than [`Bound::ENERGY`].
     Energy,
-    /// More energy than the start had and the motors gave, by more than what lifts the robot by [`Bound::LIFT`] and
-    /// [`Bound::DRIFT`] of what the motors gave and took. Told by the lockstep engine only.
+    /// More energy than the start had and the motors gave, by more than an allowance: the energy that lifts the robot
+    /// by [`Bound::LIFT`], plus the share [`Bound::DRIFT`] of what the motors gave and took. Only the lockstep engine
+    /// checks this bound.
     Work,
 }
 
 impl Bound {
-    /// mu/s. A free fall from 100 mu at 93 mu/s² is slower.
+    /// Greatest speed, mu/s. A free fall from 100 mu at 93 mu/s² is slower.
     pub const SPEED: f32 = 150.0;
-    /// mu: half a module.
+    /// Greatest depth, mu: half a module.
     pub const DEPTH: f32 = 0.5;
-    /// mu²/s².
+    /// Greatest kinetic energy per mass, mu²/s².
     pub const ENERGY: f32 = 5000.0;
-    /// Height of the lift, mu.
+    /// Height of the lift in the allowance of [`Bound::Work`], mu.
     pub const LIFT: f32 = 0.1;
-    /// A share.
+    /// Share of the motors' energy in the allowance of [`Bound::Work`].
     pub const DRIFT: f32 = 0.05;
 }
 
@@ -146,7 +147,8 @@ impl fmt::Display for Outcome {
                 let lift = Bound::LIFT;
                 write!(
                     f,
-                    "it had gained more energy than its motors gave, enough to lift it by {lift} mu, after {time:.2} s"
+                    "the robot had gained more energy than its motors gave, \
+                     enough to lift it by {lift} mu, after {time:.2} s"
                 )
             }
         }
@@ -166,7 +168,7 @@ pub struct Span {
     pub high: Vector,
 }
 
-/// Configurations over time, stored flat.
+/// Configurations over time, stored in flat arrays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
     joints: usize,
@@ -175,12 +177,12 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// An empty trace of a robot with so many joints.
+    /// Creates an empty trace of a robot with `joints` joints.
     pub fn new(joints: usize) -> Self {
         Self { joints, times: Vec::new(), numbers: Vec::new() }
     }
 
-    /// Adds a moment (s).
+    /// Adds a sample at a time (s).
     pub fn push(&mut self, time: f32, state: &State) {
         let (p, q) = (state.pivot.translation, state.pivot.rotation);
         self.times.push(time);
@@ -188,44 +190,45 @@ impl Trace {
         self.numbers.extend(&state.joints);
     }
 
-    /// Number of moments.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.times.len()
     }
 
-    /// Returns true without samples.
+    /// Returns true if there are no samples.
     pub fn is_empty(&self) -> bool {
         self.times.is_empty()
     }
 
-    /// Time of a moment, s.
+    /// Returns the time of a sample, s.
     pub fn time(&self, i: usize) -> f32 {
         self.times[i]
     }
 
-    /// Pose of the pivot at a moment.
+    /// Returns the pose of the pivot at a sample.
     pub fn pivot(&self, i: usize) -> Pose {
         let n = &self.numbers[i * (7 + self.joints)..];
         Pose::from_parts(Vector::new(n[0], n[1], n[2]), Rotation::from_xyzw(n[3], n[4], n[5], n[6]))
     }
 
-    /// Joint angles at a moment, rad.
+    /// Returns the joint angles at a sample, rad.
     pub fn joints(&self, i: usize) -> &[f32] {
         &self.numbers[i * (7 + self.joints) + 7..][..self.joints]
     }
 
-    /// The configuration at a moment, without its velocities.
+    /// Returns the configuration at a sample, without velocities.
     pub fn state(&self, i: usize) -> State {
         State::new(self.pivot(i), self.joints(i).to_vec())
     }
 }
 
-/// Steps from one sample of a trace to the next, at so many steps a second.
+/// Returns the number of steps from one sample of a trace to the next.
 pub(crate) fn sample_every(steps_per_second: u32) -> u32 {
     (steps_per_second / SAMPLES_PER_SECOND).max(1)
 }
 
-/// Joins the boxes of neighbouring samples; spans share their ends, so that nothing lies between two of them.
+/// Joins the boxes of neighbouring samples to spans. Spans share their end samples, so no motion is left between two of
+/// them.
 pub(crate) fn spans(boxes: &[(Vector, Vector)]) -> Vec<Span> {
     let mut spans = Vec::new();
     let mut first = 0;

@@ -1,4 +1,4 @@
-//! Records of a candidate's motions, tree and path, for people to look at.
+//! Records of a candidate's motions, tree and path, for readers of a report.
 
 mod record;
 
@@ -15,34 +15,35 @@ use crate::problem::Job;
 use crate::search::Scored;
 use serde::{Deserialize, Serialize};
 
-/// Record of a winner: the part of the report beside scores.
+/// Record of a winner: the part of the report besides scores.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Traces {
-    /// Each of the winner's gaits, applied at the start.
+    /// Each gait of the winner, executed from the start.
     pub gaits: Vec<GaitTrace>,
-    /// The winner's tree, as the search scored it (its first, where a candidate has several).
+    /// Tree of the winner, as the search scored it; the first one if a candidate has several.
     pub tree: TreeRecord,
-    /// The tree's best path, run three ways.
+    /// Best path of the tree, executed in three ways.
     pub paths: Vec<PathTrace>,
 }
 
-/// One gait from the settled start.
+/// Record of one gait from the settled start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GaitTrace {
     /// The gait's parameters, in the order of the genotype.
     pub parameters: Vec<f64>,
     /// Names of the moved joints, the columns of `targets` and `angles`.
     pub joints: Vec<String>,
-    /// Samples over time, at equal steps, the first at 0. Long gaits have fewer a second: all gaits together at most 8,000.
+    /// Samples over time, at equal steps, the first at 0. Long gaits have fewer samples per second: all gaits together
+    /// have at most 8,000.
     pub samples: Vec<TraceSample>,
-    /// `null` if it completed, else why and when it was found unstable.
+    /// `null` if the gait completed, else reason and time of its unstable end.
     pub unstable: Option<String>,
 }
 
-/// A moment of a gait.
+/// Sample of a gait.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TraceSample {
-    /// s since the gait's start.
+    /// Time since the gait's start, s.
     pub time: f64,
     /// Commanded joint angles, rad.
     pub targets: Vec<f32>,
@@ -56,16 +57,17 @@ pub struct TraceSample {
     pub yaw: f64,
 }
 
-/// A planner's tree.
+/// Record of a planner's tree.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TreeRecord {
     /// Nodes; the first is the root.
     pub nodes: Vec<NodeRecord>,
-    /// Node indexes from the root to the path's end: the node nearest to the goal, or without a goal the farthest.
+    /// Indices of the nodes from the root to the path's end: the node nearest to the goal, or without a goal the
+    /// farthest.
     pub best_path: Vec<usize>,
 }
 
-/// A node and the edge that leads to it.
+/// Node, and the edge that leads to it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NodeRecord {
     /// x, mu.
@@ -78,38 +80,38 @@ pub struct NodeRecord {
     pub yaw: f64,
     /// Parent node; `null` for the root.
     pub parent: Option<usize>,
-    /// Gait from the parent, from 0; `null` for the root.
+    /// Index of the gait from the parent, from 0; `null` for the root.
     pub gait: Option<usize>,
     /// The pivot's path from the parent, (x, y) on the map, sampled about once a second with both ends. In a tree with
     /// more than 50,000 points of paths it is sampled at longer intervals.
     pub way: Vec<[f64; 2]>,
 }
 
-/// A path, run in one of three ways.
+/// Record of a path, executed in one of three ways.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathTrace {
     /// Mode of execution.
     pub mode: PathMode,
-    /// The pivot's way, (x, y) in the map.
+    /// The pivot's path, (x, y) in the map.
     pub way: Vec<[f64; 2]>,
-    /// Planar distance of its end from the end in the tree, mu.
+    /// Planar distance of the path's end from the end in the tree, mu.
     pub end_error: f64,
 }
 
-/// The three ways to run a path.
+/// Mode in which a path is executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PathMode {
-    /// As the tree has it: transitions laid end to end.
+    /// The path as the tree has it: transitions laid end to end.
     Tree,
-    /// Every gait simulated from the exact end of the one before, velocities zeroed.
+    /// Every gait is simulated from the exact end of the one before, with zero velocities.
     Resimulated,
-    /// One simulation without a stop: velocities are kept between gaits.
+    /// One simulation without a stop; velocities are kept between gaits.
     Continuous,
 }
 
-/// A candidate's gaits, its tree and the tree's best path, with what that took: of trees with these streams the first.
-/// `stop` is asked now and then.
+/// Returns records of a candidate's gaits, tree and best path, with the counts of all its rollouts. Of the trees with
+/// these streams the first is recorded. `stop` is checked from time to time.
 ///
 /// # Panics
 /// If the genotype's length does not fit the job.
@@ -127,7 +129,7 @@ pub fn traces(
     Ok((Traces { gaits, tree, paths }, counts))
 }
 
-/// The node that a tree's plan leads to: the nearest to the goal, or without a goal the farthest from the root.
+/// Returns the node at the end of a tree's plan: the nearest to the goal, or without a goal the farthest from the root.
 pub fn end_of_plan(environment: &Environment, tree: &Tree) -> usize {
     match &environment.goal {
         Some(goal) => tree.least(|p| p.planar_distance(&Place { x: goal.x, y: goal.y, ..*p })),
@@ -135,7 +137,7 @@ pub fn end_of_plan(environment: &Environment, tree: &Tree) -> usize {
     }
 }
 
-/// Each gait of a candidate, applied at the start: what [`Traces::gaits`] holds.
+/// Returns a record of each gait of a candidate, executed from the start, as in [`Traces::gaits`].
 ///
 /// # Panics
 /// If the genotype's length does not fit the job.
@@ -144,8 +146,8 @@ pub fn gaits(job: &Job, genotype: &Genotype) -> Vec<GaitTrace> {
     record::gaits(job, genotype, &trial.motions, &mut Counts::default())
 }
 
-/// A candidate's tree as the search scored it, and its best path run three ways: what [`Traces::tree`] and
-/// [`Traces::paths`] hold.
+/// Returns records of a candidate's tree as the search scored it, and of its best path executed in three ways, as in
+/// [`Traces::tree`] and [`Traces::paths`].
 ///
 /// # Panics
 /// If the genotype's length does not fit the job.
@@ -157,7 +159,7 @@ pub fn plan(job: &Job, candidate: &Scored, stop: &dyn Fn() -> bool) -> Result<(T
     Ok((tree, paths))
 }
 
-/// A candidate's trees, with these streams.
+/// Grows a candidate's trees with these streams.
 fn grown(
     job: &Job,
     genotype: &Genotype,

@@ -1,4 +1,4 @@
-//! The winner's gaits, tree and best path, written down.
+//! Records of the winner's gaits, tree and best path.
 
 use super::{GaitTrace, NodeRecord, PathMode, PathTrace, TraceSample, TreeRecord, end_of_plan};
 use crate::base::math::heading;
@@ -9,22 +9,22 @@ use crate::model::Place;
 use crate::physics::{Motion, Outcome};
 use crate::problem::Job;
 
-/// Seconds between two points of a recorded way, unless there are too many of them.
+/// Time between two points of a recorded path, s, unless there are too many points.
 const WAY_STEP: f32 = 1.0;
-/// Points that the ways of a tree have together, or those of a path, but for the ends of each way. With [`MAX_SAMPLES`] it
-/// keeps the largest report within what a worker may deliver.
+/// Greatest number of points of the pivot's paths in a tree together, or in a plan's path, without the ends of each.
+/// With [`MAX_SAMPLES`] it keeps the largest report within the limit of what a worker may deliver.
 const MAX_WAY_POINTS: usize = 50_000;
-/// Samples that all gaits have together.
+/// Greatest number of samples of all gaits together.
 const MAX_SAMPLES: usize = 8000;
 
-/// Seconds between two points of each of so many ways of gaits that take so long, s: whole steps, as many as are needed to
-/// keep to [`MAX_WAY_POINTS`].
+/// Returns the time between two points of each of `ways` paths of gaits that last `duration` s: the least multiple of
+/// [`WAY_STEP`] that keeps to [`MAX_WAY_POINTS`].
 fn way_step(ways: usize, duration: f64) -> f32 {
     let points = ways as f64 * duration / f64::from(WAY_STEP);
     WAY_STEP * (points / MAX_WAY_POINTS as f64).ceil().max(1.0) as f32
 }
 
-/// The trial's first tree.
+/// Records the trial's first tree.
 pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
     let growth = &trial.growths[0];
     let tree = growth.tree();
@@ -48,7 +48,7 @@ pub(super) fn tree(job: &Job, trial: &Trial) -> TreeRecord {
     TreeRecord { nodes: nodes.collect(), best_path: tree.path(end_of_plan(job.environment(), tree)) }
 }
 
-/// Each gait from the start, in the map.
+/// Records each gait from the start, in the map.
 pub(super) fn gaits(job: &Job, genotype: &Genotype, motions: &[Motion], counts: &mut Counts) -> Vec<GaitTrace> {
     let (stage, start) = (Stage::of(job), Standing::at_start(job));
     let executed: Vec<Executed> = motions.iter().map(|motion| execute(&stage, &start, motion, counts)).collect();
@@ -65,12 +65,13 @@ pub(super) fn gaits(job: &Job, genotype: &Genotype, motions: &[Motion], counts: 
     genotype.gaits(motions.len()).zip(motions).zip(&executed).map(trace).collect()
 }
 
-/// Samples of these motions between two that are recorded, so that together they have no more than a report holds.
+/// Returns the number of samples of these motions per recorded sample, so that all recorded samples together keep to
+/// the limit of a report.
 pub fn stride<'a>(executed: impl IntoIterator<Item = &'a Executed>) -> usize {
     executed.into_iter().map(|one| one.rollout.trace.len()).sum::<usize>().div_ceil(MAX_SAMPLES).max(1)
 }
 
-/// A moment of a motion that was carried out, in the map.
+/// Returns a sample of an executed motion, in the map.
 pub fn sample(executed: &Executed, motion: &Motion, i: usize) -> TraceSample {
     let mut commanded = vec![0.0; motion.targets().joints()];
     let time = f64::from(executed.rollout.trace.time(i));
@@ -87,7 +88,7 @@ pub fn sample(executed: &Executed, motion: &Motion, i: usize) -> TraceSample {
     }
 }
 
-/// The path run three ways.
+/// Records the path, executed in three ways.
 pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Counts) -> Vec<PathTrace> {
     let tree = trial.tree();
     let gaits: Vec<usize> = path.iter().filter_map(|&n| tree.nodes[n].edge.map(|e| e.1)).collect();
@@ -130,7 +131,7 @@ pub(super) fn paths(job: &Job, trial: &Trial, path: &[usize], counts: &mut Count
     ]
 }
 
-/// Carries a motion out and counts what it took.
+/// Executes a motion and adds it to the counts.
 fn execute(stage: &Stage<'_>, from: &Standing, motion: &Motion, counts: &mut Counts) -> Executed {
     let executed = stage.execute(from, motion);
     counts.rollouts += 1;
@@ -145,13 +146,13 @@ mod tests {
     use crate::base::limits::{MAX_DURATION, MAX_ITERATIONS};
 
     #[test]
-    fn paths_have_point_a_second_up_to_limit() {
+    fn path_has_one_point_per_second_up_to_limit() {
         assert_eq!((way_step(1, 10.0), way_step(5000, 10.0)), (1.0, 1.0));
         for (ways, duration) in [(5001, 10.0), (20_000, 30.0), (MAX_ITERATIONS as usize + 1, MAX_DURATION)] {
             let step = way_step(ways, duration);
-            assert!(step > 1.0 && step.fract() == 0.0, "{ways} ways of {duration} s: {step} s");
+            assert!(step > 1.0 && step.fract() == 0.0, "{ways} paths of {duration} s: {step} s");
             let points = ways as f64 * (duration / f64::from(step));
-            assert!(points <= MAX_WAY_POINTS as f64, "{ways} ways of {duration} s: {points}");
+            assert!(points <= MAX_WAY_POINTS as f64, "{ways} paths of {duration} s: {points}");
         }
     }
 }

@@ -85,7 +85,7 @@ fn joint_of_little_torque_stalls_where_the_load_equals_it() {
 
 /// A step of 1 rad at 0.8 rad/s is reached after 1.25 s; before that the joint is where speed times time is.
 #[test]
-fn step_is_reached_after_its_angle_by_the_speed() {
+fn greatest_speed_turns_step_into_ramp() {
     let robot = swing(", speed = 0.8");
     for (kind, physics) in engines() {
         for (duration, expected) in [(0.5, 0.4), (1.0, 0.8), (1.25, 1.0), (2.0, 1.0)] {

@@ -247,7 +247,7 @@ fn impossible_results_of_an_evaluation_are_refused() {
     let mut refused: Vec<(Vec<u8>, &str)> = vec![
         (Vec::new(), "it is empty"),
         (vec![7], "its format is 7"),
-        ([&sound[..], &[0]].concat(), "not encoded as its own value is"),
+        ([&sound[..], &[0]].concat(), "it is not canonical"),
         (procedure.task(0), "of another kind"),
         (evaluated(Some(f64::NAN)).encode(), "score NaN is out of range"),
         (evaluated(Some(f64::INFINITY)).encode(), "score inf is out of range"),

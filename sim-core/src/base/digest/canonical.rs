@@ -1,8 +1,8 @@
-//! The canonical encoding behind every digest: a `serde` serializer that writes tagged little-endian bytes.
+//! Canonical encoding behind every digest: a `serde` serializer that writes tagged little-endian bytes.
 
 use serde::ser::{self, Serialize};
 
-/// A value whose structure has no canonical encoding (a sequence of unknown length).
+/// Error for a value without a canonical encoding, such as a sequence of unknown length.
 #[derive(Debug, thiserror::Error)]
 #[error("no canonical encoding: {0}")]
 pub struct Unencodable(String);
@@ -44,7 +44,7 @@ macro_rules! number {
     };
 }
 
-/// All integers are widened, so that a field's width is not part of its identity.
+/// Serializer that widens all integers, so that the width of a field is not part of its identity.
 impl<'a, 'b> ser::Serializer for &'b mut Writer<'a> {
     type Ok = ();
     type Error = Unencodable;
@@ -236,14 +236,14 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_values_can_not_run_into_each_other() {
+    fn neighbouring_values_have_distinct_boundaries() {
         assert_ne!(bytes(&("ab", "c")), bytes(&("a", "bc")));
         assert_ne!(bytes(&(vec![1u8, 2], vec![3u8])), bytes(&(vec![1u8], vec![2u8, 3])));
         assert_ne!(bytes(&Some(0u8)), bytes(&None::<u8>));
     }
 
     #[test]
-    fn numbers_are_told_apart_by_their_bits() {
+    fn numbers_are_encoded_by_bits_not_by_width() {
         assert_ne!(bytes(&0.0f64), bytes(&-0.0f64));
         assert_ne!(bytes(&f64::NAN), bytes(&f64::from_bits(f64::NAN.to_bits() + 1)));
         assert_eq!(bytes(&7u8), bytes(&7u64));

@@ -1,4 +1,4 @@
-//! Actuators: which joints have a motor, and how far their servos go. Kinds and gains are a job's.
+//! Actuators: which joints have a motor, and the ranges of their servos. Kinds and gains of motors come from the job.
 
 use super::defaults::MAIN;
 use super::read::Reader;
@@ -12,7 +12,7 @@ const NEAR: f64 = 1e-3;
 
 impl<'a> Reader<'a> {
     /// Reads the actuators. If there are any, each hinge must have one, and its targets must reach from −90° to 90°. A
-    /// hinge without limits gets them from its servo.
+    /// hinge without limits takes those of its servo.
     pub(super) fn actuators(&mut self, mujoco: Node<'a, 'a>) {
         let mut driven = Vec::new();
         let mut limited = Vec::new();
@@ -22,7 +22,7 @@ impl<'a> Reader<'a> {
             };
             let hinges = self.links.iter().filter_map(|link| link.hinge.as_ref());
             let Some(joint) = hinges.map(|h| h.element).find(|j| j.attribute("name") == Some(name)) else {
-                let reason = format!("its joint \"{name}\" is no hinge of the robot");
+                let reason = format!("joint = \"{name}\" is not a hinge of the robot: name one of its hinges");
                 self.faults.add(foreign(actuator, reason));
                 continue;
             };
@@ -34,7 +34,7 @@ impl<'a> Reader<'a> {
                     limited.push(joint);
                 } else if low > -FRAC_PI_2 + NEAR || high < FRAC_PI_2 - NEAR {
                     let reason = format!(
-                        "its targets go from {:.1}° to {:.1}°: targets here go from -90° to 90°",
+                        "its targets go from {:.1}° to {:.1}°: they must reach from -90° to 90°",
                         low.to_degrees(),
                         high.to_degrees()
                     );
@@ -51,12 +51,13 @@ impl<'a> Reader<'a> {
             return;
         }
         for joint in hinges.iter().filter(passive) {
-            let reason = "it has no actuator while others have: only joints with a motor are allowed";
+            let reason = "it has no actuator, but other hinges have one: give one to every hinge, or to none";
             self.faults.add(foreign(*joint, reason));
         }
     }
 
-    /// The joint angles that a servo's control stands for, rad; none for other motors and for servos without limits.
+    /// Returns the joint angles, rad, between which a servo's control can move. `None` for other motors and for servos
+    /// without limits.
     fn servo_range(&self, actuator: Node<'a, 'a>, joint: Node<'a, 'a>) -> Result<Option<[f64; 2]>, Invalid> {
         let get = |attribute: &str| self.defaults.get(actuator, MAIN, attribute);
         let gear = match get("gear")? {
@@ -65,7 +66,7 @@ impl<'a> Reader<'a> {
         };
         let gear = gear.first().copied().unwrap_or(1.0);
         if gear == 0.0 {
-            return Err(foreign(actuator, "gear = \"0\": it moves nothing"));
+            return Err(foreign(actuator, "gear = \"0\": the actuator has no effect; another gear is needed"));
         }
         let servo = match tag(actuator) {
             "position" => true,
@@ -78,7 +79,7 @@ impl<'a> Reader<'a> {
         if let Some(text) = get("inheritrange")? {
             let [share] = exactly(actuator, "inheritrange", text)?;
             if share > 0.0 && self.unlimited.contains(&joint) {
-                return Err(foreign(actuator, "inheritrange: its joint has no range"));
+                return Err(foreign(actuator, "inheritrange: its joint has no range; give it one, or give ctrlrange instead"));
             }
             if share > 0.0 {
                 return Ok(Some([-FRAC_PI_2 * share, FRAC_PI_2 * share]));

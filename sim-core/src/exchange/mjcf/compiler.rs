@@ -1,4 +1,4 @@
-//! The sections that change how the others are read: `<compiler>` and `<option>`.
+//! The section `<compiler>`, which changes how other sections are read, and the section `<option>`.
 
 use crate::base::error::{Faults, Invalid};
 use crate::exchange::source::{child, exactly, foreign_attribute, keyword, zero};
@@ -10,7 +10,8 @@ pub(super) struct Compiler {
     degrees: bool,
     /// True if a range alone makes a joint or an actuator limited.
     pub autolimits: bool,
-    /// `Some(true)`: masses follow from geoms even where there is `<inertial>`; `Some(false)`: never.
+    /// Source of masses. `Some(true)`: geoms, even where there is `<inertial>`. `Some(false)`: `<inertial>` only.
+    /// `None`: geoms where there is no `<inertial>`.
     pub from_geoms: Option<bool>,
 }
 
@@ -21,12 +22,12 @@ impl Default for Compiler {
 }
 
 impl Compiler {
-    /// An angle as the file writes it, rad.
+    /// Converts an angle as written in the file to rad.
     pub fn radians(&self, angle: f64) -> f64 {
         if self.degrees { angle.to_radians() } else { angle }
     }
 
-    /// Takes in a `<compiler>`.
+    /// Reads the attributes of a `<compiler>`.
     pub fn read(&mut self, compiler: Node, faults: &mut Faults) {
         let word = |name: &str, allowed: &[&str]| {
             compiler.attribute(name).map(|text| keyword(compiler, name, text, allowed)).transpose()
@@ -48,11 +49,11 @@ impl Compiler {
             given
                 .map_or(Ok(()), |text| Err(foreign_attribute(compiler, name, format!("{name} = \"{text}\": {reason}"))))
         };
-        let masses = "it can't be imported: write masses and inertias as they are";
+        let masses = "it can't be imported: write the final masses and inertias";
         let nothing = |text: &str| text.split_whitespace().all(|word| word.parse() == Ok(0.0));
         for refused in [
             refuse("coordinate", "only local is allowed", &|text| text == "local"),
-            refuse("balanceinertia", "only false is allowed: write inertias as they are", &|text| text == "false"),
+            refuse("balanceinertia", "only false is allowed: write the final inertias", &|text| text == "false"),
             refuse("eulerseq", "only xyz is allowed, or quat in place of euler", &|text| text == "xyz"),
             refuse("boundmass", masses, &nothing),
             refuse("boundinertia", masses, &nothing),
@@ -64,22 +65,22 @@ impl Compiler {
     }
 }
 
-/// Refuses an `<option>` with physics that no job here has.
+/// Refuses an `<option>` with physics that no job has.
 pub(super) fn option(option: Node, faults: &mut Faults) {
     for fluid in ["density", "viscosity"] {
-        faults.take(zero(option, fluid, option.attribute(fluid), "robots here move in no fluid"));
+        faults.take(zero(option, fluid, option.attribute(fluid), "evogait simulates no fluid"));
     }
     if let Some(text) = option.attribute("gravity") {
         faults.take(gravity(option, text));
     }
     let Some(flag) = child(option, "flag") else { return };
     for (name, why) in [
-        ("actuation", "joints here have motors"),
-        ("constraint", "joints here have limits and the ground carries"),
-        ("contact", "robots here touch the ground and themselves"),
-        ("filterparent", "bodies that share a joint never touch here"),
-        ("gravity", "everything here has weight: [physics] gravity of a job may be 0"),
-        ("limit", "joints here have limits"),
+        ("actuation", "all joints have motors"),
+        ("constraint", "joints have limits and the ground carries the robot"),
+        ("contact", "robots touch the ground and themselves"),
+        ("filterparent", "bodies that share a joint never touch"),
+        ("gravity", "all bodies have weight, but [physics] gravity of a job may be 0"),
+        ("limit", "all joints have limits"),
     ] {
         let Some(text) = flag.attribute(name) else { continue };
         if let Some("disable") = faults.take(keyword(flag, name, text, &["enable", "disable"])) {
@@ -88,7 +89,7 @@ pub(super) fn option(option: Node, faults: &mut Faults) {
     }
 }
 
-/// The size of gravity is a job's, its direction is down.
+/// Refuses gravity that does not point down. Its size comes from the job.
 fn gravity(option: Node, text: &str) -> Result<(), Invalid> {
     let [x, y, z] = exactly(option, "gravity", text)?;
     if x == 0.0 && y == 0.0 && z <= 0.0 {

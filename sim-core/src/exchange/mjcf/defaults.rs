@@ -1,14 +1,14 @@
-//! Values of attributes that an element does not give: `<default>` classes.
+//! Default values of attributes: the `<default>` classes.
 
 use crate::base::error::Invalid;
 use crate::exchange::source::{children, foreign, foreign_attribute, tag};
 use roxmltree::Node;
 use std::collections::BTreeMap;
 
-/// The class that elements without one belong to.
+/// Class of elements that give none.
 pub(super) const MAIN: &str = "main";
 
-/// Names of actuators; they share one set of defaults, under any of these names.
+/// Tags of actuators. They share one set of defaults, under any of these tags.
 const ACTUATORS: &[&str] = &["general", "motor", "position", "velocity", "intvelocity"];
 
 /// Classes by name: the class around each, and its elements.
@@ -16,13 +16,13 @@ const ACTUATORS: &[&str] = &["general", "motor", "position", "velocity", "intvel
 pub(super) struct Defaults<'a>(BTreeMap<&'a str, (Option<&'a str>, Vec<Node<'a, 'a>>)>);
 
 impl<'a> Defaults<'a> {
-    /// Takes in a `<default>` with all classes in it.
+    /// Reads a `<default>` with all classes in it.
     pub fn read(&mut self, default: Node<'a, 'a>, around: Option<&'a str>) -> Result<(), Invalid> {
         let own = children(default).filter(|c| tag(*c) != "default").collect::<Vec<_>>();
         let name = match (default.attribute("class"), around) {
             (Some(name), Some(_)) => name,
-            (None, Some(_)) => return Err(foreign(default, "it needs a class")),
-            // The outermost class is that of all elements, under any name.
+            (None, Some(_)) => return Err(foreign(default, "it needs the attribute class")),
+            // The outermost class applies to all elements, under any name.
             (called, None) => {
                 if let Some(other) = called.filter(|name| *name != MAIN) {
                     self.0.insert(other, (Some(MAIN), Vec::new()));
@@ -34,10 +34,10 @@ impl<'a> Defaults<'a> {
         children(default).filter(|c| tag(*c) == "default").try_for_each(|inner| self.read(inner, Some(name)))
     }
 
-    /// The class that an element names by an attribute, or else the inherited one.
+    /// Returns the class that an element names by an attribute, or else the inherited class.
     ///
     /// # Errors
-    /// If there is no such class.
+    /// If the class does not exist.
     pub fn class(&self, element: Node<'a, 'a>, attribute: &str, inherited: &'a str) -> Result<&'a str, Invalid> {
         match element.attribute(attribute) {
             Some(class) if class != MAIN && !self.0.contains_key(class) => {
@@ -47,16 +47,16 @@ impl<'a> Defaults<'a> {
         }
     }
 
-    /// An element's attribute: its own, else that of its class, else those of the classes around that.
+    /// Returns an attribute of an element: its own, else that of its class, else that of the classes around it.
     pub fn get(&self, element: Node<'a, 'a>, inherited: &'a str, attribute: &str) -> Result<Option<&'a str>, Invalid> {
         Ok(self.first(element, inherited, &[attribute])?.map(|(_, value)| value))
     }
 
-    /// The first of several attributes that stand for each other, with its name: the element's own, else one of its class,
-    /// else of the classes around that.
+    /// Returns the name and value of the attribute that is given, of several that exclude each other: the element's
+    /// own, else that of its class, else that of the classes around it.
     ///
     /// # Errors
-    /// If one place gives two of them.
+    /// If one element gives two of them.
     pub fn first<'n>(
         &self,
         element: Node<'a, 'a>,
@@ -67,7 +67,7 @@ impl<'a> Defaults<'a> {
             let mut given = attributes.iter().filter_map(|name| Some((*name, node.attribute(*name)?)));
             match (given.next(), given.next()) {
                 (Some((one, _)), Some((other, _))) => {
-                    let reason = format!("both {one} and {other}: one of them is allowed");
+                    let reason = format!("both {one} and {other}: only one of them is allowed");
                     return Err(foreign_attribute(node, other, reason));
                 }
                 (Some(first), None) => return Ok(Some(first)),
@@ -77,12 +77,12 @@ impl<'a> Defaults<'a> {
         Ok(None)
     }
 
-    /// All that is said of an attribute: by the element itself first, then by its class and the classes around that.
+    /// Returns all values of an attribute: of the element first, then of its class and the classes around it.
     pub fn all(&self, element: Node<'a, 'a>, inherited: &'a str, attribute: &str) -> Result<Vec<&'a str>, Invalid> {
         Ok(self.templates(element, inherited)?.into_iter().filter_map(|node| node.attribute(attribute)).collect())
     }
 
-    /// The element, then what stands for its kind in its class and in the classes around that.
+    /// Returns the element, then the defaults for its tag in its class and in the classes around it.
     fn templates(&self, element: Node<'a, 'a>, inherited: &'a str) -> Result<Vec<Node<'a, 'a>>, Invalid> {
         let mut found = vec![element];
         let mut class = self.class(element, "class", inherited)?;

@@ -1,4 +1,4 @@
-//! Geoms: what collides, and mass where a body has no `<inertial>`.
+//! Geoms: shapes that collide, and mass where a body has no `<inertial>`.
 
 use super::read::Reader;
 use crate::base::error::Invalid;
@@ -9,10 +9,10 @@ use nalgebra::{Matrix3, Vector3};
 use roxmltree::Node;
 use std::f64::consts::PI;
 
-/// MuJoCo's density where none is given, kg/mu³.
+/// MuJoCo's default density, kg/mu³.
 const DENSITY: f64 = 1000.0;
 
-/// A geom that a robot here can have.
+/// Geom that can be imported.
 pub(super) struct Geom {
     /// True if it collides.
     pub collides: bool,
@@ -20,7 +20,7 @@ pub(super) struct Geom {
 }
 
 impl<'a> Reader<'a> {
-    /// Returns true if a geom collides; geoms that collide only with some others are refused.
+    /// Returns true if a geom collides. Refuses geoms that collide only with some others.
     pub(super) fn collides(&self, geom: Node<'a, 'a>, class: &'a str) -> Result<bool, Invalid> {
         let bits = |attribute| -> Result<f64, Invalid> {
             let text = self.defaults.get(geom, class, attribute)?.unwrap_or("1");
@@ -39,7 +39,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A geom of a body at `at`; `None` for a geom that is only visual.
+    /// Reads a geom at the frame `at` of its body. Returns `None` for a geom that is only visual.
     pub(super) fn geom(
         &self,
         geom: Node<'a, 'a>,
@@ -57,7 +57,7 @@ impl<'a> Reader<'a> {
         let size = self.size(geom, class)?;
         let line = get("fromto")?.map(|text| exactly::<6>(geom, "fromto", text)).transpose()?;
         if line.is_some() && at.origin != Vector3::zeros() {
-            return Err(foreign(geom, "both pos and fromto, of its own or of its class: one of them is allowed"));
+            return Err(foreign(geom, "both pos and fromto, of its own or of its class: only one of them is allowed"));
         }
         let needs = |n: usize, what: &str| {
             let reason = format!("size has {} numbers: {what}", size.len());
@@ -86,12 +86,12 @@ impl<'a> Reader<'a> {
         if let Solid::Capsule { ends: [a, b], .. } = &solid
             && (b - a).norm() < 1e-6
         {
-            return Err(foreign(geom, "a capsule of length 0: it needs two ends that lie apart"));
+            return Err(foreign(geom, "a capsule of length 0: its ends must differ"));
         }
         Ok(Some(Geom { collides, solid }))
     }
 
-    /// Its size: where an element gives fewer numbers than its class, the class has the rest.
+    /// Returns the size of a geom. Where an element gives fewer numbers than its class, the class gives the rest.
     fn size(&self, geom: Node<'a, 'a>, class: &'a str) -> Result<Vec<f64>, Invalid> {
         let mut size = Vec::new();
         for text in self.defaults.all(geom, class, "size")? {
@@ -106,7 +106,7 @@ impl<'a> Reader<'a> {
         text.map(|text| exactly::<1>(geom, attribute, text).map(|[v]| v)).transpose()
     }
 
-    /// Mass and inertia of a geom, in its body's frame.
+    /// Returns mass and inertia of a geom, in its body's frame.
     pub(super) fn weight(&self, geom: Node<'a, 'a>, class: &'a str, solid: &Solid) -> Result<Lump, Invalid> {
         if let Some(text) = self.defaults.get(geom, class, "shellinertia")?
             && keyword(geom, "shellinertia", text, &["true", "false"])? == "true"

@@ -1,4 +1,4 @@
-//! Joints: the hinge of a body, the free joint of the root.
+//! Joints: the hinge of a body, and the free joint of the root.
 
 use super::read::Reader;
 use crate::base::error::Invalid;
@@ -7,25 +7,25 @@ use crate::exchange::tree::{Frame, Turning};
 use nalgebra::Vector3;
 use roxmltree::Node;
 
-/// Why passive forces in joints are refused.
-const PASSIVE: &str = "joints have nothing but the motors of a job";
+/// Reason to refuse passive forces in joints.
+const PASSIVE: &str = "joints have no passive forces, only the motors of a job";
 
-/// A joint with the class and the frame that it stands in.
+/// Joint with its class and the frame around it.
 pub(super) type Found<'a> = (Node<'a, 'a>, &'a str, Frame);
 
 impl<'a> Reader<'a> {
-    /// The hinge among the joints of a body. The root has a free joint instead; a body without any is part of its parent.
-    /// `name`: the body's, for a joint without one.
+    /// Reads the hinge among the joints of a body. The root has a free joint instead. A body without a joint is part of
+    /// its parent.
     pub(super) fn hinge(&mut self, body: Node<'a, 'a>, joints: &[Found<'a>], root: bool) -> Option<Turning<'a>> {
         let &(joint, class, frame) = match joints {
             [] if root => {
-                self.faults.add(foreign(body, "the root needs <freejoint/>: robots here are fixed to nothing"));
+                self.faults.add(foreign(body, "the root needs <freejoint/>: a robot must be free to move"));
                 return None;
             }
             [] => return None,
             [joint] => joint,
             [_, (second, ..), ..] => {
-                let reason = "a second joint of one body: only one hinge is allowed; put a body between";
+                let reason = "a second joint of one body: only one hinge is allowed; put a body between them";
                 self.faults.add(foreign(*second, reason));
                 return None;
             }
@@ -51,7 +51,7 @@ impl<'a> Reader<'a> {
         let limits = self.limits(joint, class);
         if let Some(limits) = self.faults.take(limits) {
             match limits {
-                // Its servo may have some.
+                // Its servo may have limits.
                 None => self.unlimited.push(joint),
                 limits => drop(self.faults.take(quarter_turns(joint, limits))),
             }
@@ -76,12 +76,12 @@ impl<'a> Reader<'a> {
             self.faults.take(none);
         }
         let reference = self.defaults.get(joint, class, "ref");
-        let why = "all joints stand at 0 in the neutral configuration";
+        let why = "all joints are at 0 in the neutral configuration";
         let none = reference.and_then(|given| zero(joint, "ref", given, why));
         self.faults.take(none);
     }
 
-    /// Its range, rad, if it has limits.
+    /// Returns the joint's range, rad, if it has limits.
     fn limits(&self, joint: Node<'a, 'a>, class: &'a str) -> Result<Option<[f64; 2]>, Invalid> {
         let range = self.defaults.get(joint, class, "range")?;
         let range = range.map(|text| exactly::<2>(joint, "range", text)).transpose()?;

@@ -1,4 +1,4 @@
-//! Places and orientations: `pos`, and one of five spellings.
+//! Poses of elements: `pos`, and one of five attributes for the orientation.
 
 use super::compiler::Compiler;
 use super::defaults::Defaults;
@@ -8,10 +8,10 @@ use crate::exchange::tree::Frame;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
-/// The spellings of an orientation. A spelling of an element replaces any spelling of its class.
+/// Attributes for an orientation. One that an element gives replaces any that its class gives.
 pub(super) const SPELLINGS: [&str; 5] = ["quat", "euler", "axisangle", "xyaxes", "zaxis"];
 
-/// Reads the frame of an element in the one around it. Only geoms have defaults.
+/// Reads the pose of an element relative to the element around it. Only geoms have defaults.
 pub(super) fn place<'a>(
     element: Node<'a, 'a>,
     class: &'a str,
@@ -47,7 +47,7 @@ fn orientation(element: Node, spelling: &str, text: &str, compiler: &Compiler) -
             let y = Vector3::new(y0, y1, y2);
             let y = (y - x * x.dot(&y)).normalize();
             if !(x.sum() + y.sum()).is_finite() {
-                let reason = "xyaxes: two directions that are not the same are needed";
+                let reason = "xyaxes: two directions that are not parallel are needed";
                 return Err(foreign_attribute(element, spelling, reason));
             }
             let matrix = Matrix3::from_columns(&[x, y, x.cross(&y)]);
@@ -56,14 +56,14 @@ fn orientation(element: Node, spelling: &str, text: &str, compiler: &Compiler) -
         _ => {
             let z = Vector3::from(exactly::<3>(element, spelling, text)?).normalize();
             if !z.sum().is_finite() {
-                return Err(foreign_attribute(element, spelling, "an axis has a direction: not all of it can be 0"));
+                return Err(foreign_attribute(element, spelling, "the axis has no direction: its length must not be 0"));
             }
             shortest_from_z(element, z)
         }
     }
 }
 
-/// The shortest turn from (0, 0, 1) to a unit vector: 1 + cos, and the cross product.
+/// Returns the shortest rotation from (0, 0, 1) to a unit vector: the quaternion of 1 + cos and the cross product.
 pub(super) fn shortest_from_z(element: Node, to: Vector3<f64>) -> Result<UnitQuaternion<f64>, Invalid> {
     match to.z > -1.0 + 1e-12 {
         true => rotation(element, [1.0 + to.z, -to.y, to.x, 0.0]),

@@ -1,4 +1,4 @@
-//! MJCF to robot files.
+//! Reader from MJCF to robot files.
 
 use super::compiler::{Compiler, option};
 use super::defaults::{Defaults, MAIN};
@@ -15,7 +15,7 @@ use crate::model::rigid::{Lump, symmetric};
 use nalgebra::Matrix3;
 use roxmltree::Node;
 
-/// A document that is being read.
+/// State of a document that is being read.
 pub(super) struct Reader<'a> {
     pub(super) defaults: Defaults<'a>,
     pub(super) compiler: Compiler,
@@ -23,7 +23,7 @@ pub(super) struct Reader<'a> {
     /// Hinges without limits of their own.
     pub(super) unlimited: Vec<Node<'a, 'a>>,
     pub(super) faults: Faults,
-    /// Heights of the planes that are the ground, mu.
+    /// Heights of the planes that form the ground, mu.
     ground: Vec<f64>,
 }
 
@@ -51,7 +51,7 @@ pub(in crate::exchange) fn read<'a>(mujoco: Node<'a, 'a>, unit: f64) -> Result<I
         reader.world(world, MAIN, Frame::none());
     }
     if reader.links.is_empty() {
-        reader.faults.add(foreign(mujoco, "it has no body in <worldbody>"));
+        reader.faults.add(foreign(mujoco, "there is no body in <worldbody>: a robot is needed"));
     } else if reader.links.iter().all(|link| link.solids.is_empty()) && reader.faults.is_empty() {
         let reason =
             "no <geom> of the robot collides: one of type box or capsule with contype and conaffinity 1 is needed";
@@ -62,12 +62,12 @@ pub(in crate::exchange) fn read<'a>(mujoco: Node<'a, 'a>, unit: f64) -> Result<I
     let tree = grow(&names, "MJCF", &reader.links, &mut reader.faults);
     reader.exclusions(mujoco, &tree);
     let ground = reader.ground.first().filter(|height| **height != 0.0);
-    let ground = ground.map(|height| format!("the ground lies at z = {height}: robots are set on the ground of a job"));
+    let ground = ground.map(|height| format!("the ground of the file is at z = {height}: a job sets robots on its own ground"));
     finish(tree, unit, reader.faults, [passed.note(), names.note, ground].into_iter().flatten())
 }
 
 impl<'a> Reader<'a> {
-    /// Reads the content of the world: the ground, and one robot.
+    /// Reads the content of the world: the ground and one robot.
     fn world(&mut self, around: Node<'a, 'a>, class: &'a str, frame: Frame) {
         for element in children(around) {
             if self.faults.is_full() {
@@ -85,14 +85,14 @@ impl<'a> Reader<'a> {
                 }
                 "body" if self.links.is_empty() => self.body(element, None, class, &frame),
                 "body" => {
-                    self.faults.add(foreign(element, "a second robot: only one body may stand in <worldbody>"));
+                    self.faults.add(foreign(element, "a second robot: only one body is allowed in <worldbody>"));
                 }
                 _ => {}
             }
         }
     }
 
-    /// Class and frame of what stands in an element.
+    /// Returns the class and the frame for the content of an element.
     fn inner(&mut self, element: Node<'a, 'a>, class: &'a str, frame: &Frame) -> (&'a str, Frame) {
         let own = self.faults.take(self.defaults.class(element, "childclass", class)).unwrap_or(class);
         let at = self.place(element, own).unwrap_or(Frame::none());
@@ -112,7 +112,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The one thing that may stand in the world: flat ground, which is always there.
+    /// Reads a geom of the world. Only level ground, which every job has, may collide. Returns `None` for a refused
+    /// geom.
     fn ground(&mut self, geom: Node<'a, 'a>, class: &'a str, frame: &Frame) -> Option<()> {
         if !self.faults.take(self.collides(geom, class))? {
             return Some(());
@@ -136,21 +137,21 @@ impl<'a> Reader<'a> {
         self.faults.take(found)
     }
 
-    /// Reads a body with all that it carries. `around`: the frame that it stands in.
+    /// Reads a body with all that it carries. `around` is the frame around it.
     fn body(&mut self, body: Node<'a, 'a>, parent: Option<usize>, inherited: &'a str, around: &Frame) {
         if self.links.len() > MAX_LINKS {
             return; // refused already
         }
         if self.links.len() == MAX_LINKS {
-            self.faults.add(foreign(body, format!("there are more than {MAX_LINKS} bodies: that many are allowed")));
+            self.faults.add(foreign(body, format!("there are too many bodies: at most {MAX_LINKS} are allowed")));
         }
         if let Some(text) = body.attribute("mocap") {
             let mocap = self.faults.take(keyword(body, "mocap", text, &["true", "false"]));
             if mocap == Some("true") {
-                self.faults.add(foreign(body, "mocap = \"true\": bodies that others move can't be imported"));
+                self.faults.add(foreign(body, "mocap = \"true\": bodies that are moved from outside can't be imported"));
             }
         }
-        self.faults.take(zero(body, "gravcomp", body.attribute("gravcomp"), "gravity pulls everything"));
+        self.faults.take(zero(body, "gravcomp", body.attribute("gravcomp"), "gravity acts on every body"));
         let (class, frame) = self.inner(body, inherited, around);
         let index = self.links.len();
         self.links.push(Link { parent, frame, ..Link::new(body) });
@@ -162,9 +163,10 @@ impl<'a> Reader<'a> {
         self.content(body, index, weighs, class, &Frame::none(), &mut found);
         self.links[index].hinge = self.hinge(body, &found.joints, parent.is_none());
         if let [_, second, ..] = found.inertials[..] {
-            self.faults.add(foreign(second.0, "a second <inertial> of one body: one is allowed"));
+            self.faults.add(foreign(second.0, "a second <inertial> of one body: only one is allowed"));
         }
-        // Massless geoms add nothing: without them one lump keeps its bits. Where none has mass, the inertial counts.
+        // Lumps without mass are removed, so that a single lump keeps its bits. If no geom has mass, `<inertial>`
+        // counts.
         self.links[index].lumps.retain(|lump| lump.mass != 0.0);
         if let Some((inertial, frame)) = found.inertials.first()
             && self.links[index].lumps.is_empty()
@@ -177,7 +179,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads the content of a body, directly or in frames.
+    /// Reads the content of a body, including that of its frames.
     fn content(
         &mut self,
         around: Node<'a, 'a>,
@@ -208,7 +210,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Adds a geom to its link.
+    /// Adds a geom to its link. Returns `None` for a refused geom.
     fn part(&mut self, geom: Node<'a, 'a>, index: usize, weighs: bool, class: &'a str, frame: &Frame) -> Option<()> {
         let at = self.place(geom, class)?;
         let Some(found) = self.faults.take(self.geom(geom, class, at, weighs))? else { return Some(()) };
@@ -231,12 +233,12 @@ impl<'a> Reader<'a> {
             let [mass] = exactly(inertial, "mass", required(inertial, "mass")?)?;
             let moments = match (inertial.attribute("fullinertia"), inertial.attribute("diaginertia")) {
                 (Some(_), Some(_)) => {
-                    return Err(foreign(inertial, "both fullinertia and diaginertia: one of them is allowed"));
+                    return Err(foreign(inertial, "both fullinertia and diaginertia: only one of them is allowed"));
                 }
                 (Some(_), None) if turned => {
                     return Err(foreign(
                         inertial,
-                        "fullinertia with an orientation: turn the matrix, or give diaginertia",
+                        "fullinertia with an orientation: rotate the matrix, or give diaginertia",
                     ));
                 }
                 (Some(full), None) => exactly::<6>(inertial, "fullinertia", full)?,
@@ -256,7 +258,7 @@ impl<'a> Reader<'a> {
         self.faults.take(read())
     }
 
-    /// Bodies that share a joint never touch here, all others do.
+    /// Refuses exclusions between bodies without a common joint. Bodies with a common joint never touch; all others do.
     fn exclusions(&mut self, mujoco: Node<'a, 'a>, tree: &Tree) {
         for entry in children(mujoco).filter(|s| tag(*s) == "contact").flat_map(children) {
             if tag(entry) != "exclude" {
@@ -265,20 +267,20 @@ impl<'a> Reader<'a> {
             let find = |attribute| {
                 let wanted = required(entry, attribute)?;
                 let found = self.links.iter().position(|l| l.name.as_deref() == Some(wanted));
-                found.ok_or_else(|| foreign(entry, format!("{attribute} = \"{wanted}\" names no body of the robot")))
+                found.ok_or_else(|| foreign(entry, format!("{attribute} = \"{wanted}\" is not a body of the robot")))
             };
             let ends = find("body1").and_then(|first| Ok((first, find("body2")?)));
             if let Some((first, second)) = self.faults.take(ends)
                 && !tree.neighbours(first, second)
             {
-                let reason = "only bodies that share a joint may pass through each other: all others touch here";
+                let reason = "only bodies that share a joint can be excluded: all others touch each other";
                 self.faults.add(foreign(entry, reason));
             }
         }
     }
 }
 
-/// Joints and inertials of a body, directly or in frames.
+/// Joints and inertials of a body, including those in its frames.
 #[derive(Default)]
 struct Content<'a> {
     joints: Vec<Found<'a>>,

@@ -1,4 +1,4 @@
-//! Every element and attribute of MJCF that can be imported or passed over.
+//! Schema of MJCF: every element and attribute that is imported, ignored, or refused with a reason.
 //!
 //! The names are those that MuJoCo 4.0.1 prints as its schema (`mj_printSchema`), and a few of older versions.
 
@@ -24,11 +24,11 @@ pub(super) static MUJOCO: Rule = Rule {
         Child::Passed("custom"),
         Child::Passed("keyframe"),
         Child::Passed("sensor"),
-        Child::Empty("equality", "constraints beside hinges, and so closed loops, can't be imported"),
+        Child::Empty("equality", "constraints other than hinges, such as closed loops, can't be imported"),
         Child::Empty("tendon", "tendons can't be imported"),
-        Child::Empty("deformable", "deformable things can't be imported"),
+        Child::Empty("deformable", "deformable bodies can't be imported"),
         Child::Empty("extension", "plugins can't be imported"),
-        Child::Refused("include", "files of several parts can't be imported: put all in one file"),
+        Child::Refused("include", "included files can't be imported: put everything into one file"),
     ],
 };
 
@@ -104,7 +104,7 @@ static OPTION: Rule = Rule {
     children: &[Child::Once(&FLAG)],
 };
 
-/// Those that are read switch something off that every job here has.
+/// The flags in `read` switch off physics that every job has.
 static FLAG: Rule = Rule {
     tag: "flag",
     read: &["actuation", "constraint", "contact", "filterparent", "gravity", "limit"],
@@ -172,11 +172,11 @@ static DEFAULT: Rule = Rule {
 };
 
 const COMPOSITE: Child = Child::Refused("composite", "composites can't be imported: write their bodies one by one");
-const REPLICATE: Child = Child::Refused("replicate", "copies can't be imported: write them one by one");
-const ATTACH: Child = Child::Refused("attach", "other models can't be attached: put all in one file");
-const FLEX: Child = Child::Refused("flexcomp", "deformable things can't be imported");
+const REPLICATE: Child = Child::Refused("replicate", "replicated bodies can't be imported: write them one by one");
+const ATTACH: Child = Child::Refused("attach", "other models can't be attached: put everything into one file");
+const FLEX: Child = Child::Refused("flexcomp", "deformable bodies can't be imported");
 const PLUGIN: Child = Child::Refused("plugin", "plugins can't be imported");
-const INCLUDE: Child = Child::Refused("include", "files of several parts can't be imported: put all in one file");
+const INCLUDE: Child = Child::Refused("include", "included files can't be imported: put everything into one file");
 
 static WORLDBODY: Rule = Rule {
     tag: "worldbody",
@@ -198,7 +198,7 @@ static WORLDBODY: Rule = Rule {
     ],
 };
 
-/// Stands in bodies, directly or in frames.
+/// Content of bodies, directly or in frames.
 static IN_BODY: [Child; 14] = [
     Child::Once(&INERTIAL),
     Child::Many(&JOINT),
@@ -329,7 +329,7 @@ static CONTACT: Rule = Rule {
     refused: &[],
     children: &[
         Child::Many(&EXCLUDE),
-        Child::Refused("pair", "contacts of chosen pairs can't be imported: all bodies touch each other here"),
+        Child::Refused("pair", "contacts of single pairs can't be imported: all bodies without a common joint touch"),
     ],
 };
 
@@ -361,7 +361,8 @@ static ACTUATOR: Rule = Rule {
 const NOT_A_JOINT: &str = "only actuators of joints can be imported";
 const NO_SERVO: &str = "this actuator can't be imported: allowed are position, velocity, motor, general, intvelocity";
 
-/// Rule of an actuator of joints, with the attributes that all share. Gains and limits of force are a job's.
+/// Defines the rule of an actuator of joints, with the attributes that all of them share. Gains and force limits come
+/// from the job.
 macro_rules! actuator {
     ($name:ident: $tag:literal, read: [$($read:literal),*], passed: [$($passed:literal),*]) => {
         static $name: Rule = Rule {

@@ -1,22 +1,22 @@
-//! Robots to MJCF.
+//! Writer from robots to MJCF.
 
 use crate::base::math::{Pose, Rotation};
 use crate::exchange::xml::{Attribute, Writer, quaternion, triple};
 use crate::model::{Body, Robot};
 use crate::physics::Physics;
 
-/// A step that keeps the gaits of the robots that ship at scale `paper`, s.
+/// Time step at which the robots that ship keep their gaits at scale `paper`, s.
 const TIMESTEP: f32 = 0.005;
-/// MuJoCo's own time constant of contacts and limits, s.
+/// MuJoCo's default time constant of contacts and limits, s.
 const CONTACT_TIME: f32 = 0.02;
-/// The gravity that both are meant for, mu/s².
+/// Gravity that both times are meant for, mu/s².
 const USUAL_GRAVITY: f32 = 9.81;
-/// Friction against twisting (mu) and rolling (mu): MuJoCo's own, without effect on contacts of three dimensions.
+/// Friction against twisting (mu) and rolling (mu): MuJoCo's defaults, without effect on contacts of three dimensions.
 const OTHER_FRICTION: &str = "0.005 0.0001";
 
-/// A robot on flat ground in its neutral configuration, its lowest corner on the ground.
+/// Writes a robot on flat ground in its neutral configuration, with its lowest corner on the ground.
 pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
-    // A robot that is smaller moves faster: everything that takes time shrinks with the time of a fall over 1 mu.
+    // A smaller robot moves faster: all times shrink with the time of a fall over 1 mu.
     let pace = (USUAL_GRAVITY / physics.gravity).sqrt().min(1.0);
     let contact = format!("{} 1", CONTACT_TIME * pace);
     let friction = format!("{} {OTHER_FRICTION}", physics.friction);
@@ -74,7 +74,7 @@ pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
     xml.finish()
 }
 
-/// A body and all that it carries.
+/// Writes a body and all that it carries.
 fn body(xml: &mut Writer, robot: &Robot, index: usize, place: &[Attribute], surface: &impl Fn() -> [Attribute; 2]) {
     let body = &robot.bodies[index];
     xml.open("body", &[&[("name", body.name.clone())], place].concat());
@@ -115,7 +115,7 @@ fn placed(pose: &Pose) -> Vec<Attribute> {
     place
 }
 
-/// About the centre of mass, in the body's axes.
+/// Returns the inertial attributes of a body, about the centre of mass and in the body's axes.
 fn inertial(body: &Body) -> [Attribute; 3] {
     let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = body.inertia;
     [

@@ -1,4 +1,4 @@
-//! URDF to robot files.
+//! Reader from URDF to robot files.
 
 use super::schema::ROBOT;
 use crate::base::error::{Faults, Invalid};
@@ -19,7 +19,7 @@ pub(in crate::exchange) fn read<'a>(robot: Node<'a, 'a>, unit: f64) -> Result<Im
     let (links, joints) = (of("link"), of("joint"));
     for (what, elements) in [("links", &links), ("joints", &joints)] {
         if let Some(first) = elements.get(MAX_LINKS) {
-            return Err(foreign(*first, format!("there are more than {MAX_LINKS} {what}: that many are allowed")));
+            return Err(foreign(*first, format!("there are too many {what}: at most {MAX_LINKS} are allowed")));
         }
     }
     for element in links.iter().chain(&joints) {
@@ -47,7 +47,7 @@ pub(in crate::exchange) fn read<'a>(robot: Node<'a, 'a>, unit: f64) -> Result<Im
         .collect();
     if faults.is_empty() && found.iter().all(|link| link.solids.is_empty()) {
         let reason =
-            "no link has a <collision> with a <box> or <capsule>: what is only to be seen (<visual>) touches nothing";
+            "no link has a <collision> with a <box> or <capsule>: shapes in <visual> do not collide";
         faults.add(foreign(robot, reason));
     }
     let names = names::adopt(robot.attribute("name"), &found, &mut faults);
@@ -55,10 +55,10 @@ pub(in crate::exchange) fn read<'a>(robot: Node<'a, 'a>, unit: f64) -> Result<Im
     finish(tree, unit, faults, [passed.note(), names.note].into_iter().flatten())
 }
 
-/// A link's element; what carries it, as an index into the same list, and by which joint.
+/// Element of a link, with the index of its carrier in the same list and the joint between them.
 type Ordered<'a> = (Node<'a, 'a>, Option<(usize, Node<'a, 'a>)>);
 
-/// All links breadth first from the root, joints in the order of the file.
+/// Returns all links breadth first from the root, with joints in the order of the file.
 fn order<'a>(
     robot: Node<'a, 'a>,
     links: &[Node<'a, 'a>],
@@ -69,21 +69,21 @@ fn order<'a>(
     for (i, link) in links.iter().enumerate() {
         if let Some(first) = names[..i].iter().position(|name| !name.is_empty() && *name == names[i]) {
             let line = links[first].document().text_pos_at(links[first].range().start).row;
-            faults.add(foreign(*link, format!("the name \"{}\" is used twice, first in line {line}", names[i])));
+            faults.add(foreign(*link, format!("the name \"{}\" is used twice, first in line {line}: names must be unique", names[i])));
         }
     }
-    // The joints with both ends found: parent, child, joint.
+    // Joints with both ends found: (parent, child, joint).
     let mut ends: Vec<(usize, usize, Node)> = Vec::new();
     for joint in joints {
         let end = |which: &str| {
             let link = child(*joint, which).and_then(|e| e.attribute("link")).unwrap_or_default();
             names.iter().position(|n| *n == link).ok_or_else(|| {
-                foreign(*joint, format!("its {which} link is \"{link}\", which does not exist: {}", names.join(", ")))
+                foreign(*joint, format!("its {which} link is \"{link}\", which does not exist: the links are {}", names.join(", ")))
             })
         };
         let (Some(parent), Some(child)) = (faults.take(end("parent")), faults.take(end("child"))) else { continue };
         if ends.iter().any(|(_, other, _)| *other == child) {
-            let reason = format!("link \"{}\" is carried twice: loops can't be imported, only trees", names[child]);
+            let reason = format!("link \"{}\" is the child of two joints: only trees can be imported", names[child]);
             faults.add(foreign(*joint, reason));
             continue;
         }
@@ -93,9 +93,9 @@ fn order<'a>(
     if free.len() != 1 && faults.is_empty() {
         let told: Vec<&str> = free.iter().map(|f| names[*f]).collect();
         let told = if told.is_empty() { "none: the joints form a loop".to_owned() } else { told.join(", ") };
-        faults.add(foreign(robot, format!("exactly one link is the root, which no joint carries; here {told}")));
+        faults.add(foreign(robot, format!("exactly one link must be the root, which is no joint's child; found {told}")));
     }
-    // Every link is read, so that all faults are found, but for those on a loop.
+    // All links except those on a loop are read, so that all faults are found.
     let mut order: Vec<usize> = free.clone();
     let mut found: Vec<Ordered> = free.iter().map(|&root| (links[root], None)).collect();
     let mut at = 0;
@@ -108,12 +108,12 @@ fn order<'a>(
         at += 1;
     }
     if let Some(lost) = (0..links.len()).find(|l| !order.contains(l)).filter(|_| faults.is_empty()) {
-        faults.add(foreign(links[lost], "it hangs on a loop of joints: only trees can be imported"));
+        faults.add(foreign(links[lost], "it is on a loop of joints, or carried by one: only trees can be imported"));
     }
     found
 }
 
-/// The hinge of a joint; none for a fixed joint.
+/// Reads the hinge of a joint; `None` for a fixed joint.
 fn hinge<'a>(joint: Node<'a, 'a>, faults: &mut Faults) -> Option<Turning<'a>> {
     match joint.attribute("type") {
         Some("fixed") => return None,
@@ -125,7 +125,7 @@ fn hinge<'a>(joint: Node<'a, 'a>, faults: &mut Faults) -> Option<Turning<'a>> {
     }
     if let Some(dynamics) = child(joint, "dynamics") {
         for attribute in ["damping", "friction"] {
-            let why = "a job's motors have damping of their own";
+            let why = "joints have no passive forces, only the motors of a job";
             faults.take(zero(dynamics, attribute, dynamics.attribute(attribute), why));
         }
     }
@@ -147,7 +147,7 @@ fn limits(joint: Node) -> Result<(), Invalid> {
     quarter_turns(joint, Some([end("lower")?, end("upper")?]))
 }
 
-/// The `<origin>` of an element: xyz, and rotations about the fixed x, y and z axes.
+/// Reads the `<origin>` of an element: xyz, and rotations about the fixed x, y and z axes.
 fn origin(of: Node) -> Result<Frame, Invalid> {
     let Some(origin) = child(of, "origin") else { return Ok(Frame::none()) };
     let triple = |attribute| exactly::<3>(origin, attribute, origin.attribute(attribute).unwrap_or("0 0 0"));
@@ -172,7 +172,7 @@ fn lump(inertial: Node) -> Result<Lump, Invalid> {
     Ok(Lump { mass: value("mass", "value")?, center: at.origin, inertia })
 }
 
-/// A shape; none where the schema has refused it.
+/// Reads a shape; `None` if the schema has refused it.
 fn solid(collision: Node) -> Result<Option<Solid>, Invalid> {
     let geometry = child(collision, "geometry").ok_or_else(|| foreign(collision, "it needs <geometry>"))?;
     let mut shapes = children(geometry);

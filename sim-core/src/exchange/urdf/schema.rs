@@ -1,5 +1,5 @@
-//! Every element and attribute of URDF that can be imported or passed over: the published specification, and the
-//! extensions that common tools write.
+//! Schema of URDF: every element and attribute that is imported, ignored, or refused with a reason. It covers the
+//! published specification and the extensions that common tools write.
 
 use crate::exchange::schema::{Child, Rule};
 
@@ -48,7 +48,7 @@ static INERTIA: Rule = rule("inertia", &["ixx", "iyy", "izz", "ixy", "ixz", "iyz
 static INERTIAL: Rule = rule("inertial", &[], &[Child::Once(&ORIGIN), Child::Once(&MASS), Child::Once(&INERTIA)]);
 static COLLISION: Rule = rule("collision", &["name"], &[Child::Once(&ORIGIN), Child::Once(&GEOMETRY)]);
 
-const SHAPE: &str = "only box and capsule are allowed as shapes that collide";
+const SHAPE: &str = "only box and capsule are allowed as collision shapes";
 
 static GEOMETRY: Rule = rule(
     "geometry",
@@ -76,7 +76,7 @@ static JOINT: Rule = rule(
         Child::Once(&DYNAMICS),
         Child::Passed("calibration"),
         Child::Passed("safety_controller"),
-        Child::Refused("mimic", "it mimics another joint: only joints with a motor of their own are allowed"),
+        Child::Refused("mimic", "it mimics another joint: every joint needs its own motor"),
     ],
 );
 static PARENT: Rule = rule("parent", &["link"], &[]);

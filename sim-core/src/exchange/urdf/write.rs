@@ -1,14 +1,14 @@
-//! Robots to URDF.
+//! Writer from robots to URDF.
 
 use crate::base::math::{Rotation, Vector};
 use crate::exchange::xml::{Attribute, Writer, triple};
 use crate::model::{Body, Robot};
 use crate::physics::Physics;
 
-/// URDF demands a greatest speed of each joint, rad/s. This one stands for none: more than a motor ever reaches.
+/// Speed limit of a joint without one, rad/s. URDF requires a limit; no motor reaches this one.
 const VELOCITY: f32 = 1000.0;
 
-/// The robot in its neutral configuration; the root link is the pivot's body.
+/// Writes the robot in its neutral configuration. The root link is the pivot's body.
 pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
     let mut xml = Writer::new();
     xml.comment(&format!(
@@ -50,7 +50,7 @@ fn link(xml: &mut Writer, body: &Body) {
     let moments = [("ixx", xx), ("ixy", xy), ("ixz", xz), ("iyy", yy), ("iyz", yz), ("izz", zz)];
     xml.leaf("inertia", &moments.map(|(name, moment)| (name, moment.to_string())));
     xml.close();
-    // What is seen is what collides.
+    // Visual and collision shapes are the same.
     for purpose in ["visual", "collision"] {
         for part in &body.boxes {
             xml.open(purpose, &[]);
@@ -63,7 +63,7 @@ fn link(xml: &mut Writer, body: &Body) {
         for part in &body.capsules {
             let [a, b] = part.ends;
             let (along, length) = ((b - a).normalize(), (b - a).length());
-            // The shortest turn from z; a capsule may be turned end for end.
+            // The shortest rotation from z. A capsule may be turned end for end.
             let along = if along.z < 0.0 { -along } else { along };
             let turn = Rotation::from_xyzw(-along.y, along.x, 0.0, 1.0 + along.z).normalize();
             xml.open(purpose, &[]);
@@ -78,11 +78,11 @@ fn link(xml: &mut Writer, body: &Body) {
 }
 
 fn origin(at: Vector, rotation: Rotation) -> [Attribute; 2] {
-    let [roll, pitch, yaw] = roll_pitch_yaw(rotation).map(|angle| angle + 0.0); // no "-0"
+    let [roll, pitch, yaw] = roll_pitch_yaw(rotation).map(|angle| angle + 0.0); // avoids "-0"
     [("xyz", triple(at)), ("rpy", format!("{roll} {pitch} {yaw}"))]
 }
 
-/// Rotations about the fixed x, then y, then z axis, rad.
+/// Returns the rotations about the fixed x, then y, then z axis, rad.
 fn roll_pitch_yaw(rotation: Rotation) -> [f64; 3] {
     if rotation == Rotation::IDENTITY {
         return [0.0; 3];
@@ -96,7 +96,7 @@ fn roll_pitch_yaw(rotation: Rotation) -> [f64; 3] {
     let flat = (r00 * r00 + r10 * r10).sqrt();
     let pitch = libm::atan2(-r20, flat);
     if flat < 1e-7 {
-        // At a pitch of ±90° roll and yaw turn about the same axis: all of the turn is written as roll.
+        // At a pitch of ±90° roll and yaw turn about the same axis: the whole turn is written as roll.
         let (r01, r11) = (2.0 * (x * y - z * w), 1.0 - 2.0 * (x * x + z * z));
         return [libm::atan2(if pitch > 0.0 { r01 } else { -r01 }, r11), pitch, 0.0];
     }
@@ -109,7 +109,7 @@ mod tests {
     use crate::base::math::{about, angle_between};
 
     #[test]
-    fn roll_pitch_and_yaw_give_the_rotation_again() {
+    fn roll_pitch_yaw_reproduce_the_rotation() {
         let turns = [-3.0f32, -1.5707964, -0.4, 0.0, 0.7, 1.5707964, 3.1];
         for (roll, pitch, yaw) in turns.iter().flat_map(|r| turns.iter().flat_map(move |p| turns.map(|y| (*r, *p, y))))
         {

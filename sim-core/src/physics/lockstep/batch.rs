@@ -1,4 +1,4 @@
-//! Lanes filled with rollouts, and their outcomes taken out.
+//! Batches: rollouts are assigned to lanes, and their outcomes are read out.
 
 use super::contact::Surface;
 use super::kinematics::{Motion, Spatial, Velocity};
@@ -10,8 +10,8 @@ use crate::model::{State, Twist, Velocities};
 use crate::physics::{Bound, Course, Effort, Outcome, Physics, Request, Rollout, Trace, sample_every, spans};
 use fearless_simd::prelude::*;
 
-/// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length do not share lanes.
-/// `stop` is called before every step; once it returns true, there is no result.
+/// Simulates a batch, as many rollouts at once as there are lanes. Rollouts of different length are not simulated
+/// together. `stop` is called before every step; once it returns true, the result is `None`.
 #[inline(always)]
 pub(super) fn run<S: Simd, G: Surface<S>>(
     simd: S,
@@ -40,19 +40,19 @@ pub(super) fn run<S: Simd, G: Surface<S>>(
     Some(rollouts.into_iter().map(|r| r.expect("every request was in a group")).collect())
 }
 
-/// A lane's rollout on its way.
+/// Rollout of a lane in progress.
 struct Lane {
     trace: Trace,
     boxes: Vec<(Vector, Vector)>,
     /// Velocities at the last sample of the trace.
     velocities: Velocities,
-    /// The first bound that it exceeded, and the step at the end of which it did.
+    /// First exceeded bound, and the step at the end of which it was exceeded.
     broken: Option<(u32, Bound)>,
-    /// Work of its motors until then; 0 if it left none.
+    /// Work of the motors until then; 0 if no bound is exceeded.
     effort: Effort,
 }
 
-/// Simulates up to a lane each, all of the same number of steps.
+/// Simulates up to one rollout per lane, all of the same number of steps.
 #[inline(always)]
 fn roll<S: Simd, G: Surface<S>>(
     simd: S,
@@ -98,7 +98,7 @@ fn roll<S: Simd, G: Surface<S>>(
             }
             stepper.step(&mut motion, &targets);
         }
-        // What is checked here is the motion at the end of step `done`.
+        // Checks the motion after `done` steps.
         speeds = stepper.extremes.0;
         check(simd, model, done, stepper, &mut ledger, &mut lanes);
         if done < steps {
@@ -116,7 +116,7 @@ fn roll<S: Simd, G: Surface<S>>(
                 (Outcome::Unstable { time: (f64::from(step) / f64::from(rate)) as f32, bound }, step)
             }
         };
-        // The last sound moment that was sampled.
+        // Last sample at which the simulation was sound.
         let sound = (0..lane.trace.len()).take_while(|&s| lane.trace.time(s) * rate as f32 <= done as f32).last();
         let mut end = request.start.clone();
         if let Some(s) = sound {
@@ -140,7 +140,7 @@ fn roll<S: Simd, G: Surface<S>>(
     Some(lanes.into_iter().zip(requests).enumerate().map(|(i, pair)| outcome(pair, i)).collect())
 }
 
-/// The lanes' values, the last one's for lanes that are not in use.
+/// Returns the values of the lanes in use; unused lanes get the value of the last one.
 #[inline(always)]
 fn gather<S: Simd>(simd: S, used: usize, value: impl Fn(usize) -> f32) -> Lanes<S> {
     let mut lanes = all(simd, 0.0);
@@ -175,7 +175,7 @@ fn start<S: Simd>(simd: S, model: &Model, requests: &[&(Request<'_>, Course)]) -
     }
 }
 
-/// Velocities of a lane.
+/// Returns the velocities of a lane.
 fn velocities<S: Simd>(motion: &Motion<S>, lane: usize) -> Velocities {
     let at = |v: V3<S>| Vector::new(v.x[lane], v.y[lane], v.z[lane]);
     let base = motion.velocity.base;
@@ -183,7 +183,7 @@ fn velocities<S: Simd>(motion: &Motion<S>, lane: usize) -> Velocities {
     Velocities { pivot, rates: motion.velocity.rates.iter().map(|rate| rate[lane]).collect() }
 }
 
-/// Writes the motion down, with the box around the robot.
+/// Adds a sample and the box around the robot to every sound lane.
 #[inline(always)]
 fn sample<S: Simd, G: Surface<S>>(
     simd: S,
@@ -205,13 +205,13 @@ fn sample<S: Simd, G: Surface<S>>(
     }
 }
 
-/// Energy that a lane's motors gave: all of it, and without the signs.
+/// Energy that the motors of each lane gave, with and without signs.
 struct Ledger<S: Simd> {
-    /// Energy at the start.
+    /// Kinetic and potential energy at the start.
     start: Option<Lanes<S>>,
     given: Lanes<S>,
     turnover: Lanes<S>,
-    /// Without the signs of what each motor gave.
+    /// Sum over the motors of the energy of each, without signs.
     of_each: Lanes<S>,
 }
 

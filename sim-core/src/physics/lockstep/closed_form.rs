@@ -1,4 +1,5 @@
-//! The engine against closed forms, on worlds that a rollout can't be asked for: with velocities, without motors, on slopes.
+//! Tests of the engine against closed forms, in worlds that a rollout can't be requested for: with velocities, without
+//! motors, on slopes.
 
 use super::contact::{Corners, Surface};
 use super::inertia::{Composite, Inertia};
@@ -16,7 +17,7 @@ use crate::model::{QUARTER_TURNS, Robot, RobotSpec, State};
 use crate::physics::Physics;
 use fearless_simd::prelude::*;
 
-/// A swinging or pushed arm: a cube of 0.5 kg and edge 0.48 mu, its centre 0.25 mu from the axis.
+/// Mass, edge and length of an arm: a cube of 0.5 kg and edge 0.48 mu, its centre 0.25 mu from the axis.
 const ARM: (f32, f32, f32) = (0.5, 0.48, 0.25);
 
 fn arm_inertia() -> f32 {
@@ -24,7 +25,7 @@ fn arm_inertia() -> f32 {
     mass * edge * edge / 6.0 + mass * length * length
 }
 
-/// An arm that hangs down from the side of a heavy block on the ground, its axis along y.
+/// Returns a robot with an arm that hangs down from the side of a heavy block on the ground. The arm's axis is along y.
 fn swing() -> Robot {
     let (mass, edge, length) = ARM;
     let (half, own) = (edge / 2.0, mass * edge * edge / 6.0);
@@ -52,7 +53,7 @@ fn swing() -> Robot {
     Robot::compile(&toml::from_str::<RobotSpec>(&text).unwrap()).unwrap()
 }
 
-/// A robot in a world of its own, for any kind of lanes.
+/// World with one robot, independent of the kind of lanes.
 pub(super) trait World {
     fn step(&mut self);
     /// Sets the joint targets, rad.
@@ -62,14 +63,14 @@ pub(super) trait World {
     /// Sets the base's angular velocity and the rates of the hinges.
     fn turn(&mut self, velocity: Vector, rates: &[f32]);
     fn place(&self) -> Vector;
-    /// The base's linear velocity.
+    /// Returns the base's linear velocity.
     fn velocity(&self) -> Vector;
     fn angles(&self) -> Vec<f32>;
-    /// Kinetic energy.
+    /// Returns the kinetic energy.
     fn energy(&mut self) -> f32;
-    /// Linear momentum, and the moment of momentum about the base's origin.
+    /// Returns the linear momentum, and the moment of momentum about the base's origin.
     fn momenta(&mut self) -> (Vector, Vector);
-    /// Length of a step, s.
+    /// Returns the length of a step, s.
     fn dt(&self) -> f32;
 }
 
@@ -77,7 +78,7 @@ fn world<'a>(model: &'a Model, start: &State) -> Box<dyn World + 'a> {
     at_level!(Level::new(), simd => in_lanes(simd, model, Corners::new(model), start))
 }
 
-/// A world with blocks on the ground.
+/// Creates a world with blocks on the ground.
 pub(super) fn world_on<'a>(model: &'a Model, layers: &'a [Layer], start: &State) -> Box<dyn World + 'a> {
     at_level!(Level::new(), simd => in_lanes(simd, model, Uneven::new(layers), start))
 }
@@ -173,7 +174,7 @@ fn lifted(robot: &Robot, height: f32) -> State {
     start
 }
 
-/// Small swings of a physical pendulum take 2π √(I / (m g d)) (1 + θ² / 16).
+/// The period of small swings of a physical pendulum is 2π √(I / (m g d)) (1 + θ² / 16).
 #[test]
 fn unpowered_hinge_swings_with_pendulum_period() {
     let robot = swing();
@@ -200,7 +201,7 @@ fn unpowered_hinge_swings_with_pendulum_period() {
     assert!((period - expected).abs() < 0.01 * expected, "{period} s against {expected} s");
 }
 
-/// Without load and far from its target, a motor turns its joint at torque / inertia.
+/// Without load and far from its target, a motor accelerates its joint by torque / inertia.
 #[test]
 fn motor_at_limit_gives_its_torque() {
     let robot = swing();
@@ -211,7 +212,8 @@ fn motor_at_limit_gives_its_torque() {
     seconds(&mut *world, 0.5);
     let expected = 0.5 * 0.1 / arm_inertia() * 0.25;
     let angle = world.angles()[0];
-    // The first step already moves: half a step more than the parabola, 1 % of it; the block gives way a little too.
+    // The first step already moves the joint: half a step more than the parabola, 1 % of it. The block moves a little
+    // too.
     assert!((angle - expected).abs() < 0.02 * expected, "{angle} rad against {expected} rad");
 }
 
@@ -234,7 +236,8 @@ fn joint_stops_at_limit_in_both_directions() {
     }
 }
 
-/// No external force acts on a robot in free flight: momenta stay, and without motors so does the energy.
+/// No external force acts on a robot in free flight, so its momenta are constant. Without motors its energy is constant
+/// too.
 #[test]
 fn free_flight_keeps_momenta_and_energy() {
     for name in ["quadropod", "lizard"] {
@@ -247,7 +250,8 @@ fn free_flight_keeps_momenta_and_energy() {
         let mut world = world(&model, &lifted(&robot, 20.0));
         let rates: Vec<f32> = model.hinges.iter().map(|_| draw(0.5)).collect();
         world.turn(Vector::new(draw(0.5), draw(0.5), draw(0.5)), &rates);
-        // Moved as a whole so that the centre of mass rests: then moments do not depend on where they are taken.
+        // The whole robot gets a velocity that stops its centre of mass. Then moments do not depend on the point they
+        // are about.
         let (linear, _) = world.momenta();
         world.push(-linear / mass);
         let (_, before) = world.momenta();
@@ -279,8 +283,8 @@ fn sliding_robot_brakes_by_friction_in_every_direction() {
     }
 }
 
-/// On a slope of less than the friction angle a robot stays, but for the creep of regularised friction: at the share s of
-/// the friction limit that is v_s · s / √(1 − s²).
+/// On a slope below the friction angle a robot stays, apart from the creep of regularised friction. At the share s of
+/// the friction limit the creep is v_s · s / √(1 − s²).
 #[test]
 fn robot_creeps_on_gentle_slope_by_regularised_friction() {
     let robot = robot("quadropod");
@@ -298,7 +302,7 @@ fn robot_creeps_on_gentle_slope_by_regularised_friction() {
     }
 }
 
-/// On a steep one it slides with g (sin − μ cos).
+/// On a steep slope a robot slides with the acceleration g (sin − μ cos).
 #[test]
 fn robot_slides_down_steep_slope_by_friction() {
     let robot = robot("quadropod");
@@ -314,18 +318,18 @@ fn robot_slides_down_steep_slope_by_friction() {
     assert!((acceleration - expected).abs() < 0.05 * expected, "{acceleration} mu/s² against {expected} mu/s²");
 }
 
-/// Friction at a contact is at most μ times the ground's normal force there. The normal force is taken from the
-/// linearisation before, so friction exceeds its cone a little: by 8.7, 2.5 and 2.1 % of the greatest friction, with
-/// one, two and three linearisations.
+/// Friction at a contact is at most μ times the ground's normal force there. The normal force is that of the previous
+/// linearisation, so friction exceeds its cone a little: by 8.7, 2.5 and 2.1 % of the greatest friction, with one, two
+/// and three linearisations.
 #[test]
 fn contact_friction_stays_near_its_cone() {
     for (iterations, most) in [(1, 0.1), (2, 0.03), (3, 0.025)] {
         let beyond = at_level!(Level::new(), simd => beyond_the_cone(simd, iterations));
-        assert!(beyond < most, "{iterations}: {beyond} of the limit is beyond it");
+        assert!(beyond < most, "{iterations} linearisations: friction exceeds its limit by a share of {beyond}");
     }
 }
 
-/// Friction beyond its limit over the limit, over all contacts of ten gaits.
+/// Returns the friction beyond its limit as a share of the limit, over all contacts of ten gaits.
 fn beyond_the_cone<S: Simd>(simd: S, iterations: u32) -> f32 {
     let robot = robot("quadropod");
     let model = Model::new(&robot, &Physics { substeps: iterations, ..physics() });
@@ -348,9 +352,9 @@ fn beyond_the_cone<S: Simd>(simd: S, iterations: u32) -> f32 {
     beyond / limit
 }
 
-/// Two bodies on each other: what lies on the back of another sinks in as deep as its weight and its spring say.
+/// A load on the back of another body sinks in until the contact's spring carries its weight.
 #[test]
-fn a_body_lies_on_another_that_carries_it() {
+fn body_rests_on_top_of_other_body() {
     let text = r#"
         name = "stack"
         pivot = "block"
@@ -376,7 +380,7 @@ fn a_body_lies_on_another_that_carries_it() {
         half = [0.25, 0.25, 0.25]
         "#;
     let robot = Robot::compile(&toml::from_str::<RobotSpec>(text).unwrap()).unwrap();
-    // Both hinges are loose and on one axis: the load turns down onto the block, which shares no hinge with it.
+    // Both hinges are loose and share one axis. The load turns down onto the block, with which it shares no hinge.
     let physics = Physics { stiffness: 0.0, damping: 0.01, max_torque: 0.0, ..physics() };
     let model = Model::new(&robot, &physics);
     let mut start = robot.neutral();
@@ -387,6 +391,6 @@ fn a_body_lies_on_another_that_carries_it() {
     let poses = robot.body_poses(&State::new(start.pivot, world.angles()));
     let load = poses[2] * Vector::new(1.3, 0.0, 0.3) - poses[0].translation;
     let top = 0.5 + 0.25;
-    assert!(energy < 1e-3, "it has {energy} kg·mu²/s² left");
+    assert!(energy < 1e-3, "the robot has {energy} kg·mu²/s² left");
     assert!(load.z > top - 0.02 && load.z < top + 0.02, "the load's centre is {} mu above the block's", load.z);
 }

@@ -1,11 +1,12 @@
 //! Contact with flat ground at z = 0.
 //!
-//! A corner at depth φ that moves at u resists with f_n = k φ − r u_z, where that is positive and the corner ends the step
-//! below the ground, and with regularised Coulomb friction −μ f_n u_t / √(|u_t|² + v_s²). With f_n and the root taken from
-//! the last iterate both are linear in the new velocity: they become inertia of the corner's body.
+//! A corner at depth φ with velocity u resists with the normal force f_n = k φ − r u_z, if it is positive and the
+//! corner ends the step below the ground. Friction is regularised Coulomb friction, −μ f_n u_t / √(|u_t|² + v_s²). With
+//! f_n and the root from the last iterate, both forces are linear in the new velocity and become inertia of the
+//! corner's body.
 //!
-//! A spring with the force of the step's end adds a damper k·dt. r is the total damper wanted, but never less than
-//! k·dt. So the bounce hardly depends on the step, and the spring is stable at any step.
+//! A spring with the force of the step's end adds a damper k·dt. r is the total damper, and at least k·dt. So the
+//! bounce hardly depends on the step, and the spring is stable at any step.
 
 use super::inertia::{Composite, Inertia};
 use super::kinematics::{Frames, Spatial};
@@ -13,22 +14,22 @@ use super::lanes::{Lanes, Mask, V3, all, fma, fnma, three};
 use super::model::{Model, Part};
 use fearless_simd::prelude::*;
 
-/// Boxes with their lowest corner higher than this in every lane are skipped, mu. A corner that falls from higher
-/// within one step is handled in the next.
+/// Height of the lowest corner above which a box is skipped, if it is that high in every lane, mu. A corner that falls
+/// from higher within one step is handled in the next.
 const NEAR: f32 = 0.1;
-/// Farther from the ground than any corner that could touch it, mu.
+/// Distance from the ground at which no corner can touch it, mu.
 const FAR: f32 = 1e6;
 
-/// The surface that robots stand on.
+/// Surface that robots stand on.
 pub(super) trait Surface<S: Simd> {
-    /// Inertia of bodies while they touch it.
+    /// Inertia of bodies that touch the surface.
     type Inertia: Composite<S>;
 
-    /// Finds where it may be touched within a step; `position` is the base's origin.
+    /// Finds the points that may touch the surface within a step. `position` is the base's origin.
     fn find(&mut self, simd: S, model: &Model, frames: &Frames<S>, position: V3<S>);
 
-    /// Adds what it does, linearised about the motion of the bodies: dt times its resistance to the inertias, dt times the
-    /// springs' forces to the impulses.
+    /// Adds the effect of the surface, linearised about the motion of the bodies: dt times its resistance to the
+    /// inertias, dt times the springs' forces to the impulses.
     fn press(
         &self,
         simd: S,
@@ -39,20 +40,20 @@ pub(super) trait Surface<S: Simd> {
     );
 }
 
-/// A corner that may touch the ground.
+/// Corner that may touch the ground.
 #[derive(Clone, Copy)]
 struct Corner<S: Simd> {
     body: usize,
-    /// From the base's origin.
+    /// Position from the base's origin.
     at: V3<S>,
     /// Depth below the ground, mu; negative above it.
     depth: Lanes<S>,
 }
 
-/// The corners near the ground, of the boxes' most downward faces.
+/// Corners near the ground, of the most downward face of each box.
 pub(super) struct Corners<S: Simd>(Vec<Corner<S>>);
 
-/// Axes of a box in world axes.
+/// Returns the axes of a box in world axes.
 #[inline(always)]
 pub(super) fn box_axes<S: Simd>(simd: S, part: &Part, frames: &Frames<S>) -> [V3<S>; 3] {
     let body = &frames.axes[part.body];
@@ -64,7 +65,7 @@ pub(super) fn box_axes<S: Simd>(simd: S, part: &Part, frames: &Frames<S>) -> [V3
     }
 }
 
-/// Centre of a box from the base's origin.
+/// Returns the centre of a box from the base's origin.
 #[inline(always)]
 pub(super) fn box_center<S: Simd>(simd: S, part: &Part, frames: &Frames<S>) -> V3<S> {
     frames.origins[part.body].add(frames.axes[part.body].apply(V3::all(simd, part.center)))
@@ -75,8 +76,8 @@ impl<S: Simd> Corners<S> {
         Self(Vec::with_capacity(4 * model.boxes.len()))
     }
 
-    /// Of every corner in the first lane: what the ground carries and what friction holds, kg·mu/s², with the motion that a
-    /// step's last linearisation was about and the one that it ended with.
+    /// Returns the normal force and the friction of every corner in the first lane, kg·mu/s². `about` is the motion
+    /// that a step's last linearisation was about, `after` the motion at the step's end.
     #[cfg(test)]
     pub fn forces(&self, model: &Model, about: &[Spatial<S>], after: &[Spatial<S>]) -> Vec<(f32, f32)> {
         let velocity = |motion: &[Spatial<S>], corner: &Corner<S>| {
@@ -116,12 +117,12 @@ impl<S: Simd> Surface<S> for Corners<S> {
                     let down = [axes[0].z.abs(), axes[1].z.abs(), axes[2].z.abs()];
                     let reach = fma::<S>(down[0], half[0], fma::<S>(down[1], half[1], down[2] * half[2]));
                     let lowest = height + center.z - reach;
-                    // `not higher` rather than `lower`: lanes that are not finite stay in.
+                    // `not higher` rather than `lower`, so that non-finite lanes are not skipped.
                     let high: Mask<S> = lowest.simd_gt(all(simd, NEAR));
                     if high.all_true() {
                         continue;
                     }
-                    // Half edges, pointing down; the one that points down most leads to the face.
+                    // Half edges that point down; the one that points down most leads to the face.
                     let mut edges = axes;
                     for i in 0..3 {
                         edges[i] = axes[i].times(axes[i].z.simd_gt(zero).select(-half[i], half[i]));
@@ -138,7 +139,7 @@ impl<S: Simd> Surface<S> for Corners<S> {
                         face.sub(one).add(other),
                         face.sub(one).sub(other),
                     ] {
-                        // What is high up is passed over in every company.
+                        // A box that is high in this lane is skipped here, independent of the other lanes.
                         let depth = high.select(all(simd, -FAR), -(height + at.z));
                         self.0.push(Corner { body: part.body, at, depth });
                     }

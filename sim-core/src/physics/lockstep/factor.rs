@@ -1,7 +1,7 @@
 //! The mass matrix of a floating tree and its factors.
 //!
-//! Composite rigid bodies: Featherstone (2008), section 6.2. H = LᵀDL keeps the tree's zeros: section 6.4. Hinges are
-//! eliminated from the leaves, what remains is the dense 6 × 6 of the base.
+//! The matrix is that of composite rigid bodies: Featherstone (2008), section 6.2. H = LᵀDL keeps the tree's zeros:
+//! section 6.4. Hinges are eliminated from the leaves; the dense 6 × 6 matrix of the base remains.
 
 use super::inertia::Composite;
 use super::kinematics::{Frames, Spatial, Velocity};
@@ -9,11 +9,11 @@ use super::lanes::{Lanes, V3, all, fnma};
 use super::model::Model;
 use fearless_simd::prelude::*;
 
-/// A symmetric system over base and hinges.
+/// Symmetric linear system over base and hinges.
 pub(super) struct System<S: Simd> {
-    /// Of every hinge with the base.
+    /// Elements of every hinge with the base.
     base_rows: Vec<Spatial<S>>,
-    /// Hinges among themselves, row by row; only ancestors are filled.
+    /// Elements of hinges with each other, row by row; only those of ancestors are filled.
     rows: Vec<Lanes<S>>,
     base: [[Lanes<S>; 6]; 6],
     hinges: usize,
@@ -26,7 +26,7 @@ impl<S: Simd> System<S> {
         Self { base_rows: vec![Spatial::zero(simd); n], rows: vec![zero; n * n], base: [[zero; 6]; 6], hinges: n }
     }
 
-    /// The mass matrix. `inertias` become those of the subtrees.
+    /// Computes the mass matrix. `inertias` become those of the subtrees.
     #[inline(never)]
     pub fn assemble<I: Composite<S>>(&mut self, simd: S, model: &Model, frames: &Frames<S>, inertias: &mut [I]) {
         simd.vectorize(
@@ -47,14 +47,15 @@ impl<S: Simd> System<S> {
         )
     }
 
-    /// Adds to a hinge's diagonal.
+    /// Adds to a hinge's diagonal element.
     #[inline(always)]
     pub fn stiffen(&mut self, hinge: usize, by: Lanes<S>) {
         let at = hinge * self.hinges + hinge;
         self.rows[at] += by;
     }
 
-    /// Solves for the velocity; the right side is given as `velocity` and overwritten. The matrix is used up.
+    /// Solves for the velocity. `velocity` holds the right side and is overwritten by the solution; the matrix is
+    /// overwritten too.
     #[inline(never)]
     pub fn solve(&mut self, simd: S, model: &Model, velocity: &mut Velocity<S>) {
         simd.vectorize(
@@ -86,7 +87,7 @@ impl<S: Simd> System<S> {
                         }
                     }
                     velocity.base = velocity.base.plus(-(rate * inverse), row);
-                    // Kept for the way back: row k over its pivot.
+                    // Kept for the back substitution: the inverse of row k's pivot.
                     self.rows[k * n + k] = inverse;
                 }
                 velocity.base = dense(simd, &mut self.base, velocity.base);

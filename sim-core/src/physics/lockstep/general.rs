@@ -1,14 +1,15 @@
-//! Inertias with room for contacts of any direction.
+//! Inertias with contacts of any direction.
 //!
-//! A point that is pressed along n resists by dt·D_n along it and by dt·D_t across it. As an inertia about the base's origin
-//! that is a mass of D_t plus (D_n − D_t) w wᵀ, w = (r × n, n): all 21 numbers of a symmetric 6 × 6, and bodies still add.
+//! A point that is pressed along n resists by dt·D_n along n and by dt·D_t across n. As an inertia about the base's
+//! origin this is a mass of D_t plus (D_n − D_t) w wᵀ, w = (r × n, n). Such an inertia has all 21 numbers of a
+//! symmetric 6 × 6 matrix, and inertias of bodies still add.
 
 use super::inertia::{Composite, Inertia};
 use super::kinematics::Spatial;
 use super::lanes::{Lanes, V3, all, fma, fnma};
 use fearless_simd::prelude::*;
 
-/// Lower triangle over (angular, linear), row by row.
+/// Lower triangle of a matrix over (angular, linear), row by row.
 #[derive(Clone, Copy)]
 pub(super) struct General<S: Simd>([Lanes<S>; 21]);
 
@@ -22,7 +23,7 @@ impl<S: Simd> General<S> {
     #[inline(always)]
     pub fn press(&mut self, r: V3<S>, n: V3<S>, along: Lanes<S>, across: Lanes<S>) {
         let m = &mut self.0;
-        // The mass.
+        // Mass of the point.
         let (x, y, z) = (across * r.x, across * r.y, across * r.z);
         m[at(0, 0)] = fma::<S>(y, r.y, fma::<S>(z, r.z, m[at(0, 0)]));
         m[at(1, 1)] = fma::<S>(x, r.x, fma::<S>(z, r.z, m[at(1, 1)]));
@@ -39,7 +40,7 @@ impl<S: Simd> General<S> {
         for i in 3..6 {
             m[at(i, i)] += across;
         }
-        // What it resists more, or less, along n.
+        // Difference of its resistance along n.
         let more = along - across;
         let w = r.cross(n);
         let w = [w.x, w.y, w.z, n.x, n.y, n.z];
@@ -59,7 +60,7 @@ impl<S: Simd> Composite<S> for General<S> {
         let mut lower = [all(simd, 0.0); 21];
         for i in 0..6 {
             for j in 0..=i {
-                // A sum with 0 leaves no negative zero.
+                // Adding to 0 leaves no negative zero.
                 lower[at(i, j)] += m[i][j];
             }
         }

@@ -1,40 +1,41 @@
-//! Inertias about the base's origin, in world axes, with room for contacts.
+//! Inertias about the base's origin, in world axes, with contacts on flat ground.
 //!
-//! A rigid body's has 10 numbers. A point pressed to flat ground resists motion along it (dt·D_t) and across it
-//! (dt·D_n); both act like masses that differ along z. A body with such points needs 13 numbers, and bodies still add.
+//! A rigid body's inertia has 10 numbers. A point pressed to flat ground resists motion along the ground (dt·D_t) and
+//! across it (dt·D_n). Both act like masses that differ along z. A body with such points needs 13 numbers, and inertias
+//! of bodies still add.
 
 use super::kinematics::{Frames, Spatial};
 use super::lanes::{Lanes, V3, all, fma, fnma};
 use super::model::Link;
 use fearless_simd::prelude::*;
 
-/// Symmetric 3 × 3: xx, yy, zz, xy, xz, yz.
+/// Symmetric 3 × 3 matrix: xx, yy, zz, xy, xz, yz.
 pub(super) type Symmetric<S> = [Lanes<S>; 6];
 
-/// A rigid inertia plus pressed points.
+/// Rigid inertia plus pressed points.
 #[derive(Clone, Copy)]
 pub(super) struct Inertia<S: Simd> {
     /// Mass along the ground.
     pub flat: Lanes<S>,
-    /// Mass across it.
+    /// Mass across the ground.
     pub upright: Lanes<S>,
     /// First moments of the mass along the ground.
     pub first: V3<S>,
-    /// First moments x, y of the mass across it.
+    /// First moments x, y of the mass across the ground.
     pub first_upright: [Lanes<S>; 2],
     /// Second moments about the base's origin.
     pub second: Symmetric<S>,
 }
 
-/// An inertia with contacts in it, as the mass matrix is made of.
+/// Inertia with contacts, from which the mass matrix is assembled.
 pub(super) trait Composite<S: Simd>: Copy {
-    /// Of a body that nothing touches.
+    /// Returns the inertia of a body without contacts.
     fn rigid(simd: S, body: &Inertia<S>) -> Self;
-    /// The sum.
+    /// Returns the sum.
     fn add(&self, other: &Self) -> Self;
-    /// Momentum of a motion.
+    /// Returns the momentum of a motion.
     fn times(&self, motion: Spatial<S>) -> Spatial<S>;
-    /// As a matrix over (angular, linear); rows and columns 0 to 5, the lower triangle filled.
+    /// Returns the matrix over (angular, linear); rows and columns 0 to 5, the lower triangle filled.
     fn matrix(&self, simd: S) -> [[Lanes<S>; 6]; 6];
 }
 
@@ -50,7 +51,7 @@ impl<S: Simd> Inertia<S> {
         Self { flat: zero, upright: zero, first: V3::zero(simd), first_upright: [zero; 2], second: [zero; 6] }
     }
 
-    /// Of a body in its frame.
+    /// Returns the inertia of a body at its place in `frames`.
     #[inline(always)]
     pub fn of_body(simd: S, link: &Link, frames: &Frames<S>, body: usize) -> Self {
         let axes = &frames.axes[body];
@@ -112,7 +113,7 @@ impl<S: Simd> Inertia<S> {
         ];
     }
 
-    /// As for [`Spatial::without_negative_zeros`].
+    /// Returns the same inertia without negative zeros; see [`Spatial::without_negative_zeros`].
     #[inline(always)]
     pub fn without_negative_zeros(&self, simd: S) -> Self {
         self.add(&Self::zero(simd))

@@ -1,7 +1,7 @@
 //! Forward kinematics: poses and velocities of bodies, in world axes about the base's origin.
 //!
-//! Featherstone, *Rigid Body Dynamics Algorithms* (2008), section 4.4. With all spatial quantities about one point they
-//! add without transforms: V_i = V_parent + S_i θ̇_i, S_i = (a_i, o_i × a_i).
+//! After Featherstone, *Rigid Body Dynamics Algorithms* (2008), section 4.4. All spatial quantities are about one
+//! point, so they add without transforms: V_i = V_parent + S_i θ̇_i, S_i = (a_i, o_i × a_i).
 
 use super::lanes::{Lanes, M3, V3, all, fma, fnma, half_sine_cosine};
 use super::model::Model;
@@ -10,9 +10,9 @@ use fearless_simd::prelude::*;
 /// Configuration and velocity of every lane.
 #[derive(Clone)]
 pub(super) struct Motion<S: Simd> {
-    /// Base origin, mu.
+    /// Origin of the base, mu.
     pub position: V3<S>,
-    /// Base rotation, unit quaternion x, y, z, w.
+    /// Rotation of the base, unit quaternion x, y, z, w.
     pub rotation: [Lanes<S>; 4],
     pub angles: Vec<Lanes<S>>,
     pub velocity: Velocity<S>,
@@ -21,13 +21,13 @@ pub(super) struct Motion<S: Simd> {
 /// Generalised velocity.
 #[derive(Clone)]
 pub(super) struct Velocity<S: Simd> {
-    /// Of the base: angular, and linear of its origin.
+    /// Velocity of the base: angular, and linear at its origin.
     pub base: Spatial<S>,
-    /// Of the hinges, rad/s.
+    /// Rates of the hinges, rad/s.
     pub rates: Vec<Lanes<S>>,
 }
 
-/// A spatial vector about the base's origin: motion (angular, linear) or force (moment, force).
+/// Spatial vector about the base's origin: motion (angular, linear) or force (moment, force).
 #[derive(Clone, Copy)]
 pub(super) struct Spatial<S: Simd> {
     pub a: V3<S>,
@@ -50,8 +50,8 @@ impl<S: Simd> Spatial<S> {
         Self { a: self.a.add(o.a), l: self.l.add(o.l) }
     }
 
-    /// −0 becomes 0 and all else stays: adding a zero of either sign, as a contact does that only other lanes have, then
-    /// changes no bit.
+    /// Replaces −0 by 0. Then adding a zero of either sign changes no bit. A contact that only other lanes have adds
+    /// such zeros.
     #[inline(always)]
     pub fn without_negative_zeros(self, simd: S) -> Self {
         self.add(Self::zero(simd))
@@ -67,9 +67,9 @@ impl<S: Simd> Spatial<S> {
 pub(super) struct Frames<S: Simd> {
     /// Axes of every body.
     pub axes: Vec<M3<S>>,
-    /// Origin of every body, from the base's origin.
+    /// Origin of every body from the base's origin.
     pub origins: Vec<V3<S>>,
-    /// S_i of every hinge.
+    /// Axis S_i of every hinge.
     pub hinges: Vec<Spatial<S>>,
 }
 
@@ -113,7 +113,7 @@ impl<S: Simd> Frames<S> {
         )
     }
 
-    /// The velocity of every body.
+    /// Computes the velocity of every body.
     #[inline(always)]
     pub fn velocities(&self, model: &Model, velocity: &Velocity<S>, out: &mut [Spatial<S>]) {
         out[0] = velocity.base;
@@ -123,7 +123,7 @@ impl<S: Simd> Frames<S> {
     }
 }
 
-/// A vector turned about an axis; the versine is 1 − cos.
+/// Returns a vector turned about an axis; the versine is 1 − cos.
 #[inline(always)]
 fn turned<S: Simd>(v: V3<S>, axis: V3<S>, sine: Lanes<S>, versine: Lanes<S>) -> V3<S> {
     let once = axis.cross(v);
@@ -131,7 +131,7 @@ fn turned<S: Simd>(v: V3<S>, axis: V3<S>, sine: Lanes<S>, versine: Lanes<S>) -> 
 }
 
 impl<S: Simd> Motion<S> {
-    /// A step of `dt` s with the velocity as it is.
+    /// Advances the configuration by `dt` s with constant velocity.
     #[inline(never)]
     pub fn advance(&mut self, simd: S, dt: f32) {
         simd.vectorize(
@@ -143,7 +143,7 @@ impl<S: Simd> Motion<S> {
                 for i in 0..self.angles.len() {
                     self.angles[i] = fma::<S>(dt, self.velocity.rates[i], self.angles[i]);
                 }
-                // q + dt/2 ω q, one unit long: the rotation by 2·atan(dt |ω| / 2).
+                // q + dt/2 ω q, normalised: the rotation by 2·atan(dt |ω| / 2).
                 let half = base.a.times(dt * all(simd, 0.5));
                 let [x, y, z, w] = self.rotation;
                 let x1 = fma::<S>(half.x, w, fma::<S>(half.y, z, fnma::<S>(half.z, y, x)));

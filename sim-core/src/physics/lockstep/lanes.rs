@@ -1,53 +1,54 @@
-//! Vectors and matrices of lanes: every number is a register with one rollout a lane.
+//! Vectors and matrices of lanes: every number is a register with one rollout per lane.
 //!
 //! Only operations that IEEE 754 rounds correctly are used: sums, products, quotients, roots and fused multiply-adds.
-//! They have the same bits at every width and on every instruction set, and no lane sees another.
+//! They have the same bits at every width and on every instruction set, and lanes do not affect each other.
 //!
-//! A phase of a step is one function of the instruction set: an outer one that is never inlined, and in it `vectorize` with
-//! the work in a closure that always is. All that the work calls is inlined into it; what stayed a function of its own would
-//! be compiled for the baseline, so no closure is handed to `map` and its like in here. One function for the whole step
-//! would take ten times as long to compile, and run no faster.
+//! Each phase of a step is compiled as one function for each instruction set: an outer function that is never inlined,
+//! and in it `vectorize` with the work in a closure that is always inlined. All functions that the work calls are
+//! inlined into it, because a separate function would be compiled for the baseline. So no closure is passed to `map` or
+//! similar functions in here. One function for the whole step would take ten times as long to compile, and run no
+//! faster.
 
 use crate::base::math::Vector;
 use fearless_simd::prelude::*;
 
-/// One number of every lane.
+/// One number for each lane.
 pub(super) type Lanes<S> = <S as Simd>::f32s;
-/// A truth of every lane.
+/// One truth value for each lane.
 pub(super) type Mask<S> = <<S as Simd>::f32s as SimdBase<S>>::Mask;
 
-/// a·b + c, rounded once.
+/// Returns a·b + c, rounded once.
 #[inline(always)]
 pub(super) fn fma<S: Simd>(a: Lanes<S>, b: Lanes<S>, c: Lanes<S>) -> Lanes<S> {
     a.mul_add_precise(b, c)
 }
 
-/// c − a·b, rounded once.
+/// Returns c − a·b, rounded once.
 #[inline(always)]
 pub(super) fn fnma<S: Simd>(a: Lanes<S>, b: Lanes<S>, c: Lanes<S>) -> Lanes<S> {
     (-a).mul_add_precise(b, c)
 }
 
-/// The same number in every lane.
+/// Returns the same number in every lane.
 #[inline(always)]
 pub(super) fn all<S: Simd>(simd: S, value: f32) -> Lanes<S> {
     Lanes::<S>::splat(simd, value)
 }
 
-/// The same three numbers in every lane.
+/// Returns the same three numbers in every lane.
 #[inline(always)]
 pub(super) fn three<S: Simd>(simd: S, v: Vector) -> [Lanes<S>; 3] {
     [all(simd, v.x), all(simd, v.y), all(simd, v.z)]
 }
 
-/// The value within ± bound.
+/// Returns the value clamped to ± bound.
 #[inline(always)]
 pub(super) fn clamp<S: Simd>(value: Lanes<S>, bound: Lanes<S>) -> Lanes<S> {
     let value = value.simd_lt(-bound).select(-bound, value);
     value.simd_gt(bound).select(bound, value)
 }
 
-/// A vector of three.
+/// Vector of three numbers.
 #[derive(Clone, Copy)]
 pub(super) struct V3<S: Simd> {
     pub x: Lanes<S>,
@@ -61,7 +62,7 @@ impl<S: Simd> V3<S> {
         Self::all(simd, Vector::ZERO)
     }
 
-    /// The same vector in every lane.
+    /// Returns the same vector in every lane.
     #[inline(always)]
     pub fn all(simd: S, v: Vector) -> Self {
         Self { x: all(simd, v.x), y: all(simd, v.y), z: all(simd, v.z) }
@@ -96,13 +97,13 @@ impl<S: Simd> V3<S> {
         Self { x: self.x * k, y: self.y * k, z: self.z * k }
     }
 
-    /// self + k·o.
+    /// Returns self + k·o.
     #[inline(always)]
     pub fn plus(self, k: Lanes<S>, o: Self) -> Self {
         Self { x: fma::<S>(k, o.x, self.x), y: fma::<S>(k, o.y, self.y), z: fma::<S>(k, o.z, self.z) }
     }
 
-    /// Its number along a horizontal axis, and along the other one.
+    /// Returns the components along a horizontal axis and along the other one.
     #[inline(always)]
     pub fn split(self, axis: usize) -> (Lanes<S>, Lanes<S>) {
         if axis == 0 { (self.x, self.y) } else { (self.y, self.x) }
@@ -114,14 +115,14 @@ impl<S: Simd> V3<S> {
     }
 }
 
-/// A rotation matrix, by columns: the axes of a frame.
+/// Rotation matrix, by columns: the axes of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct M3<S: Simd> {
     pub c: [V3<S>; 3],
 }
 
 impl<S: Simd> M3<S> {
-    /// Of a unit quaternion x, y, z, w.
+    /// Returns the matrix of a unit quaternion x, y, z, w.
     #[inline(always)]
     pub fn of_quaternion(simd: S, [x, y, z, w]: [Lanes<S>; 4]) -> Self {
         let (one, two) = (all(simd, 1.0), all(simd, 2.0));
@@ -135,15 +136,15 @@ impl<S: Simd> M3<S> {
         Self { c: [first, second, third] }
     }
 
-    /// The vector with these coordinates in the frame.
+    /// Returns the vector with these coordinates in the frame.
     #[inline(always)]
     pub fn apply(&self, v: V3<S>) -> V3<S> {
         self.c[0].times(v.x).plus(v.y, self.c[1]).plus(v.z, self.c[2])
     }
 }
 
-/// Sine and cosine of half an angle of at most ± π, from which those of the angle follow. Taylor's sums about 0; error
-/// below 2·10⁻⁷ for angles to ± 2 rad, where joints live.
+/// Returns sine and cosine of half an angle, from which those of the angle follow. The angle is at most ± π. They are
+/// Taylor sums about 0, with an error below 2·10⁻⁷ for angles to ± 2 rad, the usual range of joints.
 #[inline(always)]
 pub(super) fn half_sine_cosine<S: Simd>(simd: S, angle: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     let t = angle * all(simd, 0.5);

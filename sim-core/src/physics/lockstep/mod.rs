@@ -1,14 +1,16 @@
-//! The lockstep engine: many rollouts of one robot at once, one a SIMD lane.
+//! The lockstep engine: many rollouts of one robot at once, one in each SIMD lane.
 //!
-//! Reduced coordinates (a floating base and hinges), contacts linearised so that they become inertia of the bodies they
-//! touch, implicit motors: the cost of a step hardly depends on what happens in it, so lanes never wait for each other.
-//! For flat ground and stairs; a robot is any tree of hinges that the project can compile.
+//! It uses reduced coordinates (a floating base and hinges), implicit motors, and contacts linearised so that they
+//! become inertia of the bodies that they touch. So the cost of a step hardly depends on what happens in it, and lanes
+//! never wait for each other. Ground is flat or has stairs; a robot is any tree of hinges that the project can compile,
+//! with boxes as shapes.
 //!
-//! Where the method stands: `model` robot and constants, `kinematics`, `inertia`, `contact` (flat ground), `terrain`, `uneven`
-//! and `general` (stairs), `touch` (bodies among themselves), `factor` (mass matrix), `step`, `batch` (lanes filled, outcomes taken out).
+//! Modules: `model` (robot and constants), `kinematics`, `inertia`, `contact` (flat ground), `terrain`, `uneven` and
+//! `general` (stairs), `touch` (contact between bodies), `factor` (mass matrix), `step`, `batch` (rollouts into lanes,
+//! outcomes out of them).
 //!
-//! Lanes are f32. Every operation is one that IEEE 754 rounds correctly and no lane sees another, so results have the same
-//! bits at any width, on any instruction set, in any company.
+//! Lanes are f32. IEEE 754 rounds every operation correctly, and lanes do not affect each other. So results have the
+//! same bits at any width, on any instruction set and in any batch.
 
 // Indices are those of the equations.
 #![expect(clippy::needless_range_loop)]
@@ -33,17 +35,17 @@ use crate::model::environment::Block;
 use crate::physics::{Course, Engine, Motion, Physics, Request, Rollout, Unsupported};
 use fearless_simd::{Simd, SimdBase};
 
-/// Raised by hand when a change of this engine alters results. What was measured of its fidelity holds for one revision.
+/// Revision of this engine, raised by hand when a change alters results. Measured fidelity is valid for one revision.
 pub const REVISION: u32 = 1;
 
-/// The lockstep engine, at the widest instruction set that this CPU has. Its `substeps` are the times that contacts and
-/// motors are linearised anew within a step.
+/// The lockstep engine, at the widest instruction set that this CPU has. Its `substeps` are the number of
+/// linearisations of contacts and motors in a step.
 pub struct LockstepEngine;
 
 /// Checks that the engine can simulate this robot on this terrain.
 ///
 /// # Errors
-/// It does not know the terrain or a shape of the robot.
+/// If the engine does not support the terrain or a shape of the robot.
 pub fn supports(robot: &Robot, terrain: &[Block]) -> Result<(), Unsupported> {
     if !terrain::known(terrain) {
         return Err(Unsupported::Terrain);
@@ -67,7 +69,7 @@ impl Engine for LockstepEngine {
         run_at(Level::new(), robot, physics, terrain, batch)
     }
 
-    /// Asks `stop` before every step.
+    /// Simulates one rollout on flat ground; checks `stop` before every step.
     fn run_until(
         &self,
         robot: &Robot,
@@ -86,7 +88,7 @@ impl Engine for LockstepEngine {
     }
 }
 
-/// Runs a batch at a given instruction set.
+/// Simulates a batch on a given instruction set.
 pub fn run_at(
     level: Level,
     robot: &Robot,
@@ -116,7 +118,7 @@ fn run_until_at(
     }
 }
 
-/// Lanes of an instruction set.
+/// Returns the number of lanes of an instruction set.
 fn width(level: Level) -> usize {
     fn of<S: Simd>(_: S) -> usize {
         <S::f32s as SimdBase<S>>::LEN

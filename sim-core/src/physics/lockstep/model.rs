@@ -1,4 +1,4 @@
-//! A robot as the engine sees it: a tree of hinges, every body about its own origin.
+//! Model of a robot in the engine: a tree of hinges, every body about its own origin.
 
 use crate::base::math::{Rotation, Vector};
 use crate::model::Robot;
@@ -9,36 +9,36 @@ pub(super) struct Model {
     /// Body 0 is the base; hinge i carries body i + 1.
     pub bodies: Vec<Link>,
     pub hinges: Vec<Joint>,
-    /// Boxes of bodies that may touch each other: all but of bodies that share a joint.
+    /// Pairs of boxes that may touch each other: all but those of bodies that share a joint.
     pub pairs: Vec<(usize, usize)>,
     pub boxes: Vec<Part>,
-    /// Of the whole robot, kg.
+    /// Mass of the whole robot, kg.
     pub mass: f32,
-    /// mu/s².
+    /// Gravity, mu/s².
     pub gravity: Vector,
     pub friction: f32,
     pub stiffness: f32,
     pub damping: f32,
-    /// Step, s.
+    /// Length of a step, s.
     pub dt: f32,
-    /// Times that contacts and motors are linearised anew within a step.
+    /// Number of linearisations of contacts and motors in a step.
     pub iterations: u32,
     pub contact: Contact,
 }
 
-/// Compliance of contacts: a spring and a damper a corner. They follow from the robot's weight, so that robots of any
+/// Compliance of contacts: a spring and a damper for each corner. They follow from the robot's weight, so robots of any
 /// mass under any gravity sink in equally.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contact {
-    /// k, kg/s².
+    /// Stiffness k, kg/s².
     pub stiffness: f32,
-    /// r, kg/s; see `contact`.
+    /// Damper r, kg/s; see `contact`.
     pub resistance: f32,
-    /// v_s, the speed at which friction reaches 1/√2 of its full force, mu/s.
+    /// Speed v_s at which friction reaches 1/√2 of its full force, mu/s.
     pub slip: f32,
-    /// Between two bodies of the robot, kg/s²; explicit, so bounded by the step.
+    /// Stiffness between two bodies of the robot, kg/s²; explicit, so the step bounds it.
     pub own_stiffness: f32,
-    /// kg/s.
+    /// Damper between two bodies of the robot, kg/s.
     pub own_damping: f32,
 }
 
@@ -51,7 +51,7 @@ impl Contact {
     const SLIP: f32 = 0.01;
     /// Spring and damper between bodies, as shares of those of the ground.
     const OWN: (f32, f32) = (0.2, 0.1);
-    /// Weightless robots get the contacts of this gravity, mu/s².
+    /// Least gravity that contacts are computed for, also of weightless robots, mu/s².
     const LEAST_GRAVITY: f32 = 0.1;
 
     fn new(mass: f32, gravity: f32, dt: f32) -> Self {
@@ -71,32 +71,32 @@ impl Contact {
 pub(super) struct Link {
     pub mass: f32,
     pub center: Vector,
-    /// About the centre of mass: xx, yy, zz, xy, xz, yz.
+    /// Inertia about the centre of mass: xx, yy, zz, xy, xz, yz.
     pub inertia: [f32; 6],
-    /// True if the last three are zero.
+    /// True if the last three numbers of the inertia are zero.
     pub diagonal: bool,
 }
 
 pub(super) struct Joint {
     pub parent: usize,
-    /// The hinge that carries the parent.
+    /// Hinge that carries the parent; `None` if the parent is the base.
     pub carrier: Option<usize>,
     pub anchor: Vector,
     pub axis: Vector,
     /// Least and greatest angle, rad.
     pub limits: [f32; 2],
-    /// Of its motor, kg·mu²/s².
+    /// Greatest torque of the motor, kg·mu²/s².
     pub max_torque: f32,
 }
 
-/// A box of a body.
+/// Box of a body.
 pub(super) struct Part {
     pub body: usize,
     pub center: Vector,
-    /// Its axes in the body's frame; `None` if they are the body's own.
+    /// Axes of the box in the body's frame; `None` if they are the body's own.
     pub axes: Option<[Vector; 3]>,
     pub half: Vector,
-    /// Of the sphere around it.
+    /// Radius of the sphere around the box, mu.
     pub radius: f32,
 }
 
@@ -167,7 +167,7 @@ impl Model {
         }
     }
 
-    /// Of the whole robot, kg·mu/s²; that under [`Contact::LEAST_GRAVITY`] at least.
+    /// Returns the weight of the whole robot, kg·mu/s², under [`Contact::LEAST_GRAVITY`] at least.
     pub fn weight(&self) -> f32 {
         self.mass * self.gravity.length().max(Contact::LEAST_GRAVITY)
     }

@@ -1,4 +1,4 @@
-//! Laws of contact with stairs.
+//! Tests of contact with stairs.
 
 use super::closed_form::{seconds, world_on};
 use super::general::General;
@@ -21,7 +21,7 @@ fn stairs() -> Vec<Block> {
     Environment::from_toml(entry.toml).unwrap().terrain
 }
 
-/// A brick of 4 kg, 2 mu long, 1 wide and high. A robot needs a hinge: it has a rotor of next to no mass within.
+/// Returns a brick of 4 kg, 2 mu long, 1 mu wide and high. A robot needs a hinge, so the brick contains a light rotor.
 fn brick() -> Robot {
     let text = r#"
         name = "brick"
@@ -58,7 +58,7 @@ fn distant_blocks_change_no_motion() {
         let run = |terrain: &[Block]| run_at(Level::new(), &robot, &physics(), terrain, &requests);
         for (flat, blocks) in run(&[]).iter().zip(run(&far)) {
             let apart = (flat.end.pivot.translation - blocks.end.pivot.translation).length();
-            // The same sums in another order.
+            // The same sums are computed in another order.
             assert!(apart < 0.02, "{name}: {apart} mu apart");
         }
     }
@@ -87,7 +87,8 @@ fn pressed_point_has_equal_inertia_in_both_forms() {
 fn brick_rests_on_tread_and_edge() {
     let (robot, layers) = (brick(), layers(&stairs()));
     let model = Model::new(&robot, &physics());
-    // On the first tread, straight and turned; over its front edge with its middle on the tread; turned there.
+    // Places on the first tread, straight and turned, and over its front edge with the middle on the tread, also
+    // turned.
     for (x, yaw) in [(-4.5, 0.0), (-4.4, 0.4), (-5.5, 0.0), (-5.6, 0.8), (-5.3, -2.2)] {
         let start = placed(&robot, Vector::new(x, 0.3, 0.6 + 0.5), yaw);
         let mut world = world_on(&model, &layers, &start);
@@ -106,7 +107,8 @@ fn brick_with_middle_beyond_edge_tips() {
     let start = placed(&robot, Vector::new(-6.3, 0.0, 1.1), 0.0);
     let mut world = world_on(&model, &layers, &start);
     seconds(&mut *world, 5.0);
-    // It ends with one edge on the ground, leaning against the stair's: at half a brick's length it would stand upright.
+    // The brick ends with one edge on the ground and leans against the stair's edge. Upright, its middle would be at
+    // half its length, 1 mu.
     assert!(world.place().z < 0.95, "its middle is at {}", world.place());
     assert!(world.energy() < 1e-3, "{}", world.energy());
 }
@@ -125,7 +127,7 @@ fn brick_slides_off_tread_and_rests_below() {
 }
 
 #[test]
-fn a_wall_stops_a_sliding_brick_straight_and_turned() {
+fn wall_stops_sliding_brick_at_any_yaw() {
     let (robot, layers) = (brick(), layers(&stairs()));
     let model = Model::new(&robot, &physics());
     for yaw in [0.0, 0.5, 1.57] {
@@ -142,7 +144,7 @@ fn a_wall_stops_a_sliding_brick_straight_and_turned() {
         if yaw == 0.0 {
             assert!((farthest + reach + 6.0).abs() < 0.02, "{farthest}");
         }
-        assert!(world.place().z < 0.52, "it stays down: {}", world.place());
+        assert!(world.place().z < 0.52, "the brick was lifted to {}", world.place());
     }
 }
 
@@ -188,7 +190,7 @@ fn deepest(robot: &Robot, state: &State, blocks: &[Block]) -> f32 {
 }
 
 #[test]
-fn gaits_on_stairs_stay_out_of_them() {
+fn robot_does_not_sink_into_stairs() {
     let blocks = stairs();
     for name in ["quadropod", "lizard"] {
         let robot = robot(name);
@@ -207,7 +209,7 @@ fn gaits_on_stairs_stay_out_of_them() {
 }
 
 #[test]
-fn neither_company_nor_instruction_set_changes_a_bit() {
+fn batch_and_instruction_set_change_no_bit() {
     let (robot, blocks) = (robot("lizard"), stairs());
     let mut start = robot.neutral();
     start.pivot.translation += Vector::new(-6.0, 0.0, 0.7);

@@ -1,7 +1,7 @@
-//! A step of all lanes: semi-implicit in velocity, with motors, limits and contacts linearised anew a few times.
+//! A step of all lanes: semi-implicit in velocity, with motors, limits and contacts linearised several times.
 //!
 //! (M + dt·D) v⁺ = M v − dt·bias + dt·f. M v and the bias come from one pass over the tree (recursive Newton–Euler,
-//! Featherstone (2008), section 5.3), for what a body carries is its momentum less dt times its bias force.
+//! Featherstone (2008), section 5.3), in which each body carries its momentum minus dt times its bias force.
 
 use super::contact::{Surface, box_axes, box_center};
 use super::factor::System;
@@ -13,10 +13,10 @@ use super::touch;
 use crate::base::math::Vector;
 use fearless_simd::prelude::*;
 
-/// Joint limits are a spring of so many times the motors' stiffness, and a damper of so many times their damping.
+/// Ratio of a joint limit's stiffness and damping to those of the motors.
 const LIMIT_STIFFNESS: f32 = 10.0;
 
-/// Everything a step needs, kept from step to step.
+/// Data of a step, kept from step to step.
 pub(super) struct Stepper<'a, S: Simd, G: Surface<S>> {
     simd: S,
     model: &'a Model,
@@ -28,26 +28,26 @@ pub(super) struct Stepper<'a, S: Simd, G: Surface<S>> {
     accelerations: Vec<Spatial<S>>,
     rigid: Vec<Inertia<S>>,
     pressed: Vec<G::Inertia>,
-    /// Momentum less dt·bias of every body, plus impulses of contacts among bodies.
+    /// Momentum minus dt·bias of every body, plus impulses of contacts between bodies.
     carried: Vec<Spatial<S>>,
     impulses: Vec<Spatial<S>>,
     next: Velocity<S>,
     /// 1 in the lanes where a hinge is locked, else 0.
     locks: Vec<Lanes<S>>,
-    /// Some lane has a locked hinge.
+    /// True if a hinge is locked in any lane.
     locked: bool,
     /// Drives of the motors in the last linearisation.
     motors: Vec<Drive<S>>,
     /// Kinetic energy at the step's start, kg·mu²/s².
     pub energy: Lanes<S>,
-    /// Potential energy at the step's start, 0 with all centres of mass at height 0, kg·mu²/s².
+    /// Potential energy at the step's start, kg·mu²/s²; 0 with all centres of mass at height 0.
     pub potential: Lanes<S>,
     /// Work of the motors in the last step, kg·mu²/s².
     pub work: Lanes<S>,
-    /// The same without the signs of what each motor gave.
+    /// Work of the motors in the last step, each without its sign, kg·mu²/s².
     pub turnover: Lanes<S>,
-    /// The greatest squared speed of a body's origin at the step's start, mu²/s², and the height of the lowest centre of
-    /// mass, mu.
+    /// Greatest squared speed of a body's origin at the step's start, mu²/s², and height of the lowest centre of mass,
+    /// mu.
     pub extremes: (Lanes<S>, Lanes<S>),
 }
 
@@ -79,7 +79,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         }
     }
 
-    /// Locks a hinge of a lane at the angle that it has.
+    /// Locks a hinge of a lane at its present angle.
     pub fn lock(&mut self, hinge: usize, lane: usize) {
         self.locks[hinge][lane] = 1.0;
         self.locked = true;
@@ -93,13 +93,14 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         }
     }
 
-    /// Moves the bodies' frames to where the motion is.
+    /// Updates the bodies' frames from the motion.
     #[inline(always)]
     pub fn place(&mut self, motion: &Motion<S>) {
         self.frames.update(self.simd, self.model, motion);
     }
 
-    /// A step; the frames are in place. `targets` are the joint targets at its end, rad.
+    /// Advances the motion by a step. The frames must be in place. `targets` are the joint targets at the step's end,
+    /// rad.
     #[inline(always)]
     pub fn step(&mut self, motion: &mut Motion<S>, targets: &[Lanes<S>]) {
         let (simd, model) = (self.simd, self.model);
@@ -125,7 +126,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         self.bias(motion);
     }
 
-    /// Rigid inertias, and what every body carries: its momentum less dt times its bias force.
+    /// Computes the rigid inertias, and for every body its momentum minus dt times its bias force.
     #[inline(never)]
     fn bias(&mut self, motion: &Motion<S>) {
         self.simd.vectorize(
@@ -134,7 +135,8 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                 let (simd, model) = (self.simd, self.model);
                 let minus_dt = all(simd, -model.dt);
                 let base = self.motions[0];
-                // The base's linear acceleration is that of its moving origin: −ω × v; gravity is an acceleration upwards.
+                // The base's linear acceleration is that of its moving origin, −ω × v. Gravity counts as an upward
+                // acceleration.
                 let linear = V3::all(simd, -model.gravity).sub(base.a.cross(base.l));
                 self.accelerations[0] = Spatial { a: V3::zero(simd), l: linear };
                 let (mut energy, mut potential) = (all(simd, 0.0), all(simd, 0.0));
@@ -144,7 +146,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                     if i > 0 {
                         let hinge = &model.hinges[i - 1];
                         let s = self.frames.hinges[i - 1];
-                        // V × S θ̇; with V = V_parent + S θ̇ the last term crosses itself away.
+                        // V × S θ̇. As V = V_parent + S θ̇, the cross product of the last term with S θ̇ is 0.
                         let turn = Spatial { a: v.a.cross(s.a), l: v.a.cross(s.l).add(v.l.cross(s.a)) };
                         self.accelerations[i] =
                             self.accelerations[hinge.parent].plus(motion.velocity.rates[i - 1], turn);
@@ -154,7 +156,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                     energy += v.dot(momentum);
                     let speed = v.l.add(v.a.cross(self.frames.origins[i]));
                     let square = speed.dot(speed);
-                    // So that what is not a number wins.
+                    // Compared so that a NaN is kept.
                     fastest = square.simd_le(fastest).select(fastest, square);
                     let height = motion.position.z + inertia.first.z / inertia.flat;
                     lowest = height.simd_ge(lowest).select(lowest, height);
@@ -173,7 +175,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         )
     }
 
-    /// One linearisation about `next` and its solution, into `next`.
+    /// Linearises about `next`, solves, and stores the solution in `next`.
     #[inline(never)]
     fn solve(&mut self, motion: &Motion<S>, targets: &[Lanes<S>]) {
         self.simd.vectorize(
@@ -206,7 +208,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
                 }
                 self.next.base = self.impulses[0];
                 self.system.solve(simd, model, &mut self.next);
-                // An impulse works at the mean of the rates before and after it.
+                // The work of an impulse is its product with the mean of the rates before and after it.
                 let (mut work, mut turnover) = (all(simd, 0.0), all(simd, 0.0));
                 for i in 0..model.hinges.len() {
                     let after = self.next.rates[i];
@@ -221,8 +223,8 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         )
     }
 
-    /// The motor of a hinge, linearised about a rate: an implicit spring and damper, or a constant torque where that would
-    /// be too strong.
+    /// Returns the motor of a hinge, linearised about a rate: an implicit spring and damper, or a constant torque where
+    /// that would be too strong.
     #[inline(always)]
     fn motor(&self, hinge: &Joint, angle: Lanes<S>, rate: Lanes<S>, target: Lanes<S>) -> Drive<S> {
         let (simd, model) = (self.simd, self.model);
@@ -239,7 +241,8 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         }
     }
 
-    /// The limits of a hinge, linearised about a rate: a spring and damper, only while it pushes back.
+    /// Returns the limits of a hinge, linearised about a rate: a spring and damper while the predicted angle is beyond
+    /// a limit.
     #[inline(always)]
     fn limit(&self, hinge: &Joint, angle: Lanes<S>, rate: Lanes<S>) -> Drive<S> {
         let (simd, model) = (self.simd, self.model);
@@ -256,7 +259,7 @@ impl<'a, S: Simd, G: Surface<S>> Stepper<'a, S, G> {
         }
     }
 
-    /// The box around the robot, in the world.
+    /// Returns the box around the robot, in the world.
     #[inline(never)]
     pub fn bounds(&self, simd: S, model: &Model, motion: &Motion<S>) -> (V3<S>, V3<S>) {
         simd.vectorize(
@@ -297,17 +300,17 @@ impl<S: Simd> Stepper<'_, S, super::contact::Corners<S>> {
     }
 }
 
-/// A hinge's part of the system.
+/// Contribution of a hinge to the linear system.
 #[derive(Clone, Copy)]
 struct Drive<S: Simd> {
-    /// Added to the diagonal.
+    /// Addition to the diagonal.
     stiffening: Lanes<S>,
-    /// Added to the right side.
+    /// Addition to the right side.
     impulse: Lanes<S>,
 }
 
 impl<S: Simd> Drive<S> {
-    /// The drive in some lanes; in the others no impulse and a stiffening of its own.
+    /// Returns the drive in the given lanes; other lanes get no impulse and the given stiffening.
     #[inline(always)]
     fn only(self, simd: S, lanes: Mask<S>, stiffening: f32) -> Self {
         Self {

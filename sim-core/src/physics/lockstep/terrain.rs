@@ -1,4 +1,4 @@
-//! Terrain as the engine sees it: stairs, blocks on the ground with sides along x and y.
+//! Terrain in the engine: stairs, which are blocks on the ground with sides along x and y.
 
 use crate::model::environment::Block;
 
@@ -13,18 +13,19 @@ pub(super) struct Layer {
 }
 
 impl Layer {
-    /// Returns the coordinate of the side that a motion along an axis meets, up (1) or down (−1).
+    /// Returns the coordinate of the side that a motion along an axis meets, in positive (1) or negative (−1)
+    /// direction.
     #[inline(always)]
     pub fn side(&self, axis: usize, sign: f32) -> f32 {
         if sign > 0.0 { self.low[axis] } else { self.high[axis] }
     }
 }
 
-/// Stairs are at least so wide, mu: no box of a robot is as long.
+/// Least width of stairs, mu; no box of a robot is as long.
 const LEAST_WIDTH: f64 = 10.0;
 
 /// Returns true if the engine can simulate the blocks: on the ground, with sides along x and y, all between the same
-/// two lines, which are far apart. Robots then meet only faces and edges of a block, never a corner of its top.
+/// two lines, which are far apart. Then robots meet only faces and edges of a block, never a corner of its top.
 pub(super) fn known(terrain: &[Block]) -> bool {
     let straight = terrain.iter().all(|block| block.yaw == 0.0 && block.base == 0.0);
     let between_two_lines = |axis: usize| {
@@ -34,8 +35,8 @@ pub(super) fn known(terrain: &[Block]) -> bool {
     straight && [0, 1].into_iter().any(between_two_lines)
 }
 
-/// The blocks, each grown beneath the higher ones that hide one of its sides. What they fill together is the same, but then
-/// a stair's tread goes on beneath the next stair, and no side is left that nothing can touch.
+/// Returns the blocks, each extended beneath the higher ones that hide one of its sides. Together they fill the same
+/// space. A stair's tread then continues beneath the next stair, and no side is left that can't be touched.
 pub(super) fn layers(terrain: &[Block]) -> Vec<Layer> {
     let mut layers: Vec<Layer> = terrain.iter().map(layer).collect();
     layers.sort_by(|a, b| a.top.total_cmp(&b.top));
@@ -51,7 +52,7 @@ fn layer(block: &Block) -> Layer {
     Layer { low: [0, 1].map(|a| side(a, -1.0)), high: [0, 1].map(|a| side(a, 1.0)), top: block.top as f32 }
 }
 
-/// Grows a block beneath another that hides one of its sides; tells whether it did.
+/// Extends a block beneath another that hides one of its sides. Returns true if it did.
 fn grow(block: &mut Layer, over: &Layer) -> bool {
     for (axis, other) in [(0, 1), (1, 0)] {
         let covers = over.low[other] <= block.low[other] && over.high[other] >= block.high[other];
@@ -82,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn stairs_go_on_beneath_the_stairs_behind_them() {
+    fn stairs_extend_beneath_higher_stairs() {
         let stair = |i: u32, top| block((3.0 * f64::from(i), 3.0 * f64::from(i) + 3.0), (-5.0, 5.0), top);
         let found = layers(&[stair(2, 1.8), stair(0, 0.6), stair(1, 1.2)]);
         let x: Vec<(f32, f32, f32)> = found.iter().map(|l| (l.low[0], l.high[0], l.top)).collect();
@@ -91,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn wide_straight_stairs_are_known_and_no_other_blocks() {
+    fn only_wide_straight_stairs_are_supported() {
         let stair = |from: f64, top| block((from, from + 3.0), (-5.0, 5.0), top);
         let stairs = [stair(0.0, 0.6), stair(3.0, 1.2)];
         assert!(known(&[]) && known(&stairs) && known(&stairs[..1]));

@@ -1,4 +1,4 @@
-//! Laws of the engine: bits, the mass matrix, contact among bodies.
+//! Tests of the engine: equal bits, the mass matrix, contact between bodies.
 
 use super::inertia::Composite;
 use super::kinematics::{self, Frames, Spatial, Velocity};
@@ -38,7 +38,7 @@ fn run(robot: &Robot, physics: &Physics, start: &State, tables: &[Motion]) -> Ve
     run_at(Level::new(), robot, physics, &[], &requests)
 }
 
-/// Asserts equality as numbers, and as text, which distinguishes zeros of different sign.
+/// Asserts equality of the text, which distinguishes zeros of different sign.
 fn assert_same_bits(a: &[Rollout], b: &[Rollout], what: &str) {
     assert_eq!(format!("{a:?}"), format!("{b:?}"), "{what}");
 }
@@ -58,7 +58,7 @@ fn every_instruction_set_gives_the_same_bits() {
 }
 
 #[test]
-fn company_order_and_batch_size_change_no_bit() {
+fn order_and_size_of_batch_change_no_bit() {
     let robot = robot("quadropod");
     let start = robot.neutral();
     let mut tables = gaits(&robot, 20, 2.0);
@@ -113,12 +113,12 @@ fn centre_of_mass_falls_freely_with_moving_legs() {
         let fall = -0.5 * physics.gravity * dt * dt * n * (n + 1.0);
         assert!((moved.z - fall).abs() < 0.03, "{moved} against {fall}");
         assert!(moved.x.abs() < 0.03 && moved.y.abs() < 0.03, "{moved}");
-        assert!(rollout.end.joints.iter().any(|a| a.abs() > 0.1), "the legs move");
+        assert!(rollout.end.joints.iter().any(|a| a.abs() > 0.1), "the legs do not move");
     }
 }
 
 #[test]
-fn a_robot_at_rest_stays_where_it_is() {
+fn robot_at_rest_does_not_move() {
     for name in ["quadropod", "lizard", "l-shape", "h-shape", "t-shape"] {
         let robot = robot(name);
         let start = robot.neutral();
@@ -136,8 +136,8 @@ fn velocity_solved_from_momentum_is_the_original() {
     }
 }
 
-/// In free space, with neither motors nor gravity nor speed to begin with, an impulse J at rest gives M v = J. So the
-/// momentum of a random motion, computed body by body, must give that motion back.
+/// In free space, without motors, gravity and initial speed, an impulse J gives M v = J. So solving for the momentum of
+/// a random motion, computed body by body, must give that motion.
 fn momentum<S: Simd>(simd: S, name: &str) {
     let robot = robot(name);
     let model = Model::new(&robot, &physics());
@@ -193,7 +193,7 @@ fn momentum<S: Simd>(simd: S, name: &str) {
 
 #[test]
 fn legs_pressed_against_each_other_do_not_pass_through() {
-    // All joints to one end: parts of the lizard meet.
+    // All joints turn to one end, so parts of the lizard meet.
     let robot = robot("lizard");
     let start = robot.neutral();
     for side in [1.5, -1.5] {
@@ -223,7 +223,7 @@ fn legs_pressed_against_each_other_do_not_pass_through() {
     }
 }
 
-/// A motion at rest, the same in all lanes.
+/// Returns a motion at rest, the same in all lanes.
 pub(super) fn at<S: Simd>(simd: S, state: &State) -> kinematics::Motion<S> {
     let r = state.pivot.rotation;
     kinematics::Motion {

@@ -1,7 +1,8 @@
-//! Contact between two bodies of the robot: boxes that overlap push each other apart.
+//! Contact between two bodies of the robot: overlapping boxes push each other apart.
 //!
 //! Overlap is found by separating axes (Gottschalk, Lin and Manocha 1996): faces of both boxes and crossed edges, so no
-//! corner and no edge is missed. The push is an explicit spring and damper along the axis of least overlap, with friction.
+//! corner and no edge is missed. The push is an explicit spring and damper along the axis of least overlap, with
+//! friction.
 
 use super::contact::{box_axes, box_center};
 use super::kinematics::{Frames, Spatial};
@@ -9,14 +10,14 @@ use super::lanes::{Lanes, Mask, V3, all, clamp, fma, fnma, three};
 use super::model::{Model, Part};
 use fearless_simd::prelude::*;
 
-/// Faces win over crossed edges unless these overlap less by this factor: a face's contact is the calmer one.
+/// Factor by which crossed edges must overlap less than faces to be chosen: a face's contact is steadier.
 const FACE_FIRST: f32 = 0.95;
-/// Sine of the angle below which an edge or a face counts as lying flat.
+/// Sine of the angle below which an edge or a face counts as flat against the other box.
 const FLAT: f32 = 0.05;
-/// Crossed edges of a smaller squared sine have no axis worth testing.
+/// Squared sine below which two edges count as parallel and give no axis to test.
 const PARALLEL: f32 = 1e-4;
 
-/// Adds dt times the forces of overlapping boxes to what bodies carry.
+/// Adds dt times the forces of overlapping boxes to `carried`.
 #[inline(never)]
 pub(super) fn bodies<S: Simd>(
     simd: S,
@@ -43,7 +44,7 @@ pub(super) fn bodies<S: Simd>(
     )
 }
 
-/// A box of one lane each: centre from the base's origin, axes, half sides.
+/// Box, one in each lane: centre from the base's origin, axes, half sides.
 struct Solid<S: Simd> {
     center: V3<S>,
     axes: [V3<S>; 3],
@@ -51,8 +52,7 @@ struct Solid<S: Simd> {
 }
 
 impl<S: Simd> Solid<S> {
-    /// Returns the middle of the part that lies farthest along `n`: a corner, or the middle of an edge or a face that
-    /// lies flat.
+    /// Returns the middle of the part farthest along `n`: a corner, or the middle of a flat edge or face.
     #[inline(always)]
     fn support(&self, simd: S, n: V3<S>) -> V3<S> {
         let mut at = self.center;
@@ -63,7 +63,7 @@ impl<S: Simd> Solid<S> {
         at
     }
 
-    /// The point of the box nearest to `p`.
+    /// Returns the point of the box nearest to `p`.
     #[inline(always)]
     fn nearest(&self, p: V3<S>) -> V3<S> {
         let offset = p.sub(self.center);
@@ -105,7 +105,7 @@ fn push<S: Simd>(
                 in_b[i] = b.axes[i].dot(apart);
             }
 
-            // The axis of greatest separation: its value, its direction, and the box of its face.
+            // Axis of greatest separation: its value, its direction, and the box of its face.
             let mut gap = all(simd, f32::MIN);
             let mut normal = V3::zero(simd);
             let mut face_of_a: Mask<S> = zero.simd_gt(zero);
@@ -131,7 +131,7 @@ fn push<S: Simd>(
                 normal = V3::select(better, b.axes[j], normal);
                 face_of_a &= !better;
             }
-            // A lane that is not finite counts as overlapping; it harms itself only.
+            // A non-finite lane counts as overlapping, which affects no other lane.
             if gap.simd_ge(zero).all_true() {
                 return;
             }
@@ -158,7 +158,7 @@ fn push<S: Simd>(
             if !overlap.any_true() {
                 return;
             }
-            // From a to b.
+            // Normal from a to b.
             let n = V3::select(normal.dot(apart).simd_lt(zero), V3::zero(simd).sub(normal), normal);
             let on_b = b.support(simd, V3::zero(simd).sub(n));
             let on_a = a.support(simd, n);
@@ -176,7 +176,7 @@ fn push<S: Simd>(
             let sliding = relative.plus(-along, n);
             let slip = all(simd, model.contact.slip * model.contact.slip);
             let speed = (sliding.dot(sliding) + slip).sqrt();
-            // As strong as friction is, but never so strong that a step turns the motion round.
+            // Full friction, limited so that a step does not reverse the motion.
             let drag = all(simd, model.friction) * force / speed;
             let most = all(simd, model.contact.own_damping);
             let drag = drag.simd_gt(most).select(most, drag);

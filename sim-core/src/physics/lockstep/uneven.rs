@@ -1,8 +1,9 @@
-//! Contact with ground at z = 0 and stairs that stand on it.
+//! Contact with ground at z = 0 and with stairs on it.
 //!
-//! Two things of a box touch a stair: its corners the stair's faces, and its edges the edges around the stair's top. A corner touches the face that it has come through least, and a
-//! face is touched only by corners of the side that the box turns to it. An edge presses along the common normal of the two
-//! edges. So what a box loses at one place as it slides over an edge it gains at another, and forces hardly jump.
+//! A box touches a stair in two ways: with its corners on the stair's faces, and with its edges on the edges around the
+//! stair's top. A corner touches the face that it has penetrated least, and a face is touched only by corners of the
+//! box's side that is turned to it. An edge presses along the common normal of the two edges. So when a box slides over
+//! an edge, it gains at one place the force that it loses at another, and forces hardly jump.
 
 use super::contact::{Surface, box_axes, box_center};
 use super::general::General;
@@ -13,28 +14,28 @@ use super::terrain::Layer;
 use crate::base::math::Vector;
 use fearless_simd::prelude::*;
 
-/// Pairs farther apart than this are skipped, mu; as for flat ground.
+/// Distance above which pairs are skipped, mu; as for flat ground.
 const NEAR: f32 = 0.1;
-/// Farther apart than anything that could touch, mu.
+/// Distance at which nothing can touch, mu.
 const FAR: f32 = 1e6;
-/// Deeper than this nothing has come through a face, mu: it came through another one.
+/// Greatest depth behind a face, mu; a deeper corner has come through another face.
 const DEEPEST: f32 = 0.2;
-/// Allowed turn of the normal of an edge's contact beyond the normals of the two faces at that edge, as a sine.
+/// Greatest turn of an edge contact's normal beyond the normals of the two faces at that edge, as a sine.
 const BEYOND: f32 = 0.2;
-/// Two edges of a box that press in directions of a greater cosine than this press together: they bound one face.
+/// Cosine between the normals of two edges of a box above which both press together, because they bound one face.
 const TOGETHER: f32 = 0.87;
 /// Squared sine of the angle between two edges below which they count as parallel.
 const PARALLEL: f32 = 1e-4;
 
-/// A point of a body that may touch something.
+/// Point of a body that may touch something.
 #[derive(Clone, Copy)]
 struct Contact<S: Simd> {
     body: usize,
-    /// From the base's origin.
+    /// Position from the base's origin.
     at: V3<S>,
-    /// Out of what it touches, a unit vector.
+    /// Unit normal, out of the touched surface.
     normal: V3<S>,
-    /// mu; negative apart.
+    /// Depth, mu; negative if apart.
     depth: Lanes<S>,
 }
 
@@ -45,27 +46,27 @@ pub(super) struct Uneven<'a, S: Simd> {
     contacts: Vec<Contact<S>>,
 }
 
-/// A box of the robot, in the world.
+/// Box of the robot, in the world.
 struct Solid<S: Simd> {
     body: usize,
-    /// From the base's origin.
+    /// Centre from the base's origin.
     from_base: V3<S>,
     center: V3<S>,
     axes: [V3<S>; 3],
     half: [Lanes<S>; 3],
-    /// Half sides of the upright box around it.
+    /// Half sides of the axis-aligned box around it.
     reach: V3<S>,
 }
 
-/// A convex edge of a block.
+/// Convex edge of a block.
 #[derive(Clone, Copy)]
 struct Ridge {
-    /// Along x (0) or y (1).
+    /// Direction of the edge, along x (0) or y (1).
     along: usize,
-    /// Its place; the coordinate along the edge is that of the middle.
+    /// Middle of the edge.
     at: Vector,
     half: f32,
-    /// Out of the side that ends there; the other face is the top.
+    /// Outward normal of the side that ends at the edge; the other face is the top.
     out: Vector,
 }
 
@@ -83,7 +84,7 @@ impl<'a, S: Simd> Uneven<'a, S> {
         }
     }
 
-    /// Corners of the box's most downward face, on the ground or on what is highest beneath them.
+    /// Finds corners of the box's most downward face on the ground or on the highest block beneath them.
     #[inline(always)]
     fn treads(&mut self, simd: S, solid: &Solid<S>) {
         let zero = all(simd, 0.0);
@@ -101,7 +102,7 @@ impl<'a, S: Simd> Uneven<'a, S> {
                 let mut over: Mask<S> = depth.simd_lt(all(simd, DEEPEST));
                 for (w, c, axis) in [(w.x, solid.center.x, 0), (w.y, solid.center.y, 1)] {
                     let (low, high) = (all(simd, layer.low[axis]), all(simd, layer.high[axis]));
-                    // Where the box is beside the block, the corner may have come through its side.
+                    // Where the box is beside the block, the corner may have come through the block's side.
                     over &= (w - low).simd_ge(c.simd_lt(low).select(greater::<S>(depth, zero), zero));
                     over &= (high - w).simd_ge(c.simd_gt(high).select(greater::<S>(depth, zero), zero));
                 }
@@ -113,7 +114,7 @@ impl<'a, S: Simd> Uneven<'a, S> {
         }
     }
 
-    /// Corners of the face that the box turns to a side of a block.
+    /// Finds corners of the face that the box turns to a side of a block.
     #[inline(always)]
     fn risers(&mut self, simd: S, solid: &Solid<S>) {
         let zero = all(simd, 0.0);
@@ -153,7 +154,7 @@ impl<'a, S: Simd> Uneven<'a, S> {
         }
     }
 
-    /// Edges of the box across a convex edge of a block.
+    /// Finds edges of the box that cross a convex edge of a block.
     #[inline(always)]
     fn ridge(&mut self, simd: S, solid: &Solid<S>, ridge: Ridge) {
         let zero = all(simd, 0.0);
@@ -169,7 +170,7 @@ impl<'a, S: Simd> Uneven<'a, S> {
         let direction = V3::all(simd, [Vector::X, Vector::Y][ridge.along]);
         let (out, up) = (V3::all(simd, ridge.out), V3::all(simd, Vector::Z));
         let bisector = out.add(up);
-        // Of each direction of edges: the normal, the two edges that may touch, and whether they do.
+        // For each direction of edges: the normal, the two edges that may touch, and the lanes where they do.
         let mut normals = [V3::zero(simd); 3];
         let mut points = [[(V3::zero(simd), zero); 2]; 3];
         let mut crossing: [[Mask<S>; 2]; 3] = [[zero.simd_gt(zero); 2]; 3];
@@ -190,12 +191,13 @@ impl<'a, S: Simd> Uneven<'a, S> {
                 continue;
             }
             let (along_j, along_k) = (solid.axes[j].dot(n), solid.axes[k].dot(n));
-            // Towards the lowest of the four parallel edges, and to its neighbour in the face that n leaves.
+            // Towards the lowest of the four parallel edges, and towards its neighbour in the face turned most against
+            // n.
             let to_j = solid.axes[j].times(along_j.simd_gt(zero).select(-solid.half[j], solid.half[j]));
             let to_k = solid.axes[k].times(along_k.simd_gt(zero).select(-solid.half[k], solid.half[k]));
             let j_faces: Mask<S> = along_j.abs().simd_ge(along_k.abs());
             let (face, side) = (V3::select(j_faces, to_j, to_k), V3::select(j_faces, to_k, to_j));
-            // Across both edges' projections: n × direction, along which the box's edge goes by ± its sine.
+            // Across both edges' projections, n × direction. Along it the box's edge advances by ± its sine.
             let across = n.cross(direction);
             let pace = edge.dot(across);
             let pace = crosses.select(pace, all(simd, 1.0));
@@ -213,7 +215,8 @@ impl<'a, S: Simd> Uneven<'a, S> {
                     & depth.simd_lt(all(simd, DEEPEST));
                 points[i][which] = (at, depth);
             }
-            // The lower edge says how deep the pair is; what lies outside of any is outside of the box.
+            // The lower edge gives the depth of the pair. A direction of edges with negative depth separates box and
+            // stair, so it counts too.
             let depth = points[i][0].1;
             let counts: Mask<S> = crossing[i][0] | crossing[i][1] | (between & depth.simd_lt(zero));
             let better: Mask<S> = counts & depth.simd_lt(best);
@@ -254,7 +257,8 @@ impl<S: Simd> Solid<S> {
         Self { body: part.body, from_base, center, axes, half: three(simd, part.half), reach }
     }
 
-    /// Returns true if the box may touch a block's side when it moves along an axis, up (1) or down (−1).
+    /// Returns true if the box may touch a block's side in a motion along an axis, in positive (1) or negative (−1)
+    /// direction.
     #[inline(always)]
     fn meets(&self, simd: S, layer: &Layer, axis: usize, sign: f32) -> Mask<S> {
         let ((center, aside), (reach, reach_aside)) = (self.center.split(axis), self.reach.split(axis));
@@ -267,7 +271,7 @@ impl<S: Simd> Solid<S> {
             & (aside - reach_aside).simd_lt(high)
     }
 
-    /// From the centre to the four corners of the face that looks most along `direction`.
+    /// Returns the vectors from the centre to the four corners of the face that points most along `direction`.
     #[inline(always)]
     fn face(&self, simd: S, direction: V3<S>) -> [V3<S>; 4] {
         let zero = all(simd, 0.0);
@@ -287,7 +291,7 @@ impl<S: Simd> Solid<S> {
     }
 }
 
-/// The edges around a block's top.
+/// Returns the edges around a block's top.
 fn ridges(layer: &Layer) -> [Ridge; 4] {
     let Layer { low, high, top } = *layer;
     let middle = [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0);
@@ -342,7 +346,7 @@ impl<S: Simd> Surface<S> for Uneven<'_, S> {
                     let across = touches.select(dt * friction * force / speed, zero);
                     let along = touches.select(dt * resistance, zero);
                     let push = touches.select(dt * stiffness * contact.depth, zero);
-                    // So that what is not finite stays in its lane, and a lane that does not touch adds zeros.
+                    // Non-finite numbers stay in their lane, and a lane without contact adds zeros.
                     let at = V3::select(touches, contact.at, nowhere);
                     let normal = V3::select(touches, contact.normal, nowhere);
                     inertias[contact.body].press(at, normal, along, across);

@@ -1,22 +1,22 @@
-//! A motion on the step grid of a physics setting: how many steps, which joints fail when, and how it ends.
+//! Course of a motion on the steps of a physics setting: number of steps, failures of joints and outcome.
 
 use super::{Change, Motion, TICK};
 use crate::model::{Robot, State};
 use crate::physics::{Outcome, Physics, Unsupported};
 
-/// The steps of a motion that an engine simulates.
+/// Steps of a motion that an engine simulates.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Course {
-    /// Steps to simulate: those of the motion, or those before the first event that is refused.
+    /// Number of steps to simulate: those of the motion, or those before the first event that is refused.
     pub steps: u32,
-    /// Joints that fail, with the step before which each is locked; in the order of steps.
+    /// Failures of joints, with the step before which each joint is locked; in the order of steps.
     pub failures: Vec<(u32, usize)>,
     /// Outcome if the simulation stays sound.
     pub outcome: Outcome,
 }
 
 impl Course {
-    /// The course of a motion from a start on a setting.
+    /// Returns the course of a motion from a start on a setting.
     pub fn new(robot: &Robot, physics: &Physics, start: &State, motion: &Motion) -> Self {
         let rate = physics.steps_per_second;
         let whole = physics.steps(motion.duration());
@@ -30,7 +30,7 @@ impl Course {
         }
         let mut failures = Vec::new();
         for (event, happening) in motion.events().iter().enumerate() {
-            // The first step that begins at or after the tick; the slack is for ticks that fall on a step.
+            // First step that begins at or after the tick; the slack is for ticks that fall on a step.
             let step = libm::ceil(f64::from(happening.tick) * TICK * f64::from(rate) - 1e-6) as u32;
             let step = step.min(whole);
             match (Unsupported::of_event(robot, &happening.change), happening.change) {
@@ -47,7 +47,7 @@ impl Course {
         Self { steps: whole, failures, outcome: Outcome::Completed }
     }
 
-    /// The joints that are locked before a step.
+    /// Returns the joints that are locked before a step.
     pub fn failing(&self, step: u32) -> impl Iterator<Item = usize> {
         self.failures.iter().filter(move |(at, _)| *at == step).map(|(_, joint)| *joint)
     }

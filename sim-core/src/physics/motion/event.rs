@@ -1,21 +1,21 @@
-//! Changes of a robot on the way of a motion.
+//! Changes of a robot during a motion.
 
 use crate::base::math::Pose;
 use crate::model::Face;
 
-/// A change at a tick. It acts at the first physics step at or after its tick.
+/// Change at a tick. It acts at the first physics step at or after its tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// Tick, [`TICK`](super::TICK) s each, from the start of the motion.
+    /// Tick from the start of the motion, [`TICK`](super::TICK) s each.
     pub tick: u32,
     /// The change.
     pub change: Change,
 }
 
-/// A change of a robot. Modules and joints are numbered as in the initial topology.
+/// Change of a robot. Modules and joints are numbered as in the initial topology.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Change {
-    /// Two faces connect where they stand.
+    /// Two faces connect at their present poses.
     Connect {
         /// The two faces.
         faces: [Face; 2],
@@ -32,13 +32,13 @@ pub enum Change {
         /// Its pose in the world from then on, mu.
         pose: Pose,
     },
-    /// A joint locks at its present angle, at once. The state at the end does not record it: a motion that continues from there
-    /// must repeat the event at tick 0.
+    /// A joint locks at its present angle, at once. The state at the end does not record it, so a motion that continues
+    /// from there must repeat the event at tick 0.
     Fail {
         /// The joint.
         joint: usize,
     },
-    /// A new module of the same kind, with working joints, takes the place of a module.
+    /// A new module of the same kind, with working joints, replaces a module.
     Replace {
         /// The module.
         module: usize,
@@ -46,7 +46,7 @@ pub enum Change {
 }
 
 impl Change {
-    /// Name of the kind of change, such as "connect".
+    /// Returns the name of the kind of change, such as "connect".
     pub fn name(&self) -> &'static str {
         match self {
             Self::Connect { .. } => "connect",

@@ -10,18 +10,18 @@ pub use targets::{TICK, Targets};
 
 use crate::model::Phase;
 
-/// A signal of a controller that is drawn beside the joints, such as a role or a phase.
+/// Signal of a controller that is drawn beside the joints, such as a role or a phase.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     /// Name in tables and pictures.
     pub name: String,
     /// Unit, empty for a pure number.
     pub unit: &'static str,
-    /// A value each tick, the first at time 0. NaN where there is nothing to draw.
+    /// One value for each tick, the first at time 0; NaN where there is nothing to draw.
     pub samples: Vec<f32>,
 }
 
-/// Joint targets and events over time. Pure data: what a controller compiles, and what engines simulate.
+/// Joint targets and events over time. Controllers compile motions, and engines simulate them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     targets: Targets,
@@ -31,59 +31,59 @@ pub struct Motion {
 }
 
 impl From<Targets> for Motion {
-    /// The motion of a plain table: no events, no tracks and an empty phase.
+    /// Returns the motion of a plain table: no events, no tracks and an empty phase.
     fn from(targets: Targets) -> Self {
         Self { targets, events: Vec::new(), tracks: Vec::new(), end_phase: Phase::default() }
     }
 }
 
 impl Motion {
-    /// All joints at 0 for `duration` s.
+    /// Returns a motion with all joints at 0 for `duration` s.
     pub fn standing(joints: usize, duration: f64) -> Self {
         Targets::zero(joints, duration).into()
     }
 
-    /// The same motion with these events. Of events at one tick the first given acts first.
+    /// Returns the same motion with these events. Events at the same tick act in the given order.
     pub fn with_events(mut self, mut events: Vec<Event>) -> Self {
         events.sort_by_key(|event| event.tick);
         self.events = events;
         self
     }
 
-    /// The same motion with these targets, of as many joints and as long.
+    /// Returns the same motion with these targets, of the same number of joints and duration.
     pub fn with_targets(mut self, targets: Targets) -> Self {
         self.targets = targets;
         self
     }
 
-    /// The same motion with these tracks.
+    /// Returns the same motion with these tracks.
     pub fn with_tracks(mut self, tracks: Vec<Track>) -> Self {
         self.tracks = tracks;
         self
     }
 
-    /// The same motion, after which its controller is in this phase.
+    /// Returns the same motion with this phase of the controller at the end.
     pub fn with_end_phase(mut self, phase: Phase) -> Self {
         self.end_phase = phase;
         self
     }
 
-    /// Joint targets.
+    /// Returns the joint targets.
     pub fn targets(&self) -> &Targets {
         &self.targets
     }
 
-    /// Events in the order in which they act.
+    /// Returns the events in the order in which they act.
     pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// Signals that the controller wants drawn.
+    /// Returns the signals of the controller that are drawn.
     pub fn tracks(&self) -> &[Track] {
         &self.tracks
     }
 
-    /// State of the controller at the end, from which it goes on.
+    /// Returns the state of the controller at the end, from which it continues.
     pub fn end_phase(&self) -> &Phase {
         &self.end_phase
     }
@@ -93,8 +93,8 @@ impl Motion {
         self.targets.duration()
     }
 
-    /// Motions one after the other, with the end phase of the last. Each but the last must last a whole number of ticks. A track
-    /// is known by name and unit, and NaN in the motions that lack it.
+    /// Joins motions one after the other, with the end phase of the last. Each but the last must last a whole number of
+    /// ticks. Tracks are identified by name and unit, and are NaN during the motions that lack them.
     pub fn chain(motions: &[&Motion]) -> Self {
         let tables: Vec<&Targets> = motions.iter().map(|motion| &motion.targets).collect();
         let (mut events, mut tracks) = (Vec::new(), Vec::<Track>::new());

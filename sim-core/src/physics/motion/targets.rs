@@ -1,4 +1,4 @@
-//! The table of joint targets that a gait compiles to.
+//! Table of joint targets that a gait compiles to.
 
 use crate::model::Hinge;
 
@@ -14,12 +14,12 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// Rows of a table that lasts `duration` s.
+    /// Returns the number of rows of a table that lasts `duration` s.
     pub fn ticks(duration: f64) -> usize {
         libm::ceil(duration / TICK - 1e-9) as usize + 1
     }
 
-    /// A table from one signal a joint (rad, one value a tick).
+    /// Creates a table from one signal for each joint (rad, one value per tick).
     ///
     /// # Panics
     /// If a signal is shorter than the duration.
@@ -29,12 +29,13 @@ impl Targets {
         Self { joints: signals.len(), duration, rows: (0..ticks).flat_map(row).collect() }
     }
 
-    /// The table that the joints of a robot can follow: targets are kept within each joint's limits, and from one tick to
-    /// the next they change by no more than its speed allows. `from`: the targets, rad, that an earlier table ended in, at which
-    /// joints with a greatest speed go on; without, the first row is the signal's own start within the limits.
+    /// Returns the table that the joints of a robot can follow. Targets are kept within each joint's limits, and from
+    /// one tick to the next they change by no more than its speed allows. `from` holds the last targets of an earlier
+    /// table, rad, from which joints with a greatest speed continue. Without it the first row is the signal's own start
+    /// within the limits.
     ///
     /// # Panics
-    /// If the table or `from` is of fewer joints.
+    /// If the table or `from` has fewer joints.
     pub fn within(mut self, hinges: &[Hinge], from: Option<&[f32]>) -> Self {
         for (joint, hinge) in hinges.iter().enumerate() {
             let [low, high] = hinge.limits;
@@ -55,8 +56,8 @@ impl Targets {
         self
     }
 
-    /// A table of the targets at given instants, rad by joint, from the first at time 0 on: linear between them, held at the end
-    /// until `duration`, s.
+    /// Creates a table from the targets at given instants, rad by joint, the first at time 0. Targets are linear
+    /// between instants, and held after the last until `duration`, s.
     pub fn between(instants: &[(f64, Vec<f64>)], duration: f64) -> Self {
         let joints = instants.first().map_or(0, |(_, targets)| targets.len());
         let mut signals = vec![Vec::new(); joints];
@@ -75,7 +76,7 @@ impl Targets {
         Self::new(&signals, duration)
     }
 
-    /// The table with noise: every `every` ticks each joint's target is moved by what is drawn for it, rad, in between linearly.
+    /// Adds noise: every `every` ticks each joint's target is moved by a drawn angle, rad, in between linearly.
     pub fn with_noise(mut self, every: usize, mut draw: impl FnMut() -> f64) -> Self {
         let joints = self.joints.max(1);
         let knots = (self.rows.len() / joints).div_ceil(every) + 1;
@@ -90,12 +91,12 @@ impl Targets {
         self
     }
 
-    /// All joints at 0 for `duration` s: standing.
+    /// Returns a table with all joints at 0 for `duration` s.
     pub fn zero(joints: usize, duration: f64) -> Self {
         Self { joints, duration, rows: vec![0.0; joints * Self::ticks(duration)] }
     }
 
-    /// Tables one after the other. Each but the last must last a whole number of ticks.
+    /// Joins tables one after the other. Each but the last must last a whole number of ticks.
     pub(super) fn chain(tables: &[&Targets]) -> Self {
         let joints = tables.first().map_or(0, |t| t.joints);
         let mut chained = Self { joints, duration: 0.0, rows: Vec::new() };
@@ -108,27 +109,27 @@ impl Targets {
         chained
     }
 
-    /// The targets of every tick, rad, the first at time 0.
+    /// Returns the targets of every tick, rad, the first at time 0.
     pub fn rows(&self) -> impl DoubleEndedIterator<Item = &[f32]> {
         self.rows.chunks_exact(self.joints.max(1))
     }
 
-    /// Number of joints.
+    /// Returns the number of joints.
     pub fn joints(&self) -> usize {
         self.joints
     }
 
-    /// Returns the duration of the gait, s.
+    /// Returns the duration of the table, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
 
-    /// Ticks from its beginning to that of the table after it.
+    /// Returns the number of ticks until the table after it begins.
     pub(super) fn whole_ticks(&self) -> u32 {
         libm::round(self.duration / TICK) as u32
     }
 
-    /// The targets at a time (s), held at the end; rad.
+    /// Computes the targets at a time (s), rad; the last row is held at the end.
     pub fn at(&self, time: f64, out: &mut [f32]) {
         let last = self.rows.len() / self.joints - 1;
         let tick = (time / TICK).max(0.0);
@@ -186,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn targets_stay_within_the_joint_limits() {
+    fn targets_stay_within_joint_limits() {
         let table = Targets::new(&[vec![9.0, -9.0]], TICK).within(&[hinge([-0.3, 0.5], None)], None);
         let mut out = [0.0];
         table.at(0.0, &mut out);
@@ -195,9 +196,9 @@ mod tests {
         assert_eq!(out[0], -0.3);
     }
 
-    /// A step of 0.5 rad at 2 rad/s is done after 0.25 s, on a straight line, and a slower signal is left alone.
+    /// A step of 0.5 rad at 2 rad/s takes 0.25 s, on a straight line. A slower signal does not change.
     #[test]
-    fn step_is_reached_after_its_angle_by_the_speed() {
+    fn greatest_speed_turns_step_into_ramp() {
         let ticks = Targets::ticks(1.0);
         let step: Vec<f64> = (0..ticks).map(|t| if t == 0 { 0.0 } else { 0.5 }).collect();
         let slow: Vec<f64> = (0..ticks).map(|t| 1.9 * TICK * t as f64).map(|angle| angle.min(0.4)).collect();

@@ -1,12 +1,12 @@
-//! The physics against closed forms, with either kind of joint, on worlds that a rollout can't be asked for: with
-//! velocities, without motors, with the pivot held in place.
+//! Tests of the physics against closed forms, with both kinds of joint, in worlds that a rollout can't be requested
+//! for: with velocities, without motors, with a fixed pivot.
 
 use super::*;
 use crate::model::{QUARTER_TURNS, RobotSpec};
 use crate::physics::{JointKind, Targets};
 use rapier3d::dynamics::RigidBodyType;
 
-/// A cube that holds a module by its back; `pose` turns the whole.
+/// Returns a cube that holds a module by its back; `pose` turns the whole robot.
 fn swing(pose: &str) -> Robot {
     let text = format!(
         r#"
@@ -25,7 +25,7 @@ fn swing(pose: &str) -> Robot {
     Robot::compile(&toml::from_str::<RobotSpec>(&text).unwrap()).unwrap()
 }
 
-/// Every law holds for both kinds.
+/// Kinds of joint; every test runs with both.
 const KINDS: [JointKind; 2] = [JointKind::Impulse, JointKind::Multibody];
 
 fn physics(joints: JointKind) -> Physics {
@@ -42,19 +42,19 @@ impl Simulation<'_> {
         self.world.bodies[self.bodies[0]].set_body_type(RigidBodyType::Fixed, true);
     }
 
-    /// The whole robot gets a velocity, mu/s.
+    /// Sets the velocity of the whole robot, mu/s.
     fn push(&mut self, velocity: Vector) {
         for handle in self.bodies.clone() {
             self.world.bodies[handle].set_linvel(velocity, true);
         }
-        // A multibody has velocities of its own: those of its free pivot come first.
+        // A multibody has its own velocities, first those of its free pivot.
         if let Joints::Multibody(handles) = &self.joints {
             let (multibody, _) = self.world.multibody_joints.get_mut(handles[0]).unwrap();
             multibody.generalized_velocity_mut().rows_mut(0, 3).copy_from_slice(&velocity.to_array());
         }
     }
 
-    /// The whole robot turns about the pivot's z, rad/s.
+    /// Turns the whole robot about the pivot's z, rad/s.
     fn turn(&mut self, speed: f32) {
         let pivot = self.world.bodies[self.bodies[0]].translation();
         for handle in self.bodies.clone() {
@@ -82,9 +82,9 @@ fn lifted(robot: &Robot, height: f32) -> State {
     start
 }
 
-/// z = z₀ − g t² / 2. Semi-implicit Euler falls g t h / 2 further, h the substep.
+/// z = z₀ − g t² / 2. Semi-implicit Euler falls g t h / 2 further; h is the substep.
 #[test]
-fn a_robot_in_the_air_falls_freely() {
+fn robot_in_air_falls_freely() {
     for joints in KINDS {
         let (robot, physics) = (swing("{}"), physics(joints));
         let start = lifted(&robot, 50.0);
@@ -97,10 +97,10 @@ fn a_robot_in_the_air_falls_freely() {
     }
 }
 
-/// A sliding body stops after v² / (2 μ g). rapier's contacts hold a part of their friction against each other, so the
+/// A sliding body stops after v² / (2 μ g). In rapier, contacts use a part of their friction against each other, so the
 /// robot is braked 4 % less.
 #[test]
-fn a_sliding_robot_is_braked_by_friction() {
+fn sliding_robot_is_braked_by_friction() {
     for joints in KINDS {
         let (robot, physics) = (swing("{}"), Physics { friction: 0.4, ..physics(joints) });
         let mut world = simulation(&robot, &physics, &robot.neutral());
@@ -114,7 +114,7 @@ fn a_sliding_robot_is_braked_by_friction() {
     }
 }
 
-/// Small swings of a physical pendulum take 2π √(I / (m g d)) (1 + θ² / 16).
+/// The period of small swings of a physical pendulum is 2π √(I / (m g d)) (1 + θ² / 16).
 #[test]
 fn unpowered_hinge_swings_with_pendulum_period() {
     for joints in KINDS {
@@ -147,7 +147,7 @@ fn unpowered_hinge_swings_with_pendulum_period() {
     }
 }
 
-/// Without load and far from its target, a motor turns its joint at torque / inertia.
+/// Without load and far from its target, a motor accelerates its joint by torque / inertia.
 #[test]
 fn motor_at_limit_gives_its_torque() {
     for joints in KINDS {
@@ -168,7 +168,7 @@ fn motor_at_limit_gives_its_torque() {
 
 /// A joint pressed against its limit stays there.
 #[test]
-fn a_joint_stops_at_its_limit() {
+fn joint_stops_at_limit() {
     for joints in KINDS {
         let robot = swing("{}");
         let physics = Physics { gravity: 0.0, ..physics(joints) };
@@ -181,9 +181,9 @@ fn a_joint_stops_at_its_limit() {
     }
 }
 
-/// A robot is put into the world as its start says, joint angles included, and is read back the same.
+/// A robot is placed in the world at its start, joint angles included, and the same state is read back.
 #[test]
-fn a_robot_starts_in_the_configuration_it_is_given() {
+fn robot_starts_in_given_configuration() {
     for joints in KINDS {
         let entry = &crate::model::catalogue::robots()[0];
         let robot = Robot::compile(&toml::from_str::<RobotSpec>(entry.toml).unwrap()).unwrap();
@@ -206,14 +206,15 @@ fn a_robot_starts_in_the_configuration_it_is_given() {
     }
 }
 
-/// Nothing brakes a robot in the air: with its joints held it keeps turning. The default damping of multibodies would
+/// A robot in the air is not braked: with its joints held it keeps turning. The default damping of multibodies would
 /// also act on the free pivot, and stop it.
 #[test]
-fn a_free_robot_goes_on_turning() {
+fn free_robot_keeps_turning() {
     for joints in KINDS {
         let (robot, physics) = (swing("{}"), Physics { gravity: 0.0, ..physics(joints) });
         let mut world = simulation(&robot, &physics, &lifted(&robot, 20.0));
-        // About z, the axis of the arm's own hinge or one across it: no load on the motor but the centrifugal one.
+        // The turn is about z, which is the axis of the arm's hinge or lies across it. So the motor has only the
+        // centrifugal load.
         world.turn(1.0);
         world.steps(1.0);
         let turned = crate::base::math::heading(world.state().pivot.rotation);
@@ -221,13 +222,13 @@ fn a_free_robot_goes_on_turning() {
     }
 }
 
-/// The two kinds are two ways to solve the same equations: finely stepped, a robot ends at the same place with either.
+/// Both kinds of joint solve the same equations: finely stepped, a robot ends at the same place with either.
 #[test]
-fn both_kinds_of_joint_move_a_robot_alike() {
+fn joint_kinds_agree_in_fine_steps() {
     let entry = &crate::model::catalogue::robots()[0];
     let robot = Robot::compile(&toml::from_str::<RobotSpec>(entry.toml).unwrap()).unwrap();
     let joints = robot.hinges.len();
-    // In the air: contacts multiply every difference.
+    // In the air, because contacts multiply every difference.
     let start = lifted(&robot, 50.0);
     let ramp = |i: usize| (0..=100).map(move |t| (0.1 + 0.05 * i as f64) * (f64::from(t) / 50.0 - 1.0)).collect();
     let motion = Motion::from(Targets::new(&(0..joints).map(ramp).collect::<Vec<_>>(), 0.5));

@@ -1,5 +1,5 @@
-//! The two kinds of joints in rapier: impulse joints, which pull two free bodies together, and multibody joints, with
-//! the joint angles as coordinates. Motors, gains, limits and contacts are the same.
+//! The two kinds of joints in rapier. Impulse joints pull two free bodies together; multibody joints have the joint
+//! angles as coordinates. Motors, gains, limits and contacts are the same.
 
 use super::{PhysicsWorld, RigidBodyHandle, Robot};
 use crate::base::math::{Vector, about};
@@ -16,12 +16,12 @@ pub(super) enum Joints {
 }
 
 impl Joints {
-    /// Before the robot is in the world.
+    /// Returns no joints, for a robot that is not in the world yet.
     pub fn none() -> Self {
         Self::Impulse(Vec::new())
     }
 
-    /// Joins bodies that stand at their places.
+    /// Joins bodies that are at their places.
     pub fn insert(
         world: &mut PhysicsWorld,
         robot: &Robot,
@@ -74,14 +74,14 @@ impl Joints {
         match self {
             Self::Impulse(handles) => {
                 if let Some(joint) = world.impulse_joints.get_mut(handles[joint], false) {
-                    // rapier locks an axis at 0, so the first frame turns along.
+                    // rapier locks an axis at 0, so the first frame is turned by the angle.
                     let frame = &mut joint.data.local_frame1;
                     frame.rotation = (frame.rotation * about(Vector::X, angle)).normalize();
                     joint.data.lock_axes(JointAxesMask::ANG_X);
                 }
             }
             Self::Multibody(handles) => {
-                // Its coordinates stay as many as they are: limits hold the angle.
+                // A multibody keeps its number of coordinates, so limits hold the angle.
                 let found = world.multibody_joints.get_mut(handles[joint]);
                 if let Some(link) = found.and_then(|(multibody, id)| multibody.link_mut(id)) {
                     let data = &mut link.joint.data;
@@ -91,7 +91,7 @@ impl Joints {
         }
     }
 
-    /// Angle of a joint, rad, where rapier keeps it itself.
+    /// Returns the angle of a joint, rad, if rapier stores it.
     pub fn angle(&self, world: &PhysicsWorld, joint: usize) -> Option<f32> {
         let Self::Multibody(handles) = self else { return None };
         let (multibody, id) = world.multibody_joints.get(handles[joint])?;
@@ -110,7 +110,8 @@ fn revolute(hinge: &Hinge, physics: &Physics, angle: f32) -> RevoluteJointBuilde
         .motor_position(angle, physics.stiffness, physics.damping)
 }
 
-/// A multibody has velocities of its own: of its root's centre of mass, linear and angular, then of the joints.
+/// Sets the velocities of a multibody, which has its own: linear and angular of its root's centre of mass, then those
+/// of the joints.
 fn set_going(world: &mut PhysicsWorld, root: MultibodyJointHandle, bodies: &[RigidBodyHandle], start: &State) {
     let Some(velocities) = &start.velocities else { return };
     let pivot = &world.bodies[bodies[0]];
@@ -126,14 +127,15 @@ fn set_going(world: &mut PhysicsWorld, root: MultibodyJointHandle, bodies: &[Rig
     multibody.generalized_velocity_mut().copy_from_slice(&own);
 }
 
-/// A multibody starts with all angles at 0, wherever its bodies stand, and with a damping that acts on the free pivot too.
+/// Sets the start's angles of a multibody. rapier creates it with all angles at 0, at any poses of its bodies, and with
+/// a damping that also acts on the free pivot, which is removed.
 fn turn_to_start(world: &mut PhysicsWorld, root: MultibodyJointHandle, bodies: &[RigidBodyHandle], start: &State) {
     let Some((multibody, _)) = world.multibody_joints.get_mut(root) else { return };
     multibody.damping_mut().fill(0.0);
     let mut turns = vec![0.0; multibody.ndofs()];
     for link in multibody.links().filter(|link| !link.is_root()) {
         let body = bodies.iter().position(|b| *b == link.rigid_body_handle());
-        // The joint before a body is one less: the pivot hangs on none.
+        // The index of a body's joint is one less than the body's: the pivot has no joint.
         turns[link.assembly_id()] = body.map_or(0.0, |b| start.joints[b - 1]);
     }
     multibody.apply_displacements(&turns);

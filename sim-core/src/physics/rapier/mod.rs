@@ -1,8 +1,8 @@
-//! Rollouts on rapier3d: the reference engine, for any terrain.
+//! The rapier engine: rollouts on rapier3d. It is the reference engine, and supports any terrain.
 //!
 //! Every rollout builds a fresh world, so rollouts do not affect each other. Joints have force-based motors and are
-//! impulse or multibody joints, by the job's setting. Friction is Coulomb's; joints are warm-started; nothing sleeps.
-//! Contacts between bodies that share a joint are off, all others on.
+//! impulse or multibody joints, by the job's setting. Friction is Coulomb's; joints are warm-started; bodies never
+//! sleep. Contacts between bodies that share a joint are off, all others on.
 
 mod joints;
 
@@ -18,11 +18,11 @@ use rapier3d::geometry::{ColliderBuilder, SharedShape};
 use rapier3d::math::Matrix;
 use rapier3d::pipeline::PhysicsWorld;
 
-/// rapier3d, one rollout after the other.
+/// Engine on rapier3d, which simulates one rollout after the other.
 pub struct RapierEngine;
 
 impl Engine for RapierEngine {
-    /// All robots and terrain, and of events that a joint fails.
+    /// Accepts all robots and terrain. Of events it accepts only failures of joints.
     fn supports(&self, robot: &Robot, _: &[Block], motion: &Motion) -> Result<(), Unsupported> {
         motion.events().iter().try_for_each(|event| Unsupported::of_event(robot, &event.change))
     }
@@ -33,7 +33,8 @@ impl Engine for RapierEngine {
         batch.iter().map(|request| rollout(request).expect("a rollout without a stop runs to its end")).collect()
     }
 
-    /// Asks `stop` before every step: a step of the largest robot takes some milliseconds a substep at most.
+    /// Simulates one rollout on flat ground; checks `stop` before every step. A step of the largest robot takes at most
+    /// some milliseconds per substep.
     fn run_until(
         &self,
         robot: &Robot,
@@ -59,7 +60,7 @@ fn parameters(physics: &Physics) -> IntegrationParameters {
         num_solver_iterations: physics.substeps as usize,
         friction_model: FrictionModel::Coulomb,
         warmstart_joints: true,
-        // Friction in both passes of a substep: closer to finely stepped references at the same cost.
+        // Friction acts in both passes of a substep: closer to finely stepped references at the same cost.
         friction_in_bias_pass: true,
         ..IntegrationParameters::default()
     }
@@ -174,14 +175,15 @@ impl<'a> Simulation<'a> {
         })
     }
 
-    /// Angle, rad, and rate, rad/s, of every joint.
+    /// Returns angle, rad, and rate, rad/s, of every joint.
     fn joint_motions(&self) -> Vec<(f32, f32)> {
         let motion = |(i, hinge): (usize, &Hinge)| (self.angle(i), self.rate(i, hinge));
         self.robot.hinges.iter().enumerate().map(motion).collect()
     }
 
-    /// Work of every motor in a step. rapier tells no torques of multibody joints, so all follow from the motor's law, at the mean
-    /// of those at the step's ends. Motors act on the angle one substep ahead, which damps them as much more.
+    /// Returns the work of every motor in a step. rapier reports no torques of multibody joints, so the work follows
+    /// from the motor's law, at the mean of the torques at the step's ends. Motors act on the angle one substep ahead,
+    /// which adds stiffness times substep to their damping.
     fn works(&self, targets: &[f32], before: &[(f32, f32)], after: &[(f32, f32)]) -> impl Iterator<Item = f64> {
         let ends = before.iter().zip(after);
         let (stiffness, substeps) = (self.physics.stiffness, self.physics.substeps);
@@ -198,7 +200,7 @@ impl<'a> Simulation<'a> {
         self.joints.set_targets(&mut self.world, self.physics, targets);
     }
 
-    /// Locks a joint at the angle that it has.
+    /// Locks a joint at its present angle.
     fn lock(&mut self, joint: usize) {
         let angle = self.angle(joint);
         self.joints.lock(&mut self.world, joint, angle);
@@ -229,7 +231,7 @@ impl<'a> Simulation<'a> {
         Velocities { pivot, rates: rates.collect() }
     }
 
-    /// Rate of a joint, rad/s.
+    /// Returns the rate of a joint, rad/s.
     fn rate(&self, joint: usize, hinge: &Hinge) -> f32 {
         let angular = |body: usize| self.world.bodies[self.bodies[body]].angvel();
         let axis = self.pose(hinge.parent).rotation * hinge.axis;
@@ -240,7 +242,7 @@ impl<'a> Simulation<'a> {
         self.bodies.iter().map(|b| self.world.bodies[*b].linvel().length()).fold(0.0, f32::max)
     }
 
-    /// The first bound that the world has left.
+    /// Returns the first bound that the world exceeds.
     fn broken(&self) -> Option<Bound> {
         let mut energy = 0.0;
         let mut mass = 0.0;

@@ -45,7 +45,7 @@ pub fn question(question: Question) -> &'static str {
 }
 
 /// Returns the command for a job of a coordinator.
-pub fn command_there(id: &str, poisoned: &Poisoned) -> String {
+pub fn command_for_remote_job(id: &str, poisoned: &Poisoned) -> String {
     let id = quoted(id);
     match poisoned.round {
         0 => format!("evogait show {id} --toml > job.toml; evogait validate job.toml"),
@@ -54,7 +54,7 @@ pub fn command_there(id: &str, poisoned: &Poisoned) -> String {
 }
 
 /// Returns the command for a job file.
-pub fn command_here(file: &Path, poisoned: &Poisoned) -> String {
+pub fn command_for_job_file(file: &Path, poisoned: &Poisoned) -> String {
     let file = quoted(file.display());
     let Some(subject) = Subject::of(poisoned) else { return format!("evogait validate {file}") };
     let asked = subject.question.map_or_else(String::new, |q| format!(" --question {}", question(q)));
@@ -79,7 +79,7 @@ mod tests {
         let candidate = Scored { generation: 3, candidate: 4, score: 1.0, genotype: vec![0.1, -2.0].into() };
         let evaluate = Task::Evaluate { generation: 3, candidate: 4, genotype: vec![0.1, -2.0].into() };
         let examine = Task::Examine(Examination::new(Question::WithoutReuse, &candidate));
-        let here = |task| command_here(Path::new("job.toml"), &poisoned(4, task));
+        let here = |task| command_for_job_file(Path::new("job.toml"), &poisoned(4, task));
         let (start, genotype) = ("evogait evaluate job.toml --generation 3 --candidate 4", "--genome=0.1,-2");
         assert_eq!(here(&evaluate), format!("{start} {genotype}"));
         assert_eq!(here(&examine), format!("{start} --question without-reuse {genotype}"));
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn command_of_a_preparation_is_validate() {
         let preparation = Poisoned::default();
-        assert_eq!(command_here(Path::new("job.toml"), &preparation), "evogait validate job.toml");
-        assert!(command_there("j1-abc", &preparation).ends_with("evogait validate job.toml"));
+        assert_eq!(command_for_job_file(Path::new("job.toml"), &preparation), "evogait validate job.toml");
+        assert!(command_for_remote_job("j1-abc", &preparation).ends_with("evogait validate job.toml"));
     }
 }

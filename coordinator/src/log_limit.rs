@@ -8,9 +8,9 @@ const PAUSE: Duration = Duration::from_secs(1);
 
 /// Rate limiter: at most one log line per second.
 #[derive(Debug, Default)]
-pub(crate) struct Seldom(Mutex<(Option<Instant>, u64)>);
+pub(crate) struct LogLimit(Mutex<(Option<Instant>, u64)>);
 
-impl Seldom {
+impl LogLimit {
     /// Returns the number of suppressed log lines since the last one, or `None` if this line must be suppressed, too.
     pub fn now(&self) -> Option<u64> {
         self.at(Instant::now())
@@ -33,11 +33,11 @@ mod tests {
 
     #[test]
     fn suppressed_log_lines_are_counted() {
-        let (seldom, start) = (Seldom::default(), Instant::now());
-        assert_eq!(seldom.at(start), Some(0));
-        assert_eq!(seldom.at(start), None);
-        assert_eq!(seldom.at(start + PAUSE / 2), None);
-        assert_eq!(seldom.at(start + PAUSE), Some(2));
-        assert_eq!(seldom.at(start + 3 * PAUSE), Some(0));
+        let (limit, start) = (LogLimit::default(), Instant::now());
+        assert_eq!(limit.at(start), Some(0));
+        assert_eq!(limit.at(start), None);
+        assert_eq!(limit.at(start + PAUSE / 2), None);
+        assert_eq!(limit.at(start + PAUSE), Some(2));
+        assert_eq!(limit.at(start + 3 * PAUSE), Some(0));
     }
 }

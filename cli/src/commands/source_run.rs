@@ -13,7 +13,7 @@ use sim_core::procedure::plan::{Grown, PlanReport};
 use sim_core::report::TreeRecord;
 
 /// Job, gaits and best plan of a finished run.
-pub struct Given {
+pub struct SourceRun {
     /// Job of the run.
     pub job: Checked,
     /// Genotype of the winner, or the gaits that the run planned with.
@@ -26,7 +26,7 @@ pub struct Given {
 
 type Plan = (Vec<u32>, Vec<[f64; 4]>);
 
-impl Given {
+impl SourceRun {
     /// Returns the gaits as a table of a job.
     pub fn set(&self) -> Reference<GaitSet> {
         let genome = self.gaits.gaits(self.job.gaits().count as usize).map(<[f64]>::to_vec).collect();
@@ -44,7 +44,7 @@ impl Given {
 }
 
 /// Reads the gaits of a run that evolved them or planned with them.
-pub fn given(of: &RunOf) -> Result<Given, Error> {
+pub fn read(of: &RunOf) -> Result<SourceRun, Error> {
     match of {
         RunOf::Folder(folder) => {
             let called = folder.display().to_string();
@@ -55,7 +55,7 @@ pub fn given(of: &RunOf) -> Result<Given, Error> {
             let no_winner = || Error::NoWinner { folder: folder.clone() };
             let gaits = stored.result.winner.as_ref().ok_or_else(no_winner)?.scored().genotype;
             let plan = Some(best_path(&stored.report()?.tree));
-            Ok(Given { job: stored.job.checked().clone(), gaits, called, plan })
+            Ok(SourceRun { job: stored.job.checked().clone(), gaits, called, plan })
         }
         RunOf::Stored { id, on } => super::with_runtime(async {
             let mut client = Client::connect(on).await?;
@@ -80,18 +80,18 @@ pub fn given(of: &RunOf) -> Result<Given, Error> {
             }
             let report: Report = serde_json::from_slice(&report.content).map_err(damaged)?;
             let plan = Some(best_path(&report.tree));
-            Ok(Given { job, gaits: report.winner.genotype, called, plan })
+            Ok(SourceRun { job, gaits: report.winner.genotype, called, plan })
         }),
     }
 }
 
-fn planned(job: Checked, report: &PlanReport, called: String) -> Result<Given, Error> {
+fn planned(job: Checked, report: &PlanReport, called: String) -> Result<SourceRun, Error> {
     let gaits = job.given_gaits().cloned().unwrap_or_else(|| Vec::new().into());
     let of_best = |Grown { plan, .. }: &Grown| -> Plan {
         plan.iter().map(|step| (step.gait + 1, [step.x, step.y, step.z, step.yaw])).unzip()
     };
     let plan = report.plans.get(report.best as usize).and_then(Option::as_ref).map(of_best);
-    Ok(Given { job, gaits, called, plan })
+    Ok(SourceRun { job, gaits, called, plan })
 }
 
 fn best_path(tree: &TreeRecord) -> Plan {

@@ -7,20 +7,20 @@ use sim_core::problem::Checked;
 use sim_core::problem::Job;
 
 /// Returns the warnings that need no simulation: about inertias and lengths of the job's robot.
-pub fn of(job: &Checked) -> Vec<String> {
+pub fn warnings(job: &Checked) -> Vec<String> {
     let mut doubts = job.robot().doubts();
-    doubts.extend(of_unit(job.robot(), "FILE"));
+    doubts.extend(unit_warning(job.robot(), "FILE"));
     doubts
 }
 
 /// Returns the warning about a goal at which the settled robot can't stand.
-pub fn of_goal(job: &Job) -> Option<String> {
+pub fn goal_warning(job: &Job) -> Option<String> {
     let obstacle = job.blocked_goal()?;
     Some(format!("the robot can't stand at the goal: it touches environment.obstacle[{obstacle}] at every heading"))
 }
 
 /// Returns a warning if the robot's lengths may not be in mu, with the command that converts them.
-pub fn of_unit(robot: &Robot, file: &str) -> Option<String> {
+pub fn unit_warning(robot: &Robot, file: &str) -> Option<String> {
     let unit = robot.unit_in_doubt()?;
     Some(format!(
         "the robot's bodies are about {unit} mu long, but a module is 1 mu long: `evogait robot {} --unit {unit} --out {}` \
