@@ -13,7 +13,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let descriptor_path = out.join("evogait.v1.bin");
     std::fs::write(&descriptor_path, descriptors.encode_to_vec())?;
     tonic_prost_build::configure().compile_fds(descriptors)?;
-    // A protocol of another project: not part of the API that reflection lists.
+    // KEDA's protocol: not part of the API that gRPC reflection lists.
     println!("cargo:rerun-if-changed=keda/externalscaler.proto");
     tonic_prost_build::configure().compile_fds(protox::compile(["keda/externalscaler.proto"], ["."])?)?;
     Ok(())

@@ -1,5 +1,5 @@
-//! One program for all parsers: `EVOGAIT_PARSER` names the one that is fed, `EVOGAIT_SEEDS` a folder that gets inputs to begin
-//! with.
+//! Fuzz target of all parsers. `EVOGAIT_PARSER` names the parser to fuzz. `EVOGAIT_SEEDS` names a folder into which
+//! initial inputs are written.
 
 #![no_main]
 
@@ -18,7 +18,7 @@ libfuzzer_sys::fuzz_target!(
         if let Some(folder) = std::env::var_os("EVOGAIT_SEEDS") {
             for (i, seed) in seeds(&name).iter().enumerate() {
                 let path = std::path::Path::new(&folder).join(format!("seed-{i}"));
-                std::fs::write(path, seed).expect("the folder of seeds can be written to");
+                std::fs::write(path, seed).expect("the folder EVOGAIT_SEEDS must be writable");
             }
         }
     },

@@ -1,29 +1,30 @@
-//! Wire types to sim-core types and back. Floating-point numbers keep their bits, NaN payloads and -0 too.
+//! Conversions between wire types and sim-core types. Floating-point numbers keep their bits, including NaN payloads
+//! and -0.
 
 use crate::v1;
 use sim_core::base::digest::Digest;
 use sim_core::procedure::{Artefact, Progress, Row, Value};
 
-/// A message that can't mean anything. Not retryable: the sender must change.
+/// Invalid message. Not retryable: the sender must change it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ConvertError {
-    /// A field that has to be there is not.
+    /// Missing field.
     #[error("{field} is missing")]
     Missing {
-        /// Its name.
+        /// Name of the field.
         field: &'static str,
     },
-    /// Bytes that are no SHA-256 digest.
+    /// SHA-256 digest with a length other than 32 bytes.
     #[error("{field} has {found} bytes: a SHA-256 digest has 32")]
     DigestLength {
-        /// The field's name.
+        /// Name of the field.
         field: &'static str,
         /// Number of bytes found.
         found: usize,
     },
 }
 
-/// Reads a digest. `field` names it in the error.
+/// Converts bytes to a digest. `field` is its name in the error.
 pub fn digest(field: &'static str, bytes: &[u8]) -> Result<Digest, ConvertError> {
     bytes.try_into().map(Digest).map_err(|_| ConvertError::DigestLength { field, found: bytes.len() })
 }

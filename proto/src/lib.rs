@@ -1,5 +1,5 @@
-//! The wire: messages of clients, coordinator and workers; the only place where wire types become sim-core types and
-//! back; and the way to a coordinator: addresses, certificates and tokens.
+//! Wire protocol: messages of clients, coordinator and workers; conversions between wire types and sim-core types,
+//! which exist only here; and connections to a coordinator: addresses, certificates and tokens.
 
 mod convert;
 pub mod credentials;
@@ -16,8 +16,8 @@ pub mod externalscaler {
     tonic::include_proto!("externalscaler");
 }
 
-/// The compiled descriptors, for gRPC reflection.
+/// Compiled descriptors of the protocol, for gRPC reflection.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/evogait.v1.bin"));
 
-/// Version of the worker protocol: both sides of a session must have the same.
+/// Version of the worker protocol: a session requires the same version on both sides.
 pub const PROTOCOL: u32 = 3;

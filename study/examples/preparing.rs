@@ -1,9 +1,9 @@
-//! Settles a large robot, to measure the cost of a body-substep of a preparation.
+//! Settles a large robot, to measure the cost per body-substep of a preparation.
 //!
-//! `time cargo run --release -p study --example preparing -- BODIES BOXES JOINTS STEPS SUBSTEPS`, where JOINTS is `impulse`,
-//! `multibody` or `lockstep`; such as `64 4 multibody 1000 1`: a chain of so many bodies with so many boxes each, lying on
-//! the ground without damping. It prints how many steps were simulated.
-//! `check` as a sixth argument checks the job 100 times and settles nothing.
+//! `time cargo run --release -p study --example preparing -- BODIES BOXES JOINTS STEPS SUBSTEPS` settles a chain of
+//! BODIES bodies with BOXES boxes each on the ground without damping, and prints the number of simulated steps. JOINTS
+//! is `impulse`, `multibody` or `lockstep`. Example of arguments: `64 4 multibody 1000 1`. With `check` as the sixth
+//! argument, the program checks the job 100 times and settles nothing.
 
 use sim_core::exchange;
 use sim_core::job::{JobSpec, Reference};
@@ -12,7 +12,7 @@ use sim_core::problem::Checked;
 use std::cell::Cell;
 use std::fmt::Write as _;
 
-/// A chain of bodies in MJCF.
+/// Returns a chain of bodies, read from MJCF.
 fn chain(bodies: usize, boxes: usize) -> RobotSpec {
     let mut xml = String::from(r#"<mujoco model="chain"><worldbody><body name="b0" pos="0 0 1"><freejoint/>"#);
     for body in 0..bodies {
@@ -30,12 +30,12 @@ fn chain(bodies: usize, boxes: usize) -> RobotSpec {
     }
     xml += &"</body>".repeat(bodies);
     xml += "</worldbody></mujoco>";
-    exchange::read(&xml).expect("a chain can be read").robot
+    exchange::read(&xml).expect("the generated MJCF of a chain must be valid").robot
 }
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |i: usize| arguments[i].parse().expect("a whole number");
+    let number = |i: usize| arguments[i].parse().expect("BODIES, BOXES, STEPS and SUBSTEPS must be whole numbers");
     let (bodies, boxes, steps, substeps) = (number(0), number(1), number(3), number(4));
     let text = format!(
         "name = \"a\"\nrobot = \"lizard\"\nenvironment = \"empty\"\ngaits = {{ count = 1, duration = 1.0 }}\n\
@@ -47,7 +47,7 @@ fn main() {
             joints => format!("engine = \"rapier\", joints = \"{joints}\""),
         }
     );
-    let spec: JobSpec = toml::from_str(&text).expect("the job is a job");
+    let spec: JobSpec = toml::from_str(&text).expect("the generated job must be well formed");
     let spec = JobSpec { robot: Reference::Inline(Box::new(chain(bodies, boxes))), ..spec };
     if arguments.get(5).is_some_and(|mode| mode == "check") {
         for _ in 0..100 {
@@ -57,8 +57,8 @@ fn main() {
         }
         return;
     }
-    let job = Checked::new(spec).expect("the job is within its budget");
-    // Asked before every step.
+    let job = Checked::new(spec).expect("the job must be valid and within its budget");
+    // The stop callback is called before every step.
     let asked = Cell::new(0u64);
     let prepared = job.prepare(&|| {
         asked.set(asked.get() + 1);

@@ -1,6 +1,7 @@
-//! Prints on which settings random robots come to rest: a row a kind of robot and setting.
+//! Prints the number of random robots that do not come to rest, and their greatest speed. Each row is for one scale,
+//! kind of robot and setting.
 //!
-//! `cargo run --release -p sim-core --example settling [ROBOTS]`; 25 robots of each kind unless given.
+//! `cargo run --release -p study --example settling [ROBOTS]`; the default is 25 robots of each kind.
 
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::engines::engine;
@@ -19,11 +20,11 @@ const SETTINGS: [(EngineKind, JointKind, u32, u32); 8] = [
     (EngineKind::Lockstep, JointKind::Impulse, 600, 2),
 ];
 
-/// Draws a robot.
+/// Function that draws a random robot.
 type Draw = fn(&mut Stream) -> Robot;
 
 fn main() {
-    let robots = std::env::args().nth(1).map_or(25, |n| n.parse().expect("the number of robots is a whole number"));
+    let robots = std::env::args().nth(1).map_or(25, |n| n.parse().expect("ROBOTS must be a whole number"));
     let kinds: [(&str, Draw); 3] = [
         ("modules", random_robot),
         ("boxes", |stream| random_arms(stream, false)),

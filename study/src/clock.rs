@@ -1,4 +1,4 @@
-//! Clocks: time on the wall, and CPU time of the calling thread, which other programs lengthen far less.
+//! Clocks: wall time, and CPU time of the calling thread. Other programs affect CPU time far less than wall time.
 
 #![expect(
     clippy::disallowed_types,
@@ -9,7 +9,7 @@
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Time that a piece of work took, s.
+/// Time spent on a piece of work, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spent {
     /// Wall time.
@@ -19,7 +19,7 @@ pub struct Spent {
 }
 
 impl Spent {
-    /// An equal share of this time, for one of `n` pieces of work.
+    /// Returns the share of one of `n` equal pieces of work.
     pub fn share(self, n: usize) -> Self {
         let n = n as f64;
         Self { wall: self.wall / n, cpu: self.cpu / n }
@@ -33,23 +33,24 @@ impl std::ops::AddAssign for Spent {
     }
 }
 
-/// Measures wall time from its start.
+/// Stopwatch for wall time.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch(Instant);
 
 impl Stopwatch {
-    /// Starts now.
+    /// Starts a stopwatch.
     pub fn start() -> Self {
         Self(Instant::now())
     }
 
-    /// Wall time since the start.
+    /// Returns the wall time since the start.
     pub fn elapsed(self) -> Duration {
         self.0.elapsed()
     }
 }
 
-/// Does the work and measures its time. Only the calling thread's work counts as CPU time.
+/// Runs `work` and measures its time. CPU time is that of the calling thread only, or the wall time if the system has
+/// no clock for it.
 pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Spent) {
     let (wall, cpu) = (Stopwatch::start(), thread_time());
     let done = work();
@@ -61,13 +62,13 @@ pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Spent) {
     (done, Spent { wall: wall.as_secs_f64(), cpu: cpu.as_secs_f64() })
 }
 
-/// CPU time of this thread so far; `None` if the system has no such clock.
+/// Returns the CPU time of the calling thread; `None` if the system has no such clock.
 #[cfg(unix)]
 fn thread_time() -> Option<Duration> {
     rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime).try_into().ok()
 }
 
-/// `None`: this system has no such clock, and [`timed`] takes the wall time instead.
+/// Returns `None`, because this system has no such clock. [`timed`] uses the wall time instead.
 #[cfg(not(unix))]
 fn thread_time() -> Option<Duration> {
     None
@@ -78,13 +79,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sleeping_takes_time_on_the_wall_and_none_of_the_cpu() {
+    fn sleeping_takes_wall_time_but_no_cpu_time() {
         let ((), spent) = timed(|| std::thread::sleep(Duration::from_millis(50)));
         assert!(spent.wall >= 0.05 && spent.cpu < 0.02, "{spent:?}");
     }
 
     #[test]
-    fn computing_takes_both() {
+    fn computing_takes_wall_and_cpu_time() {
         let (_, spent) = timed(|| {
             let before = thread_time().unwrap();
             while thread_time().unwrap() - before < Duration::from_millis(20) {

@@ -19,47 +19,49 @@ use std::time::Duration;
 /// Limits of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
-    /// At most so many evaluations.
+    /// Greatest number of evaluations.
     pub evaluations: u32,
-    /// Once this much time has passed no evaluation is begun, and one that runs is broken off and not counted …
+    /// Time limit. Afterwards no evaluation begins, and a running one is stopped and not counted, unless it is the
+    /// first.
     pub time: Duration,
-    /// … unless it is the first, which may take this long.
+    /// Time limit of the first evaluation.
     pub first: Duration,
 }
 
-/// Time and counts of evaluations, one range of candidates after the other on one thread.
+/// Time and counts of evaluations on one thread.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cost {
-    /// Evaluations done.
+    /// Number of complete evaluations.
     pub evaluations: u32,
-    /// The first one took longer than allowed; nothing else is known then but that time.
+    /// True if the first evaluation was stopped at its time limit. Then only `total` is valid: the time until the stop.
     pub given_up: bool,
-    /// Time of the evaluations.
+    /// Total time of the evaluations.
     pub total: Spent,
-    /// Of this, in the physics engine.
+    /// Part of `total` spent in the physics engine.
     pub physics: Spent,
-    /// Of this, for the tables of joint targets.
+    /// Part of `total` spent on tables of joint targets.
     pub tables: Spent,
-    /// Of this, growing trees without the physics engine.
+    /// Part of `total` spent on growing trees, without the physics engine.
     pub planning: Spent,
-    /// Rollouts, nodes and the like.
+    /// Counts of rollouts, nodes and other quantities, summed over evaluations.
     pub counts: Counts,
-    /// The scores, in the order of the candidates: those of the search.
+    /// Scores in the order of the candidates, equal to those of the job's search.
     pub scores: Vec<f64>,
-    /// Rollouts asked for, and those that could have been simulated in the same time.
+    /// Use of the engine's lanes.
     pub lanes: Lanes,
 }
 
-/// How well an engine's lanes were filled.
+/// Use of an engine's lanes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lanes {
-    /// Rollouts that were asked for.
+    /// Number of rollouts requested.
     pub useful: u64,
-    /// Lanes that were simulated.
+    /// Number of lanes simulated, including empty ones.
     pub all: u64,
 }
 
-/// Candidates that are evaluated together: as many of a generation as one of `slots` slots gets at once, at least 1.
+/// Returns the number of candidates that are evaluated together, at least 1: the share of a generation that one of
+/// `slots` slots gets at once.
 pub fn at_once(job: &Job, slots: u32) -> u32 {
     match job.candidates_at_once() {
         1 => 1,
@@ -70,8 +72,9 @@ pub fn at_once(job: &Job, slots: u32) -> u32 {
     }
 }
 
-/// Evaluates a job's first candidates, or its given gaits: generation 0 again and again with other trees if there are not enough. `each` is
-/// called after every one. `together` candidates (at least 1) are evaluated at once: [`at_once`] gives a slot's.
+/// Measures evaluations of a job's first candidates, or of its given gaits. If generation 0 has too few candidates,
+/// they are evaluated again with other random streams. `together` candidates (at least 1) are evaluated at once;
+/// [`at_once`] returns the number for a slot. `each` is called after every evaluation.
 pub fn measure(job: &Job, together: u32, budget: Budget, each: &dyn Fn()) -> Cost {
     let started = Stopwatch::start();
     let mut cost = Cost::default();
@@ -105,8 +108,8 @@ pub fn measure(job: &Job, together: u32, budget: Budget, each: &dyn Fn()) -> Cos
     cost
 }
 
-/// Carries out runs of a job that simulates, one after the other on one thread: that with nothing varied, then repeats, until the
-/// budget is spent.
+/// Measures runs of a simulate job, one after the other on one thread, until the budget is used up: first the unvaried
+/// run, then repeats.
 pub fn measure_runs(job: &Job, budget: Budget) -> Cost {
     struct Until<'a>(&'a Stopwatch, Duration);
     impl Hooks for Until<'_> {
@@ -136,7 +139,8 @@ pub fn measure_runs(job: &Job, budget: Budget) -> Cost {
     cost
 }
 
-/// Does what [`sim_core::evaluate::evaluate`] does with candidates, in its three parts, and measures each.
+/// Evaluates candidates in the same three steps as [`sim_core::evaluate::evaluate`] (tables, trees, scores) and
+/// measures them.
 fn evaluations(
     job: &Job,
     generation: u32,
@@ -165,18 +169,18 @@ fn evaluations(
 /// Shares of the CPU time; their sum is 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Shares {
-    /// In the physics engine.
+    /// Share of the physics engine.
     pub physics: f64,
-    /// For the tables of joint targets.
+    /// Share of the tables of joint targets.
     pub target_tables: f64,
-    /// Growing trees without the physics engine.
+    /// Share of growing trees, without the physics engine.
     pub planning: f64,
-    /// All other work.
+    /// Share of all other work.
     pub rest: f64,
 }
 
 impl Cost {
-    /// Where the CPU time went.
+    /// Returns the shares of the CPU time.
     pub fn shares(&self) -> Shares {
         let share = |part: Spent| part.cpu / self.total.cpu;
         let (physics, target_tables, planning) = (share(self.physics), share(self.tables), share(self.planning));
@@ -202,7 +206,7 @@ impl std::ops::AddAssign for Lanes {
     }
 }
 
-/// An engine with a clock, and a tally of its lanes.
+/// Engine that measures its time and counts its lanes.
 struct Watched {
     engine: &'static dyn Engine,
     seen: Mutex<(Spent, Lanes)>,
@@ -241,13 +245,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_is_what_a_worker_does() {
+    fn measured_evaluations_equal_those_of_a_worker() {
         for engine in ["rapier", "lockstep"] {
-            is_what_a_worker_does(&job(engine));
+            assert_equals_worker(&job(engine));
         }
     }
 
-    fn is_what_a_worker_does(job: &Job) {
+    fn assert_equals_worker(job: &Job) {
         let cost = measure(job, at_once(job, 2), Budget { evaluations: 3, time: ALWAYS, first: ALWAYS }, &|| ());
         let candidates: Vec<(u32, Genotype)> = (0..).zip(job.optimiser().ask().genotypes).collect();
         let scored = evaluate(job, 0, &candidates, &|| false).unwrap();
@@ -260,14 +264,14 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_not_more_than_the_whole() {
+    fn parts_do_not_exceed_the_total_time() {
         let cost = measure(&job("rapier"), 1, Budget { evaluations: 4, time: ALWAYS, first: ALWAYS }, &|| ());
         let parts = cost.physics.cpu + cost.tables.cpu + cost.planning.cpu;
         assert!(cost.physics.cpu > 0.0 && cost.planning.cpu > 0.0 && parts <= cost.total.cpu, "{cost:?}");
     }
 
     #[test]
-    fn a_first_evaluation_that_takes_too_long_is_given_up() {
+    fn slow_first_evaluation_is_given_up() {
         let none = Duration::ZERO;
         let cost = measure(&job("rapier"), 1, Budget { evaluations: 3, time: none, first: none }, &|| ());
         assert!(cost.given_up && cost.evaluations == 0, "{cost:?}");

@@ -1,8 +1,8 @@
-//! Fidelity: how near an engine setting comes to a reference on the same gaits.
+//! Fidelity: agreement of an engine setting with a reference on the same gaits.
 //!
-//! Contact-rich gaits are chaotic, so two settings can't agree better than the reference agrees with itself from starts
-//! that hardly differ. That is the *ceiling*, and every fidelity is to be read against it. A reference is worth its name
-//! where halving its own step changes no more than that.
+//! Gaits with many contacts are chaotic, so a setting can't agree with the reference better than the reference agrees
+//! with itself from slightly disturbed starts. This self-agreement is the *ceiling*: compare every fidelity with it. A
+//! reference is fine enough if halving its step changes its results no more than the disturbed starts do.
 
 pub mod comparison;
 pub mod table;
@@ -15,42 +15,43 @@ use sim_core::base::statistics::{median, quantile};
 use sim_core::model::{Place, State};
 use sim_core::physics::{Outcome, Rollout};
 
-/// How far joint angles of a disturbed start are off, rad.
+/// Difference of every joint angle of a disturbed start from the original start, rad.
 pub const DISTURBANCE: f32 = 1e-6;
 
-/// How near one setting comes to a reference on the same gaits from the same start. Intervals are 95 % bootstrap
+/// Agreement of one setting with a reference on the same gaits from the same start. Intervals are 95 % bootstrap
 /// intervals over the gaits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fidelity {
-    /// Gaits that both completed: those compared.
+    /// Number of gaits compared: those that completed with both settings.
     pub gaits: usize,
-    /// Gaits that were unstable with the setting or the reference, and so are not compared.
+    /// Number of gaits not compared, because they were unstable with the setting or the reference.
     pub unstable: usize,
-    /// Distance between the two places of the pivot after the gait, mu.
+    /// Planar distance between the two positions of the pivot after the gait, mu.
     pub position: Errors,
     /// Difference of the headings, rad.
     pub yaw: Errors,
-    /// |Δx|, mu: along the robot's first heading.
+    /// |Δx| of the final positions along the initial heading, mu.
     pub x: Errors,
-    /// |Δy|, mu.
+    /// |Δy| of the final positions across the initial heading, mu.
     pub y: Errors,
-    /// Median of the distance between the two places relative to the way the reference went. Gaits with which the
-    /// reference stays where it is have none.
+    /// Median of the position error divided by the planar distance that the reference travelled. Gaits in which the
+    /// reference does not move are left out.
     pub relative: Option<Estimate>,
-    /// Spearman's rank correlation of the planar distances travelled. `None` if all travel the same.
+    /// Spearman's rank correlation of the planar distances travelled. `None` if all distances of either setting are
+    /// equal.
     pub spearman: Option<Estimate>,
 }
 
-/// Errors over gaits.
+/// Distribution of an error over gaits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Half of the gaits have a smaller error.
+    /// Median of the errors.
     pub median: Estimate,
-    /// One of twenty has a greater one.
+    /// 95th percentile of the errors.
     pub p95: Estimate,
 }
 
-/// Where a rollout ends, in the frame of the place where it started; `None` if it was unstable.
+/// Returns the final place of a rollout in the frame of its initial place; `None` if the rollout did not complete.
 pub fn arrival(rollout: &Rollout, from: &Place) -> Option<Place> {
     let at = rollout.end.pivot.translation;
     let yaw = heading(rollout.end.pivot.rotation);
@@ -58,20 +59,21 @@ pub fn arrival(rollout: &Rollout, from: &Place) -> Option<Place> {
     (rollout.outcome == Outcome::Completed).then(|| from.seen(&end))
 }
 
-/// A start with every joint angle off by [`DISTURBANCE`] to one side or the other.
+/// Returns the start with [`DISTURBANCE`] added to or subtracted from every joint angle at random. `gait` selects the
+/// random stream.
 pub fn disturbed(start: &State, gait: u32) -> State {
     let mut stream = Stream::new(0, Purpose::Sample, 0, gait, 1);
     let mut off = |angle: &f32| if stream.unit() < 0.5 { angle - DISTURBANCE } else { angle + DISTURBANCE };
     State::new(start.pivot, start.joints.iter().map(&mut off).collect())
 }
 
-/// Compares where gaits lead with a setting and with the reference, gait by gait; `None` stands for an unstable rollout.
-/// `None` if no gait completed with both.
+/// Compares the final places of gaits with a setting and with the reference, gait by gait. A place of `None` is one of
+/// a rollout that did not complete. Returns `None` if no gait completed with both.
 ///
 /// # Panics
-/// If the two are not of the same length.
+/// If the two slices differ in length.
 pub fn compare(reference: &[Option<Place>], setting: &[Option<Place>]) -> Option<Fidelity> {
-    assert_eq!(reference.len(), setting.len(), "the same gaits are compared");
+    assert_eq!(reference.len(), setting.len(), "both settings need an entry for every gait");
     let pairs: Vec<(Place, Place)> = reference.iter().zip(setting).filter_map(|(r, s)| Some(((*r)?, (*s)?))).collect();
     let distance: Vec<f64> = pairs.iter().map(|(r, s)| r.planar_distance(s)).collect();
     let of = |difference: &dyn Fn(&Place, &Place) -> f64| {
@@ -104,7 +106,8 @@ fn picked(values: &[f64], members: &[usize]) -> Vec<f64> {
     members.iter().map(|&i| values[i]).collect()
 }
 
-/// Every estimate is made from the same resamples: differences between settings are not those of luck.
+/// Bootstraps a statistic. All estimates use the same resamples, so that differences between settings do not come from
+/// the resampling.
 fn estimate(n: usize, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Estimate> {
     bootstrap(n as u32, &mut Stream::new(0, Purpose::Bootstrap, 0, 0, 0), statistic)
 }
@@ -114,7 +117,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Places along a line, at all headings.
+    /// Places along a line, with different headings.
     fn places() -> Vec<Option<Place>> {
         (1..=20).map(|i| Some(Place { x: f64::from(i), y: 0.0, z: 0.5, yaw: wrap(0.5 * f64::from(i)) })).collect()
     }
@@ -125,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_setting_agrees_with_itself() {
+    fn setting_agrees_with_itself_completely() {
         let found = compare(&places(), &places()).unwrap();
         let none = Estimate { value: 0.0, low: 0.0, high: 0.0 };
         for errors in [found.position, found.yaw, found.x, found.y] {
@@ -136,11 +139,11 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_error_is_measured_as_what_it_is() {
+    fn constant_error_is_measured_exactly() {
         let found = compare(&places(), &moved(0.3, -0.4, 0.2)).unwrap();
         let is = |estimate: Estimate, value: f64| {
             let all = [estimate.low, estimate.value, estimate.high];
-            assert!(all.iter().all(|v| (v - value).abs() < 1e-9), "{estimate:?}, not {value}");
+            assert!(all.iter().all(|v| (v - value).abs() < 1e-9), "estimate {estimate:?} must be {value}");
         };
         for (errors, value) in [(found.position, 0.5), (found.yaw, 0.2), (found.x, 0.3), (found.y, 0.4)] {
             is(errors.median, value);
@@ -153,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_is_seen_from_another_as_it_was_laid_out_there() {
+    fn seen_place_is_the_inverse_of_then() {
         let frame = Place { x: 3.0, y: -2.0, z: 0.5, yaw: 2.5 };
         for place in places().into_iter().flatten() {
             let seen = frame.seen(&frame.then(&place));
@@ -163,15 +166,15 @@ mod tests {
     }
 
     #[test]
-    fn headings_are_compared_the_short_way_round() {
+    fn yaw_error_is_shorter_angle_between_headings() {
         let at = |yaw: f64| vec![Some(Place { x: 1.0, y: 0.0, z: 0.0, yaw })];
         let found = compare(&at(PI - 0.1), &at(0.1 - PI)).unwrap();
         assert!((found.yaw.median.value - 0.2).abs() < 1e-12);
-        assert_eq!(found.spearman, None, "one gait has no order");
+        assert_eq!(found.spearman, None, "one gait must have no rank correlation");
     }
 
     #[test]
-    fn unstable_gaits_are_counted_and_not_compared() {
+    fn unstable_gaits_are_counted_but_not_compared() {
         let mut setting = moved(1.0, 0.0, 0.0);
         (setting[0], setting[7]) = (None, None);
         let mut reference = places();
@@ -182,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disturbed_start_is_off_by_a_millionth_in_every_joint() {
+    fn disturbed_start_differs_in_every_joint() {
         let start = State::new(sim_core::base::math::Pose::IDENTITY, vec![0.1; 32]);
         let (one, two) = (disturbed(&start, 1), disturbed(&start, 2));
         assert_eq!(one, disturbed(&start, 1));

@@ -1,5 +1,5 @@
-//! Whether two engine settings agree on what a genotype is worth: the same genotypes, on the same random trees, scored with
-//! each.
+//! Agreement of engine settings on the scores of genotypes. Every setting scores the same genotypes with the same
+//! random streams.
 
 pub mod comparison;
 
@@ -13,31 +13,31 @@ use sim_core::genotype::Genotype;
 use sim_core::plan::Transitions;
 use sim_core::problem::Job;
 
-/// What scoring a genotype on many trees gave.
+/// Scores of a genotype on several trees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// The score of each tree.
+    /// Score of each tree.
     pub scores: Vec<f64>,
-    /// Rollouts of all of them: they share a table of transitions.
+    /// Rollouts of all trees together. The trees share a table of transitions.
     pub rollouts: u64,
-    /// Of these, unstable.
+    /// Unstable rollouts, counted in `rollouts` too.
     pub unstable: u64,
 }
 
 impl Measured {
-    /// The mean of the trees' scores.
+    /// Returns the mean of the trees' scores.
     pub fn mean(&self) -> f64 {
         self.scores.iter().sum::<f64>() / self.scores.len() as f64
     }
 }
 
-/// How the scores that a setting gives compare with those of a reference. Differences in the score's unit.
+/// Agreement of a setting's scores with a reference's. Differences are in the unit of the score.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Agreement {
-    /// Spearman's rank correlation, with a 95 % bootstrap interval over the genotypes. `null` if all scores of a side are
-    /// equal.
+    /// Spearman's rank correlation, with a 95 % bootstrap interval over the genotypes. `null` if all scores of either
+    /// setting are equal.
     pub spearman: Option<Estimate>,
-    /// Mean of the setting's scores over mean of the reference's: what is kept. `null` where that is 0.
+    /// Mean of the setting's scores divided by the mean of the reference's. `null` if the reference's mean is 0.
     pub ratio: Option<Estimate>,
     /// Median |difference|.
     pub median_difference: f64,
@@ -45,10 +45,13 @@ pub struct Agreement {
     pub p95_difference: f64,
 }
 
-/// Scores genotypes on the job's setting, the first being the `first`-th of a study, each on so many trees. Random
-/// streams follow from the job's seed, the index and the tree alone, so the same genotype's trees grow towards the same random
-/// places with every setting. `off`: from starts whose joint angles are off by a millionth rad, which shows what a
-/// setting's scores are worth by themselves.
+/// Scores genotypes with the job's setting, each on `trees` trees. `first`: index of the first genotype in its study.
+/// Random streams depend only on the job's seed, the genotype's index and the tree, so a genotype's trees grow towards
+/// the same random places with every setting. `off`: the trees start from joint angles disturbed by 1e-6 rad, which
+/// shows how repeatable a setting's own scores are.
+///
+/// # Errors
+/// If `stop` returns true before the trees are complete.
 ///
 /// # Panics
 /// If a genotype's length does not fit the job.
@@ -81,12 +84,12 @@ pub fn measure(
 /// Compares a setting's scores with the reference's, genotype by genotype.
 ///
 /// # Panics
-/// If the two are not of the same length.
+/// If the two slices differ in length.
 pub fn compare(reference: &[f64], setting: &[f64]) -> Agreement {
-    assert_eq!(reference.len(), setting.len(), "the same genotypes are compared");
+    assert_eq!(reference.len(), setting.len(), "both settings need a score for every genotype");
     let apart: Vec<f64> = reference.iter().zip(setting).map(|(r, s)| (r - s).abs()).collect();
     let estimate = |statistic: fn(&[f64], &[f64]) -> Option<f64>| {
-        // Every estimate is made from the same resamples: differences between settings are not those of luck.
+        // All estimates use the same resamples, so that differences between settings do not come from the resampling.
         bootstrap(reference.len() as u32, &mut Stream::new(0, Purpose::Bootstrap, 0, 0, 0), |members| {
             let picked = |values: &[f64]| members.iter().map(|&i| values[i]).collect::<Vec<f64>>();
             statistic(&picked(reference), &picked(setting))
@@ -125,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_genotype_scores_depends_on_its_index_alone_not_on_whom_it_is_measured_with() {
+    fn scores_depend_on_index_and_not_on_batch() {
         for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
             let job = job(engine);
             let genotypes = job.optimiser().ask().genotypes;
@@ -135,25 +138,28 @@ mod tests {
             assert_eq!(alone, together[2..]);
             assert_eq!(alone[0].scores.len(), 4);
             let fewer = measure(&job, 2, &genotypes[2..3], 2, false, &|| false).unwrap();
-            assert_eq!(fewer[0].scores, alone[0].scores[..2], "more trees begin alike");
+            assert_eq!(fewer[0].scores, alone[0].scores[..2], "the first trees must not depend on the number of trees");
             assert!(measure(&job, 0, &genotypes[..1], 4, false, &|| true).is_err());
         }
     }
 
     #[test]
-    fn a_disturbed_start_is_another_start() {
+    fn disturbed_start_changes_scores_slightly() {
         let job = job(EngineKind::Rapier);
         let genotypes = job.optimiser().ask().genotypes;
         let genotypes: Vec<&Genotype> = genotypes.iter().collect();
         let trial = |off| measure(&job, 0, &genotypes, 3, off, &|| false).unwrap();
         let (settled, off) = (trial(false), trial(true));
         let scores = |m: &[Measured]| m.iter().map(Measured::mean).collect::<Vec<f64>>();
-        assert_ne!(settled, off, "a millionth rad leads elsewhere on some tree");
-        assert!(compare(&scores(&settled), &scores(&off)).median_difference < 1.0, "but not far");
+        assert_ne!(settled, off, "a disturbance of 1e-6 rad must change some tree");
+        assert!(
+            compare(&scores(&settled), &scores(&off)).median_difference < 1.0,
+            "a disturbance of 1e-6 rad must not change the median score by 1 or more"
+        );
     }
 
     #[test]
-    fn a_setting_that_keeps_nine_tenths_ranks_alike() {
+    fn scores_scaled_by_nine_tenths_keep_their_ranks() {
         let reference: Vec<f64> = (1..=20).map(f64::from).collect();
         let setting: Vec<f64> = reference.iter().map(|r| 0.9 * r).collect();
         let found = compare(&reference, &setting);
@@ -165,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn scores_that_are_all_the_same_have_no_order() {
+    fn equal_scores_have_no_rank_correlation() {
         let found = compare(&[0.0, 0.0, 0.0], &[1.0, 2.0, 3.0]);
         assert_eq!((found.spearman, found.ratio), (None, None));
         assert_eq!(found.median_difference, 2.0);

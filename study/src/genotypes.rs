@@ -1,4 +1,4 @@
-//! Genotypes to measure with: those of searches.
+//! Genotypes for measurements, taken from searches.
 
 use crate::threads::in_order;
 use serde::{Deserialize, Serialize};
@@ -9,26 +9,27 @@ use sim_core::job::JobSpec;
 use sim_core::problem::Job;
 use std::convert::Infallible;
 
-/// Smallest population that evolves.
+/// Smallest population of a study's genetic algorithm.
 pub const LEAST_POPULATION: u32 = 4;
 
-/// A genotype and where it is from.
+/// Genotype with the generation that it comes from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
-    /// The generation that it is a candidate of; 0 for random ones.
+    /// Generation that it was a candidate of; 0 for random genotypes.
     pub generation: u32,
-    /// Its parameters.
+    /// Parameters of the gaits.
     pub genotype: Genotype,
 }
 
-/// The job with a genetic algorithm of so many candidates and generations: what a study evolves genotypes with.
+/// Returns the job with a genetic algorithm of this population and number of generations, with which a study evolves
+/// genotypes.
 pub fn evolution(job: &Job, population: u32, generations: u32) -> Result<Job, Invalid> {
     let table = format!("kind = \"ga\"\npopulation = {population}\ngenerations = {generations}");
     Job::new(JobSpec { optimiser: toml::from_str(&table)?, ..job.spec().clone() })
 }
 
-/// All candidates of a search, by generation. `score` gives a generation's scores: it may compute them anew
-/// ([`sim_core::evaluate::evaluate`]) or look them up, and stops the search by an error.
+/// Returns all candidates of a search, by generation. `score` returns a generation's scores, either computed by
+/// [`sim_core::evaluate::evaluate`] or read from a store. An error of `score` stops the search.
 pub fn searched<E>(
     job: &Job,
     mut score: impl FnMut(u32, &[(u32, Genotype)]) -> Result<Vec<Option<f64>>, E>,
@@ -46,13 +47,13 @@ pub fn searched<E>(
     Ok(generations)
 }
 
-/// All candidates of a search, by generation, evaluated on `threads` threads (at least 1). `each` is called after every
-/// generation that is evaluated: all but the last.
+/// Returns all candidates of a search, by generation, evaluated on `threads` threads (at least 1). `each` is called
+/// after every generation that is evaluated: all but the last.
 pub fn evolved(search: &Job, threads: usize, each: &dyn Fn()) -> Vec<Vec<Genotype>> {
     let generations = searched(search, |generation, candidates| {
         let evaluations = in_order(candidates.len(), threads, |i| {
             let one = evaluate(search, generation, &candidates[i..=i], &|| false);
-            one.unwrap_or_else(|_| unreachable!("it is never stopped"))
+            one.unwrap_or_else(|_| unreachable!("the stop callback always returns false"))
         });
         each();
         Ok::<_, Infallible>(scores(&evaluations.concat()))
@@ -60,8 +61,8 @@ pub fn evolved(search: &Job, threads: usize, each: &dyn Fn()) -> Vec<Vec<Genotyp
     generations.unwrap_or_else(|never| match never {})
 }
 
-/// Up to `count` genotypes of a search: half of them (rounded up) of its first generation, the others of its last
-/// generations, from the last backwards; none twice.
+/// Returns up to `count` different genotypes of a search. Half of them (rounded up) come from its first generation, the
+/// others from its last generations, from the last backwards.
 pub fn first_and_last(generations: &[Vec<Genotype>], count: usize) -> Vec<Sample> {
     let mut samples = Vec::new();
     let mut take = |generation: usize, most: usize| {
@@ -76,22 +77,22 @@ pub fn first_and_last(generations: &[Vec<Genotype>], count: usize) -> Vec<Sample
     samples
 }
 
-/// Up to `count` genotypes of a search, spread evenly over its generations, the first and the last among them; none
-/// twice. Within a generation every candidate has its turn.
+/// Returns up to `count` different genotypes of a search, spread evenly over its generations from the first to the
+/// last. The position in the population advances from one genotype to the next.
 pub fn of_all_ages(generations: &[Vec<Genotype>], count: usize) -> Vec<Sample> {
     let mut samples = Vec::new();
     let last = generations.len().saturating_sub(1);
     for i in 0..count {
         let generation = (i * last).checked_div(count - 1).unwrap_or(0);
         let candidates = &generations[generation];
-        // An elite may have been taken at a younger age: then the next candidate.
+        // If an elite was already taken from an earlier generation, the next candidate is taken.
         let mut turns = (0..candidates.len()).map(|turn| &candidates[(i + turn) % candidates.len()]);
         let _taken = turns.any(|genotype| add(&mut samples, generation, genotype));
     }
     samples
 }
 
-/// Whether it was none that is there already.
+/// Adds the genotype unless it is already in the samples; returns true if it was added.
 fn add(samples: &mut Vec<Sample>, generation: usize, genotype: &Genotype) -> bool {
     let new = !samples.iter().any(|s| s.genotype.same_bits(genotype));
     if new {
@@ -100,7 +101,7 @@ fn add(samples: &mut Vec<Sample>, generation: usize, genotype: &Genotype) -> boo
     new
 }
 
-/// The scores of evaluations, by candidate.
+/// Returns the scores of evaluations, by candidate.
 pub fn scores(evaluations: &[Evaluation]) -> Vec<Option<f64>> {
     evaluations.iter().map(|e| e.score).collect()
 }
@@ -131,11 +132,11 @@ mod tests {
         });
         let again = searched(&search, |generation, _| Ok::<_, Stopped>(kept[generation as usize].clone()));
         let generations = generations.unwrap();
-        assert_eq!(again.unwrap(), generations, "stored scores find the same");
+        assert_eq!(again.unwrap(), generations, "a search with stored scores must have the same candidates");
         (search, generations)
     }
 
-    fn none_twice(samples: &[Sample]) {
+    fn assert_unique(samples: &[Sample]) {
         for (i, sample) in samples.iter().enumerate() {
             assert!(!samples[..i].iter().any(|other| other.genotype == sample.genotype));
         }
@@ -156,19 +157,25 @@ mod tests {
         assert_eq!(samples.len(), 9);
         let random: Vec<Genotype> = samples.iter().filter(|s| s.generation == 0).map(|s| s.genotype.clone()).collect();
         assert_eq!(random, search.optimiser().ask().genotypes);
-        assert!(samples[5..].iter().all(|s| s.generation >= 2), "the last generation and an elite's predecessor");
-        none_twice(&samples);
+        assert!(
+            samples[5..].iter().all(|s| s.generation >= 2),
+            "evolved genotypes must come from the last two generations"
+        );
+        assert_unique(&samples);
     }
 
     #[test]
-    fn genotypes_of_all_ages_are_of_every_part_of_a_search() {
+    fn genotypes_of_all_ages_span_all_generations() {
         let (_, generations) = search(5, 4);
         let ages = |count| of_all_ages(&generations, count).iter().map(|s| s.generation).collect::<Vec<_>>();
         assert_eq!(ages(1), [0]);
         assert_eq!(ages(2), [0, 3]);
         assert_eq!(ages(4), [0, 1, 2, 3]);
         assert_eq!(ages(7), [0, 0, 1, 1, 2, 2, 3]);
-        none_twice(&of_all_ages(&generations, 12));
-        assert!(of_all_ages(&generations, 1000).len() <= 20, "there are no more");
+        assert_unique(&of_all_ages(&generations, 12));
+        assert!(
+            of_all_ages(&generations, 1000).len() <= 20,
+            "a search of 4 generations of 5 candidates has at most 20 genotypes"
+        );
     }
 }

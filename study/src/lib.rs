@@ -1,7 +1,8 @@
-//! Studies: what `evogait bench` measures of engines, planners and objectives. They change no result of a job.
+//! Studies: the measurements of engines, planners and objectives behind `evogait bench`. They change no result of a
+//! job.
 //!
 //! Studies measure time, so this crate reads clocks ([`clock`]); sim-core has none. It does no I/O: commands read and
-//! write files, and draw the progress that a study reports through callbacks.
+//! write files. A study reports its progress through callbacks.
 
 pub mod clock;
 pub mod cost;

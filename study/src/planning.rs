@@ -1,4 +1,4 @@
-//! Cost of the planner: trees grown from known transitions, so that nothing is left to simulate.
+//! Cost of the planner without simulation: trees are grown from known transitions.
 
 use crate::clock::{Spent, timed};
 use serde::Serialize;
@@ -8,9 +8,9 @@ use sim_core::genotype::Genotype;
 use sim_core::plan::{Growth, PlannerSettings, PlannerSpec, Transitions};
 use sim_core::problem::Job;
 
-/// A tree is grown again and again until this much CPU time has passed, s.
+/// Least CPU time of a measurement, s. The growth of a tree is repeated until this time is spent.
 const ENOUGH: f64 = 0.2;
-/// Iterations of the smallest tree.
+/// Number of iterations of the smallest tree.
 const FIRST: u32 = 100;
 
 /// Cost of a tree of one size.
@@ -20,34 +20,35 @@ pub struct Row {
     pub iterations: u32,
     /// Nodes of the tree.
     pub nodes: usize,
-    /// CPU s.
+    /// CPU time of the growth, s.
     pub seconds: f64,
-    /// Over the whole growth.
+    /// Iterations per CPU s over the whole growth.
     pub iterations_per_second: f64,
-    /// At this size: since the tree before, which has half the iterations. `None` for the first tree, and if the two
-    /// times are too near to each other.
+    /// Iterations per CPU s beyond those of the previous, smaller tree. `None` for the first tree, and if this tree did
+    /// not take longer than the previous one.
     pub marginal_iterations_per_second: Option<f64>,
 }
 
-/// Finds the candidate with the largest tree among the first `candidates` of generation 0: (index, genotype). `each` is
-/// called after every candidate.
+/// Finds the candidate with the largest tree among the first `candidates` of generation 0. Returns its index and
+/// genotype. `each` is called after every candidate.
 pub fn farthest(job: &Job, candidates: u32, each: &dyn Fn()) -> (u32, Genotype) {
     let genotypes = job.optimiser().ask().genotypes;
     let candidates: Vec<_> = (0..candidates).zip(&genotypes).collect();
     let nodes = |&(index, genotype): &(u32, &Genotype)| {
         let mut trials = [Trial::new(job, genotype, tolerance(job), search_streams(job, 0, index))];
-        // It is never stopped.
+        // The stop callback always returns false.
         let _ = grow(job, &mut trials, &|| false);
         each();
         trials[0].tree().nodes.len()
     };
-    // The first of equals.
+    // Reversed, because `max_by_key` returns the last of equal candidates and the first is wanted.
     let best = candidates.iter().rev().max_by_key(|candidate| nodes(candidate));
     best.map_or((0, Genotype::default()), |(index, genotype)| (*index, (*genotype).clone()))
 }
 
-/// Grows trees of 100 iterations, twice as many, and so on up to `iterations`, for a candidate of generation 0 on flat
-/// ground. A job without reuse is measured with the default reuse: without it every node has transitions of its own.
+/// Measures trees of 100, 200, 400, … and finally `iterations` iterations for a candidate of generation 0 of a job on
+/// flat ground. A job without reuse is measured with the default reuse tolerance, because without reuse every node has
+/// transitions of its own.
 pub fn measure(job: &Job, candidate: u32, genotype: &Genotype, iterations: u32) -> Vec<Row> {
     let stream = search_streams(job, 0, candidate).next().unwrap_or_else(|| unreachable!("repeats are at least 1"));
     let table = known(job, genotype, &stream, iterations);
@@ -61,26 +62,26 @@ pub fn measure(job: &Job, candidate: u32, genotype: &Genotype, iterations: u32) 
             nodes,
             seconds,
             iterations_per_second: f64::from(iterations) / seconds,
-            // Two measured times that are nearly the same have no meaningful ratio.
+            // The difference of two measured times can be 0 or negative if they are nearly equal.
             marginal_iterations_per_second: marginal.filter(|m| m.is_finite() && *m > 0.0),
         });
     }
     rows
 }
 
-/// All transitions that a tree of so many iterations asks for.
+/// Returns all transitions that a tree of `iterations` iterations needs.
 fn known(job: &Job, genotype: &Genotype, stream: &Stream, iterations: u32) -> Transitions {
     let mut trial = Trial::new(job, genotype, tolerance(job), []);
     trial.growths = vec![fresh(job, stream, iterations)];
     trial.budget = u64::MAX;
     let mut trials = [trial];
-    // It is never stopped.
+    // The stop callback always returns false.
     let _ = grow(job, &mut trials, &|| false);
     let [trial] = trials;
     trial.table
 }
 
-/// Nodes of a tree grown from known transitions, and the CPU s it took.
+/// Grows a tree from known transitions. Returns the number of nodes and the mean CPU time in s.
 fn grown(job: &Job, known: &Transitions, stream: &Stream, iterations: u32) -> (usize, f64) {
     let setting = job.setting();
     let mut spent = Spent::default();
@@ -89,7 +90,10 @@ fn grown(job: &Job, known: &Transitions, stream: &Stream, iterations: u32) -> (u
         let mut table = known.clone();
         let mut growth = fresh(job, stream, iterations);
         let (missing, time) = timed(|| growth.advance(&setting, &mut table));
-        assert!(missing.is_empty(), "a smaller tree of the same stream is a part of the larger one");
+        assert!(
+            missing.is_empty(),
+            "a smaller tree of the same stream must need no transitions besides those of the largest"
+        );
         spent += time;
         times += 1;
         if spent.cpu >= ENOUGH {
@@ -102,7 +106,7 @@ fn fresh(job: &Job, stream: &Stream, iterations: u32) -> Growth {
     Growth::new(PlannerSettings { iterations, ..job.planner() }, job.root(), stream.clone())
 }
 
-/// The job's reuse tolerance, or the default one for a job without reuse.
+/// Returns the job's reuse tolerance, or the default one for a job without reuse.
 fn tolerance(job: &Job) -> f64 {
     match job.spec().planner.reuse_tolerance {
         0.0 => PlannerSpec::default().reuse_tolerance,

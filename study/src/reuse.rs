@@ -1,8 +1,8 @@
-//! What transition reuse changes: the same genotypes scored with and without it, on the same random trees.
+//! Effect of transition reuse: the same genotypes scored with and without it, on the same random streams.
 //!
 //! A *column* is one way to score: a [`Reuse`], a number of trees that share one table, and a draw of random streams.
-//! Column 0 is the plain method: tolerance 0, one tree, draw 0. A *row* is what is told of one way: how the scores of
-//! its draw 0 compare with the plain ones, and how much other draws alone change, which is the spread to judge that by.
+//! Column 0 is the plain method: tolerance 0, one tree, draw 0. A *row* has the results of one way to score: it
+//! compares the scores of its draw 0 with the plain ones, and gives the spread between draws for comparison.
 
 use crate::genotypes::Sample;
 use crate::statistics::{Estimate, bootstrap, spearman};
@@ -16,69 +16,71 @@ use sim_core::genotype::Genotype;
 use sim_core::plan::Reuse;
 use sim_core::problem::Job;
 
-/// What is compared.
+/// Parameters of a study of transition reuse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     /// Tolerances besides the job's own, rad (mu for height).
     pub tolerances: Vec<f64>,
-    /// Numbers of variants at each of these and at the job's own tolerance.
+    /// Numbers of variants, each combined with each of these tolerances and with the job's own.
     pub variants: Vec<u32>,
-    /// Draws of random streams besides the first.
+    /// Number of draws of random streams besides the first.
     pub seeds: u32,
-    /// Numbers of trees an evaluation, with the job's own reuse.
+    /// Numbers of trees per evaluation, with the job's own reuse.
     pub repeats: Vec<u32>,
 }
 
 /// One way to score a genotype.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Column {
-    /// How transitions are reused.
+    /// Tolerance and variants of transition reuse.
     #[serde(flatten, with = "Reused")]
     pub reuse: Reuse,
-    /// Trees; the score is their mean.
+    /// Number of trees; the score is the mean of theirs.
     pub repeats: u32,
-    /// Which random streams.
+    /// Index of the draw of random streams.
     pub draw: u32,
 }
 
-/// What scoring a genotype in one way gave.
+/// Score and cost of a genotype in one column.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// The score.
+    /// Mean score of the trees.
     pub score: f64,
-    /// Rollouts it took.
+    /// Number of rollouts simulated.
     pub rollouts: u64,
 }
 
-/// What is told of one way to score, against the plain one.
+/// Results of one way to score, compared with the plain method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Tolerance, rad (mu for height).
     pub tolerance: f64,
-    /// V.
+    /// Number of variants, V.
     pub variants: u32,
-    /// Trees an evaluation.
+    /// Trees per evaluation.
     pub repeats: u32,
-    /// Spearman's rank correlation with the plain scores, same random streams. `null` if all scores of a side are
-    /// equal.
+    /// Spearman's rank correlation with the plain scores on the same random streams. `null` if all scores of either way
+    /// are equal.
     pub spearman: Option<Estimate>,
-    /// Median |difference| from the plain scores.
+    /// Median |difference| from the plain scores, in the unit of the score.
     pub median_difference: f64,
-    /// 95th percentile of |difference|.
+    /// 95th percentile of |difference| from the plain scores.
     pub p95_difference: f64,
-    /// The same rank correlation when scored on other random streams, mean over these.
+    /// Mean of the rank correlations of the plain scores with this way's scores on the other draws. `null` without
+    /// other draws.
     pub spearman_other_seeds: Option<Estimate>,
-    /// Median |difference| that other random streams alone make: this way against itself.
+    /// Median |difference| between this way's scores on draw 0 and on other draws. `null` without other draws.
     pub median_difference_seeds: Option<f64>,
-    /// Rollouts an evaluation, mean.
+    /// Mean number of rollouts per evaluation.
     pub rollouts: f64,
-    /// Rollouts of the plain method for as many trees, each node expanded once, over these.
+    /// Rollouts of the plain method for as many trees, which expands each node once, divided by `rollouts`.
     pub fewer_than_plain: f64,
-    /// Rollouts of the literal method for as many trees, K·k whatever was expanded before, over these.
+    /// Rollouts of the literal method for as many trees, K·k per tree even if a node was expanded before, divided by
+    /// `rollouts`.
     pub fewer_than_literal: f64,
 }
 
-/// A [`Reuse`] as results write it.
+/// Serialised form of a [`Reuse`].
 #[derive(Serialize)]
 #[serde(remote = "Reuse")]
 struct Reused {
@@ -91,21 +93,21 @@ struct Reused {
 pub struct Found {
     /// Name of the environment.
     pub environment: String,
-    /// One per way to score, all draws together.
+    /// One row for each way to score, over all draws.
     pub rows: Vec<Row>,
-    /// The columns of `genotypes[].measured`.
+    /// Columns of `genotypes[].measured`.
     pub columns: Vec<Column>,
-    /// The genotypes.
+    /// Genotypes with their scores.
     #[serde(rename = "genomes")]
     pub genotypes: Vec<Entry>,
 }
 
-/// A genotype, measured in every column.
+/// Scores of a genotype in every column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
-    /// 0: random.
+    /// Generation of the genotype; 0 for random ones.
     pub generation: u32,
-    /// By column.
+    /// Scores and costs by column.
     pub measured: Vec<Measured>,
 }
 
@@ -120,7 +122,7 @@ impl Study {
         let measured = in_order(samples.len(), threads, |i| {
             let measured = measure(job, &columns, i as u32, &samples[i].genotype, &|| false);
             each();
-            measured.unwrap_or_else(|_| unreachable!("it is never stopped"))
+            measured.unwrap_or_else(|_| unreachable!("the stop callback always returns false"))
         });
         let rows = rows(job, &columns, &measured);
         let entry = |(s, measured): (&Sample, Vec<Measured>)| Entry { generation: s.generation, measured };
@@ -128,7 +130,7 @@ impl Study {
         Found { environment: job.environment().name.clone(), rows, columns, genotypes }
     }
 
-    /// The ways to score, plain first, none twice.
+    /// Returns the columns without duplicates, the plain method first.
     pub fn columns(&self, job: &Job) -> Vec<Column> {
         let own = job.reuse();
         let one = |reuse| Column { reuse, repeats: 1, draw: 0 };
@@ -150,8 +152,11 @@ impl Study {
     }
 }
 
-/// Scores a genotype, the `index`-th of a study, in every way. Random streams follow from the job's seed, the index,
-/// the draw and the tree alone: columns of the same draw grow their trees towards the same random places.
+/// Scores a genotype in every column. `index`: its index in the study. Random streams depend only on the job's seed,
+/// the index, the draw and the tree, so columns of the same draw grow their trees towards the same random places.
+///
+/// # Errors
+/// If `stop` returns true before the trees are complete.
 ///
 /// # Panics
 /// If the genotype's length does not fit the job.
@@ -174,12 +179,12 @@ pub fn measure(
     Ok(trials.iter().map(measured).collect())
 }
 
-/// Makes rows of what was measured, given by genotype, then by column.
+/// Computes the rows from measurements, which are ordered by genotype, then by column.
 ///
 /// # Panics
 /// If there is no genotype, or one was not measured in every column.
 pub fn rows(job: &Job, columns: &[Column], measured: &[Vec<Measured>]) -> Vec<Row> {
-    assert!(!measured.is_empty(), "a study needs genotypes");
+    assert!(!measured.is_empty(), "a study needs at least one genotype");
     let scores = |column: usize| measured.iter().map(|m| m[column].score).collect::<Vec<f64>>();
     let rollouts =
         |column: usize| measured.iter().map(|m| m[column].rollouts as f64).sum::<f64>() / measured.len() as f64;
@@ -214,8 +219,8 @@ fn differences(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).collect()
 }
 
-/// Rank correlation of the plain scores with others, mean over these, with a bootstrap interval over the genotypes. All
-/// rows use the same resamples: differences between them are not those of luck.
+/// Returns the mean rank correlation of the plain scores with each of `others`, with a bootstrap interval over the
+/// genotypes. All rows use the same resamples, so that differences between rows do not come from the resampling.
 fn correlation(plain: &[f64], others: &[Vec<f64>]) -> Option<Estimate> {
     if others.is_empty() {
         return None;
@@ -253,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_begin_with_the_plain_method_and_none_comes_twice() {
+    fn columns_begin_with_plain_and_are_unique() {
         let columns = study().columns(&job());
         assert_eq!(columns[0], Column { reuse: Reuse { tolerance: 0.0, variants: 1 }, repeats: 1, draw: 0 });
         assert_eq!(columns[1].reuse, job().reuse());
@@ -265,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_column_does_not_depend_on_which_others_are_measured() {
+    fn column_does_not_depend_on_other_columns() {
         let job = job();
         let columns = study().columns(&job);
         let genotype = &job.optimiser().ask().genotypes[1];
@@ -279,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_compare_with_the_plain_scores_and_with_other_draws() {
+    fn rows_compare_with_plain_scores_and_other_draws() {
         let job = job();
         let columns = Study { tolerances: vec![], variants: vec![], seeds: 2, repeats: vec![2] }.columns(&job);
         assert_eq!(columns.len(), 2 + 2 + 3);

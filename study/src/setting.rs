@@ -1,5 +1,6 @@
-//! Engine settings and their names: `30x8` is 30 steps a second of 8 substeps each on rapier, `30x8-multibody` the same
-//! with multibody joints, `200x2-lockstep` 200 steps a second of 2 linearisations each on the lockstep engine.
+//! Engine settings and their names. `30x8` means the rapier engine with 30 steps per second of 8 substeps each.
+//! `30x8-multibody` means the same with multibody joints. `200x2-lockstep` means the lockstep engine with 200 steps per
+//! second of 2 linearisations each.
 
 use serde::{Serialize, Serializer};
 use sim_core::physics::{EngineChoice, EngineKind, JointKind, Physics, PhysicsSpec, Scale};
@@ -7,31 +8,31 @@ use sim_core::problem::Checked;
 use std::fmt;
 use std::str::FromStr;
 
-/// Most steps in a simulated second.
+/// Greatest number of steps per simulated second.
 pub const MAX_STEPS: u32 = 10_000;
-/// Most substeps of a step.
+/// Greatest number of substeps of a step.
 pub const MAX_SUBSTEPS: u32 = 1000;
 
-/// The parts of the physics that may be traded for speed.
+/// Engine and parameters of the physics that trade accuracy for speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setting {
-    /// The engine.
+    /// Physics engine.
     pub engine: EngineKind,
-    /// Steps in a simulated second, 1 to 10000.
+    /// Steps per simulated second, 1 to 10000.
     pub steps_per_second: u32,
-    /// Substeps of a step, 1 to 1000.
+    /// Substeps per step, 1 to 1000.
     pub substeps: u32,
-    /// How joints are held together.
+    /// Model of the joints in the rapier engine.
     pub joints: JointKind,
 }
 
 impl Setting {
-    /// The setting of a job's search.
+    /// Returns the setting of a job's search.
     pub fn of(job: &Checked) -> Self {
         Self::from_physics(job.chosen().engine, job.physics())
     }
 
-    /// The setting of a resolved job's `[physics]`; `None` if it is not resolved.
+    /// Returns the setting of a resolved job's `[physics]`; `None` if it is not resolved.
     pub fn of_resolved(spec: &PhysicsSpec) -> Option<Self> {
         let engine = match spec.engine {
             EngineChoice::Auto => return None,
@@ -42,12 +43,13 @@ impl Setting {
         Some(Self { engine, steps_per_second, substeps, joints: spec.joints })
     }
 
-    /// The default setting of an engine at a scale.
+    /// Returns the default setting of an engine at a scale.
     pub fn own(engine: EngineKind, scale: Scale) -> Self {
         Self::from_physics(engine, &Physics::of(engine, scale))
     }
 
-    /// A setting fine enough to be a reference, as a rule; [`Self::halved`] shows for some gaits if it is.
+    /// Returns a setting that is usually fine enough for a reference. A comparison with [`Self::halved`] on some gaits
+    /// shows if it is.
     pub fn finest(engine: EngineKind, scale: Scale) -> Self {
         let (steps_per_second, substeps) = match (engine, scale) {
             (EngineKind::Rapier, Scale::Paper) => (480, 8),
@@ -58,8 +60,8 @@ impl Setting {
         Self { engine, steps_per_second, substeps, joints: JointKind::default() }
     }
 
-    /// This setting with twice its substeps, and with twice its steps. `None` if it has more than [`MAX_STEPS`] / 2
-    /// steps a second or [`MAX_SUBSTEPS`] / 2 substeps.
+    /// Returns this setting with twice its substeps, and with twice its steps. `None` if it has more than [`MAX_STEPS`]
+    /// / 2 steps a second or [`MAX_SUBSTEPS`] / 2 substeps.
     pub fn halved(self) -> Option<[Self; 2]> {
         let (steps_per_second, substeps) = (2 * self.steps_per_second, 2 * self.substeps);
         let possible = steps_per_second <= MAX_STEPS && substeps <= MAX_SUBSTEPS;
@@ -79,7 +81,7 @@ impl Setting {
         spec.joints = self.joints;
     }
 
-    /// The physics with this setting.
+    /// Returns the physics with this setting's steps, substeps and joints.
     pub fn apply(self, physics: &Physics) -> Physics {
         let Self { steps_per_second, substeps, joints, .. } = self;
         Physics { steps_per_second, substeps, joints, ..*physics }
@@ -109,8 +111,8 @@ impl FromStr for Setting {
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "'{text}' is no engine setting: write STEPSxSUBSTEPS, steps a second (1 to 10000) and substeps of a step \
-                 (1 to 1000), such as 30x8, 30x8-multibody or 200x2-lockstep"
+                "'{text}' is not an engine setting: write STEPSxSUBSTEPS, steps per second (1 to 10000) and substeps \
+                 of a step (1 to 1000), such as 30x8, 30x8-multibody or 200x2-lockstep"
             )
         };
         let (rapier, lockstep) = (EngineKind::Rapier, EngineKind::Lockstep);
@@ -139,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_setting_is_read_as_it_is_written() {
+    fn setting_survives_writing_and_reading() {
         for text in ["30x8", "240x4", "60x16-multibody", "200x2-lockstep"] {
             assert_eq!(text.parse::<Setting>().unwrap().to_string(), text);
         }
@@ -156,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn no_text_at_all_is_more_than_refused() {
+    fn parser_never_panics_on_random_text() {
         let letters: Vec<char> = "0123456789xX-. multibodylockstep\u{0}é".chars().collect();
         let mut state = 1_u64;
         let mut random = || {
@@ -173,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_setting_is_refused() {
+    fn invalid_settings_are_refused() {
         for text in [
             "",
             "30",

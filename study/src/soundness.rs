@@ -1,9 +1,9 @@
-//! Soundness: random robots with random gaits from random starts, and an observer that looks at what an engine returned,
-//! not at how it got there. What leaves a bound must have been reported as unstable by the engine itself.
+//! Soundness of engines: random robots execute random gaits from random starts, and an observer checks the rollouts
+//! that an engine returns. The engine must have reported every rollout that leaves a bound as unstable.
 //!
-//! The observer knows the configurations of the trace only. From them it computes, in f64, where the centres of mass are
-//! and how fast they move from one sample to the next, and with that kinetic and potential energy; a motor can have given at
-//! most its greatest torque times the angles that its joint was seen to turn through.
+//! The observer uses only the configurations of the trace. From them it computes, in f64, the positions of the centres
+//! of mass, their speeds between samples, and kinetic and potential energy. The work of a motor is at most its greatest
+//! torque times the angle that its joint turned through in the trace.
 
 use rapier3d::parry::query::intersection_test;
 use rapier3d::parry::shape::Cuboid;
@@ -16,19 +16,20 @@ use sim_core::model::{Robot, RobotSpec, State};
 use sim_core::physics::{Bound, Motion, Outcome, Physics, Rollout};
 use std::collections::BTreeMap;
 
-/// Hinges of a random robot, from and to.
+/// Least and greatest number of hinges of a random robot.
 pub const HINGES: (u32, u32) = (4, 16);
 /// Greatest angle of a joint at a random start, rad.
 const SPREAD: f64 = 1.0;
 /// Greatest height of the lowest point at a random start, mu.
 const HEIGHT: f64 = 1.0;
-/// Energy that may be unexplained: what lifts the robot by so much, mu. Samples are a twentieth of a second apart, so what
-/// joints turn through between them is underrated.
+/// Tolerance of the energy balance, as the height in mu to which this energy lifts the robot. Samples are 0.05 s apart,
+/// so the angles that joints turn through between samples are underestimated.
 const UNEXPLAINED: f64 = 0.5;
-/// And so many times what the motors are seen to have been able to give.
+/// Factor on the motors' greatest work in the trace, which makes up for the underestimated angles.
 const UNDERRATED: f64 = 1.5;
 
-/// A random tree of [`HINGES`] CoSMO modules, docked at random faces and turns, none overlapping another.
+/// Returns a random tree of [`HINGES`] CoSMO modules, which are connected at random faces with random turns and do not
+/// overlap.
 pub fn random_robot(stream: &mut Stream) -> Robot {
     const FACES: [&str; 10] =
         ["back", "front", "a-left", "a-right", "a-top", "a-bottom", "b-left", "b-right", "b-top", "b-bottom"];
@@ -42,17 +43,17 @@ pub fn random_robot(stream: &mut Stream) -> Robot {
         let (to, face, turn) = (pick(made), FACES[pick(10) as usize], 90 * pick(4));
         let attach = format!("attach = {{ to = \"m{to}\", port = \"{face}\", turn = {turn} }}\n");
         let longer = text.clone() + &module(made, &attach);
-        // What does not fit is tried elsewhere; at an end of the tree there is always room.
-        let spec: RobotSpec = toml::from_str(&longer).expect("a generated robot is well formed");
+        // A module that does not fit is tried elsewhere. The ends of the tree always have room.
+        let spec: RobotSpec = toml::from_str(&longer).expect("a generated robot must be valid");
         if let Ok(compiled) = Robot::compile(&spec) {
             (text, robot) = (longer, Some(compiled));
             made += 1;
         }
     }
-    robot.expect("it has four modules at least")
+    robot.expect("a random robot must have at least 4 modules")
 }
 
-/// A random box with one to four hinged arms, each a box or a capsule, 0.3 to 1 mu long.
+/// Returns a random box with one to four hinged arms 0.3 to 1 mu long: capsules if `capsules` is true, else boxes.
 pub fn random_arms(stream: &mut Stream, capsules: bool) -> Robot {
     let half = [stream.uniform(0.2, 0.5), stream.uniform(0.2, 0.5), stream.uniform(0.1, 0.3)];
     let mut arms = String::new();
@@ -78,22 +79,23 @@ pub fn random_arms(stream: &mut Stream, capsules: bool) -> Robot {
     let [x, y, z] = half;
     let root = format!("<freejoint/><geom type=\"box\" size=\"{x} {y} {z}\" mass=\"1\"/>{arms}");
     let xml = format!("<mujoco><worldbody><body name=\"root\" pos=\"0 0 1\">{root}</body></worldbody></mujoco>");
-    let spec = exchange::read(&xml).expect("a generated robot is well formed").robot;
-    Robot::compile(&spec).expect("its arms are clear of each other")
+    let spec = exchange::read(&xml).expect("a generated robot must be valid").robot;
+    Robot::compile(&spec).expect("the arms of a generated robot must not overlap")
 }
 
-/// A random gait, uniform in the controller's bounds.
+/// Returns a random gait of `duration` s, uniform in the bounds of the Hopf controller.
 pub fn random_gait(robot: &Robot, duration: f64, stream: &mut Stream) -> Motion {
     let joints = robot.hinges.len();
     let gait: Vec<f64> = (0..joints)
         .flat_map(|_| Hopf.parameters())
         .map(|parameter| stream.uniform(parameter.bounds.0, parameter.bounds.1))
         .collect();
-    Hopf.compile(&Run::new(robot, duration), &gait).expect("oscillators have signals at all parameters")
+    Hopf.compile(&Run::new(robot, duration), &gait)
+        .expect("the Hopf controller must accept all parameters within its bounds")
 }
 
-/// A random start: any orientation, joints anywhere within ± 1 rad as long as no two bodies overlap, up to 1 mu above the
-/// ground.
+/// Returns a random start: any orientation, joint angles within ± 1 rad, no overlapping bodies, and the lowest point 0
+/// to 1 mu above the ground.
 pub fn random_start(robot: &Robot, stream: &mut Stream) -> State {
     let mut state = robot.neutral();
     let mut spread = SPREAD;
@@ -124,7 +126,7 @@ pub fn random_start(robot: &Robot, stream: &mut Stream) -> State {
     state
 }
 
-/// Whether any two boxes overlap, but of bodies that share a hinge.
+/// Returns true if boxes of any two bodies that do not share a hinge overlap.
 fn overlaps(robot: &Robot, state: &State) -> bool {
     let poses = robot.body_poses(state);
     let joined = |a: usize, b: usize| robot.hinges[b - 1].parent == a;
@@ -141,7 +143,8 @@ fn overlaps(robot: &Robot, state: &State) -> bool {
     })
 }
 
-/// The first bound that the observer sees left, and when (s); up to the moment at which the engine gave up, if it did.
+/// Returns the first bound that a rollout's trace leaves, and its time in s. If the engine ended the rollout early,
+/// only the trace before that time is checked.
 pub fn observe(robot: &Robot, physics: &Physics, start: &State, rollout: &Rollout) -> Option<(f32, Bound)> {
     let until = match rollout.outcome {
         Outcome::Completed => f32::INFINITY,
@@ -176,7 +179,8 @@ pub fn observe(robot: &Robot, physics: &Physics, start: &State, rollout: &Rollou
             let square = |x: f64| x * x;
             let speeds = at.iter().zip(places).map(|(p, q)| (0..3).map(|k| square((p[k] - q[k]) / dt)).sum::<f64>());
             let speeds: Vec<f64> = speeds.collect();
-            // Centres of mass against origins: twice the bound is out of the question.
+            // The bound is on the speed of bodies' origins, and these are speeds of centres of mass: allow twice the
+            // bound.
             if speeds.iter().any(|square| square.sqrt() > 2.0 * f64::from(Bound::SPEED)) {
                 return Some((time, Bound::Speed));
             }
@@ -199,21 +203,21 @@ pub fn observe(robot: &Robot, physics: &Physics, start: &State, rollout: &Rollou
     None
 }
 
-/// What was found over many rollouts.
+/// Results over many rollouts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Soundness {
-    /// Rollouts done.
+    /// Number of rollouts.
     pub rollouts: u64,
     /// Simulated time, s.
     pub simulated: f64,
-    /// Rollouts that the engine itself reported as unstable, by the bound that they left.
+    /// Number of rollouts that the engine reported as unstable, by the bound that they left.
     pub reported: BTreeMap<String, u64>,
-    /// Rollouts in which the observer saw a bound left that the engine had not reported by then.
+    /// Number of rollouts in which the observer found a bound left that the engine had not reported by then.
     pub unreported: BTreeMap<String, u64>,
 }
 
 impl Soundness {
-    /// Takes in a rollout and what the observer saw of it.
+    /// Adds a rollout and the observer's result ([`observe`]).
     pub fn note(&mut self, rollout: &Rollout, seen: Option<(f32, Bound)>) {
         let count = |counts: &mut BTreeMap<String, u64>, bound: Bound| {
             *counts.entry(format!("{bound:?}").to_lowercase()).or_default() += 1;
@@ -228,7 +232,7 @@ impl Soundness {
         }
     }
 
-    /// Adds what was found elsewhere.
+    /// Adds the results over other rollouts.
     pub fn add(&mut self, other: &Soundness) {
         self.rollouts += other.rollouts;
         self.simulated += other.simulated;
@@ -240,7 +244,8 @@ impl Soundness {
     }
 }
 
-/// So many random rollouts of one random robot, the `index`-th of a seed.
+/// Simulates and observes `rollouts` random rollouts of `duration` s of one random robot. The seed and index define the
+/// robot, its starts and gaits.
 pub fn of_robot(
     engine: &dyn sim_core::physics::Engine,
     physics: &Physics,
@@ -275,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn random_robots_have_four_to_sixteen_hinges_and_start_clear_of_the_ground_and_of_themselves() {
+    fn random_robots_start_clear_of_ground_and_themselves() {
         let mut counts = std::collections::BTreeSet::new();
         for index in 0..20 {
             let mut stream = Stream::new(1, Purpose::Sample, index, 0, 2);
@@ -295,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_that_random_robots_do_goes_unreported() {
+    fn lockstep_reports_every_bound_that_is_left() {
         let mut found = Soundness::default();
         for index in 0..12 {
             found.add(&of_robot(&LockstepEngine, &physics(), (2, index), 16, 1.0));
@@ -305,7 +310,7 @@ mod tests {
         assert_eq!(found.unreported, BTreeMap::new(), "{found:?}");
     }
 
-    /// A made-up rollout that goes through some heights, 0.05 s apart.
+    /// Returns a rollout with a pivot at the given heights (mu), 0.05 s apart.
     fn made_up(robot: &Robot, heights: &[f32]) -> Rollout {
         let mut trace = Trace::new(robot.hinges.len());
         let mut state = robot.neutral();
@@ -326,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn the_observer_sees_what_no_engine_should_return() {
+    fn observer_detects_impossible_rollouts() {
         let robot = random_robot(&mut Stream::new(1, Purpose::Sample, 0, 0, 2));
         let mut start = robot.neutral();
         start.pivot.translation.z = 5.0;
@@ -335,11 +340,15 @@ mod tests {
         assert_eq!(seen(&[5.0, f32::NAN]), Some(Bound::Finite));
         assert_eq!(seen(&[5.0, 40.0]), Some(Bound::Speed));
         assert_eq!(seen(&[5.0, -3.0]), Some(Bound::Penetration));
-        assert_eq!(seen(&[5.0, 5.1, 5.5]), Some(Bound::Work), "it rises, and no joint turns");
+        assert_eq!(
+            seen(&[5.0, 5.1, 5.5]),
+            Some(Bound::Work),
+            "a robot that rises while no joint turns must leave the bound of work"
+        );
     }
 
     #[test]
-    fn what_was_found_is_counted_by_bound() {
+    fn results_are_counted_by_bound() {
         let robot = random_robot(&mut Stream::new(1, Purpose::Sample, 0, 0, 2));
         let mut rollout = made_up(&robot, &[5.0]);
         let mut found = Soundness::default();

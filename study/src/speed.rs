@@ -12,25 +12,25 @@ use sim_core::physics::{Engine, Motion, Outcome, Physics, Request, Rollout};
 use sim_core::problem::Job;
 use std::ops::Range;
 
-/// Least gaits that an engine with lanes gets at once: speeds of fewer say little.
+/// Minimum number of gaits in a batch for an engine with lanes. Smaller batches give no representative speed.
 const BATCH: usize = 64;
 
 /// Speed of one setting over all gaits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The setting.
+    /// Engine setting.
     pub setting: Setting,
-    /// Simulated s per CPU s, with its 95 % interval over the gaits.
+    /// Simulated s per CPU s, with its 95 % bootstrap interval over the gaits.
     pub simulated_per_cpu: Estimate,
     /// Simulated s per s of wall time.
     pub simulated_per_wall: f64,
-    /// CPU time of a step, µs.
+    /// CPU time per step, µs.
     pub step_us: f64,
-    /// Rollouts that did not complete.
+    /// Number of rollouts that did not complete.
     pub unstable: u32,
 }
 
-/// Simulates every gait with every setting on flat ground, on this thread. `each` is called after every gait.
+/// Simulates every gait with every setting on flat ground, on the calling thread. `each` is called after every gait.
 pub fn measure(job: &Job, settings: &[Setting], gaits: &[Motion], each: &dyn Fn()) -> Vec<Row> {
     let physics: Vec<(&dyn Engine, Physics)> =
         settings.iter().map(|s| (engine(s.engine), s.apply(job.physics()))).collect();
@@ -62,9 +62,9 @@ pub fn measure(job: &Job, settings: &[Setting], gaits: &[Motion], each: &dyn Fn(
     settings.iter().enumerate().map(row).collect()
 }
 
-/// Splits gaits into ranges. All settings simulate a range before any setting simulates the next, so that all of them
-/// see the same machine. Ranges hold one gait, or at least 64 (all gaits, if there are fewer) for engines with lanes to
-/// fill.
+/// Splits gaits into ranges. All settings simulate one range before the next range begins, so that a change of the
+/// machine's load affects all settings alike. Without lanes, a range holds one gait. With lanes, it holds at least 64
+/// gaits, or all if there are fewer.
 pub fn turns(gaits: usize, lanes: bool) -> Vec<Range<usize>> {
     if !lanes {
         return (0..gaits).map(|i| i..i + 1).collect();
@@ -73,8 +73,8 @@ pub fn turns(gaits: usize, lanes: bool) -> Vec<Range<usize>> {
     (0..turns).map(|i| i * BATCH..if i + 1 == turns { gaits } else { (i + 1) * BATCH }).collect()
 }
 
-/// Simulates requests and measures the time of each. An engine with lanes gets all at once, and each takes an equal
-/// share.
+/// Simulates requests and measures the time of each. An engine with lanes simulates all requests in one batch; each
+/// request is then assigned an equal share of the time.
 pub fn rollouts(
     engine: &dyn Engine,
     robot: &Robot,
@@ -91,7 +91,8 @@ pub fn rollouts(
     requests.chunks(together).flat_map(run).collect()
 }
 
-/// Simulated s per CPU s over gaits, given as (simulated s, time it took), with its 95 % interval; 0 without gaits.
+/// Returns simulated s per CPU s over gaits, with its 95 % bootstrap interval; 0 without gaits. Each gait is given as
+/// (simulated s, time spent).
 pub fn simulated_per_cpu(gaits: &[(f64, Spent)]) -> Estimate {
     let ratio = |members: &[usize]| {
         let sum = |of: &dyn Fn(&(f64, Spent)) -> f64| members.iter().map(|&i| of(&gaits[i])).sum::<f64>();
@@ -108,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn engines_with_lanes_get_whole_batches_and_every_gait_has_its_turn() {
+    fn engines_with_lanes_get_batches_of_64_gaits() {
         let lengths = |gaits, lanes| turns(gaits, lanes).into_iter().map(|turn| turn.len()).collect::<Vec<_>>();
         assert_eq!(lengths(3, false), [1, 1, 1]);
         assert_eq!(lengths(10, true), [10]);
@@ -118,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn speed_of_equal_gaits_has_no_spread() {
+    fn speed_of_equal_gaits_has_zero_width_interval() {
         let gait = (3.0, Spent { wall: 1.0, cpu: 0.5 });
         assert_eq!(simulated_per_cpu(&[gait; 5]), Estimate { value: 6.0, low: 6.0, high: 6.0 });
         assert_eq!(simulated_per_cpu(&[]).value, 0.0);

@@ -7,18 +7,18 @@ use sim_core::base::statistics::quantile;
 /// Resamples of a bootstrap interval.
 pub const RESAMPLES: u32 = 2000;
 
-/// A number found from a sample, with its 95 % interval.
+/// Statistic of a sample, with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The number of the sample as it is.
+    /// Statistic of the original sample.
     pub value: f64,
     /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
 }
 
-/// Ranks from 1; equal values share the mean of their ranks.
+/// Returns ranks from 1. Equal values share the mean of their ranks.
 pub fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
@@ -34,13 +34,13 @@ pub fn ranks(values: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// Spearman's rank correlation: Pearson's of the ranks, which is right with ties too. `None` for fewer than two pairs, or
-/// if all values of a side are equal.
+/// Returns Spearman's rank correlation, computed as Pearson's correlation of the ranks, which is correct with ties too.
+/// `None` for fewer than two pairs, or if all values of `x` or of `y` are equal.
 ///
 /// # Panics
-/// If the two are not of the same length.
+/// If the two slices differ in length.
 pub fn spearman(x: &[f64], y: &[f64]) -> Option<f64> {
-    assert_eq!(x.len(), y.len(), "a correlation is one of pairs");
+    assert_eq!(x.len(), y.len(), "a correlation needs as many values of x as of y");
     if x.len() < 2 {
         return None;
     }
@@ -51,9 +51,10 @@ pub fn spearman(x: &[f64], y: &[f64]) -> Option<f64> {
     (scale > 0.0).then(|| (product(&x, &y) / scale).clamp(-1.0, 1.0))
 }
 
-/// The number `statistic` gives for a sample of `n`, with its 95 % percentile bootstrap interval (Efron 1979) from
-/// [`RESAMPLES`] resamples. `statistic` gets the indexes of the sample's members, each any number of times; resamples for
-/// which it gives none don't count. `None` if it gives none for the sample itself.
+/// Returns `statistic` of a sample of size `n`, with its 95 % percentile bootstrap interval (Efron 1979) from
+/// [`RESAMPLES`] resamples. `statistic` gets the indexes of the members of a resample, in which a member may occur
+/// several times. Resamples for which it returns `None` are left out. Returns `None` if the statistic of the original
+/// sample is `None`.
 pub fn bootstrap(n: u32, stream: &mut Stream, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Estimate> {
     let mut members: Vec<usize> = (0..n as usize).collect();
     let value = statistic(&members)?;
@@ -81,16 +82,16 @@ mod tests {
         assert_eq!(ranks(&[1.0, 1.0, 1.0]), [2.0, 2.0, 2.0]);
     }
 
-    /// IQ against hours of television, the example by which the coefficient is often taught: ρ = −29/165.
+    /// Textbook example of the coefficient: IQ and hours of television, ρ = −29/165.
     #[test]
-    fn spearman_is_that_of_the_textbook() {
+    fn spearman_matches_the_textbook_example() {
         let iq = [106.0, 100.0, 86.0, 101.0, 99.0, 103.0, 97.0, 113.0, 112.0, 110.0];
         let hours = [7.0, 27.0, 2.0, 50.0, 28.0, 29.0, 20.0, 12.0, 6.0, 17.0];
         assert!((spearman(&iq, &hours).unwrap() + 29.0 / 165.0).abs() < 1e-12);
     }
 
     #[test]
-    fn spearman_asks_for_order_only_and_takes_ties() {
+    fn spearman_uses_ranks_only_and_accepts_ties() {
         let x = [1.0, 2.0, 3.0, 4.0];
         assert_eq!(spearman(&x, &x.map(|v| v * v * v)), Some(1.0));
         assert_eq!(spearman(&x, &x.map(|v: f64| -v)), Some(-1.0));
@@ -100,9 +101,10 @@ mod tests {
         assert_eq!(spearman(&[1.0], &[2.0]), None);
     }
 
-    /// The mean of n values is normal with the deviation σ / √n: so is its interval, 1.96 of them to either side.
+    /// The mean of n values is normally distributed with standard deviation σ / √n, so its 95 % interval is ± 1.96 σ /
+    /// √n.
     #[test]
-    fn the_interval_of_a_mean_is_that_of_theory() {
+    fn bootstrap_interval_of_a_mean_matches_theory() {
         let n = 400;
         let mut draws = stream(1);
         let sample: Vec<f64> = (0..n).map(|_| 5.0 + 2.0 * draws.normal()).collect();
@@ -113,12 +115,12 @@ mod tests {
         let half = 1.96 * (variance / f64::from(n)).sqrt();
         assert!((found.low - (average - half)).abs() < 0.1 * half, "{found:?}, {average} ± {half}");
         assert!((found.high - (average + half)).abs() < 0.1 * half, "{found:?}, {average} ± {half}");
-        assert_eq!(found, bootstrap(n, &mut stream(2), mean).unwrap(), "the same stream gives the same interval");
+        assert_eq!(found, bootstrap(n, &mut stream(2), mean).unwrap(), "the same stream must give the same interval");
     }
 
-    /// An interval of 95 % holds the truth about 95 times of 100.
+    /// A 95 % interval must contain the true value in about 95 of 100 trials.
     #[test]
-    fn intervals_hold_the_truth_as_often_as_they_say() {
+    fn intervals_have_their_stated_coverage() {
         let covered = (0..200).filter(|&trial| {
             let mut draws = Stream::new(trial, Purpose::Sample, 0, 0, 0);
             let sample: Vec<f64> = (0..60).map(|_| draws.normal()).collect();
@@ -127,11 +129,11 @@ mod tests {
             found.low <= 0.0 && 0.0 <= found.high
         });
         let share = covered.count();
-        assert!((180..=199).contains(&share), "{share} of 200");
+        assert!((180..=199).contains(&share), "{share} of 200 intervals contain the true value: must be 180 to 199");
     }
 
     #[test]
-    fn a_sample_without_the_statistic_has_no_estimate() {
+    fn sample_without_a_value_has_no_estimate() {
         assert_eq!(bootstrap(3, &mut stream(1), |_| None), None);
         assert_eq!(bootstrap(0, &mut stream(1), |members| median(&vec![0.0; members.len()])), None);
     }

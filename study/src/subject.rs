@@ -1,5 +1,5 @@
-//! Subject of a measurement: a robot on flat ground or in an environment, as a job, so that it is checked and settled
-//! like any other.
+//! Subject of a measurement: a robot on flat ground or in an environment. It is made into a job, so that it is checked
+//! and settled like any other job.
 
 use crate::setting::Setting;
 use sim_core::base::error::Invalid;
@@ -9,7 +9,7 @@ use sim_core::model::environment::Environment;
 use sim_core::physics::Scale;
 use sim_core::problem::Job;
 
-/// All that a job needs and a subject does not have: the evolution that gaits are taken from.
+/// Template of a subject's job, with the evolution that gaits are taken from. A subject replaces robot and environment.
 const FRAME: &str = r#"
 name = "bench"
 robot = "quadropod"
@@ -26,26 +26,26 @@ kind = "ga"
 population = 17
 generations = 8
 "#;
-/// Evolutions last gaits of so many s: enough to find what moves, at less than half the cost.
+/// Duration of a gait in evolutions, s: long enough to find gaits that move, at less than half the cost.
 const EVOLVED_DURATION: f64 = 4.0;
-/// More evolutions than this are not begun.
+/// Greatest number of evolutions of a subject.
 const MOST_EVOLUTIONS: u64 = 1000;
 
-/// A robot and its surroundings.
+/// Robot and environment to measure.
 #[derive(Clone, Debug)]
 pub struct Subject {
-    /// The robot.
+    /// Robot to measure.
     pub robot: RobotSpec,
     /// Name of the robot's variant, if any.
     pub variant: Option<String>,
-    /// The environment; `None`: flat ground.
+    /// Environment of the robot; `None` for flat ground.
     pub environment: Option<Environment>,
-    /// Gravity and motors.
+    /// Scale of gravity and motors.
     pub scale: Scale,
 }
 
 impl Subject {
-    /// The job with gaits of `duration` s; its start is the one settled with `setting`.
+    /// Returns the job with gaits of `duration` s. Its start is settled with `setting`.
     ///
     /// # Errors
     /// If the job is invalid or the robot does not settle.
@@ -62,13 +62,14 @@ impl Subject {
         Job::new(spec.lasting(duration))
     }
 
-    /// Jobs of short evolutions with `setting`, with the seeds from `seed` on: for [`crate::gaits::evolved`].
+    /// Returns jobs of short evolutions with `setting` and consecutive seeds from `seed` on, for
+    /// [`crate::gaits::evolved`].
     ///
     /// # Errors
-    /// If the first job is refused.
+    /// If the first job is invalid or its robot does not settle.
     pub fn evolutions(&self, setting: Setting, seed: u64) -> Result<impl Iterator<Item = Job>, Invalid> {
         let first = self.job(setting, EVOLVED_DURATION, seed)?;
-        // The first was checked; other seeds change nothing that could be refused.
+        // The first job was checked, and the seed does not affect a job's validity.
         let again = move |run: u64| self.job(setting, EVOLVED_DURATION, (seed + run) & i64::MAX as u64).ok();
         Ok(std::iter::once(first).chain((1..MOST_EVOLUTIONS).map_while(again)))
     }

@@ -1,4 +1,4 @@
-//! Work on several threads, with results in an order that does not depend on their number.
+//! Work on several threads, with an order of results that does not depend on the number of threads.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};

@@ -1,4 +1,4 @@
-//! Laws of settling: a robot that can rest is accepted whatever its heading, and one that can't is refused.
+//! Tests of settling: a robot that can rest is accepted at every heading, and a robot that can't rest is refused.
 
 use sim_core::base::math::{Pose, Vector, about_z};
 use sim_core::base::random::{Purpose, Stream};
@@ -17,7 +17,8 @@ fn stream(index: u32) -> Stream {
     Stream::new(7, Purpose::Sample, index, 0, 0)
 }
 
-/// The robot built facing another way. In the neutral configuration all bodies share the robot's orientation.
+/// Returns the robot turned by `angle` (rad) about the vertical axis. In the neutral configuration all bodies share the
+/// robot's orientation.
 fn turned(robot: &Robot, angle: f64) -> Robot {
     let turn = about_z(angle);
     let mut robot = robot.clone();
@@ -38,7 +39,7 @@ fn turned(robot: &Robot, angle: f64) -> Robot {
     robot
 }
 
-/// Settlings on a quiet setting.
+/// Settles all robots at all headings. Returns the number of cases that needed a quiet setting.
 fn settle_all(scale: Scale, robots: impl Iterator<Item = Robot>) -> usize {
     let physics = Physics::of_scale(scale);
     let mut quiet = 0;
@@ -56,25 +57,25 @@ fn settle_all(scale: Scale, robots: impl Iterator<Item = Robot>) -> usize {
 fn random_robots_of_modules_settle_at_every_heading() {
     let robots = || (0..ROBOTS).map(|i| random_robot(&mut stream(i)));
     let quiet = [Scale::Paper, Scale::Real].map(|scale| settle_all(scale, robots()));
-    assert!(quiet.iter().all(|&n| n > 0), "the rollouts' own setting settles all: {quiet:?}");
+    assert!(quiet.iter().all(|&n| n > 0), "some robots of each scale must need a quiet setting: {quiet:?}");
 }
 
 #[test]
 fn random_robots_of_boxes_settle_at_every_heading() {
     let robots = || (0..ROBOTS).map(|i| random_arms(&mut stream(i), false));
     let quiet = [Scale::Paper, Scale::Real].map(|scale| settle_all(scale, robots()));
-    assert!(quiet.iter().all(|&n| n > 0), "the rollouts' own setting settles all: {quiet:?}");
+    assert!(quiet.iter().all(|&n| n > 0), "some robots of each scale must need a quiet setting: {quiet:?}");
 }
 
 #[test]
 fn random_robots_with_capsules_settle_at_every_heading() {
     let robots = || (0..ROBOTS).map(|i| random_arms(&mut stream(i), true));
     let quiet = [Scale::Paper, Scale::Real].map(|scale| settle_all(scale, robots()));
-    assert!(quiet.iter().all(|&n| n > 0), "the rollouts' own setting settles all: {quiet:?}");
+    assert!(quiet.iter().all(|&n| n > 0), "some robots of each scale must need a quiet setting: {quiet:?}");
 }
 
 #[test]
-fn robot_that_settles_on_its_own_setting_keeps_its_start() {
+fn robot_settled_on_its_setting_keeps_its_start() {
     for entry in sim_core::model::catalogue::robots() {
         let robot = Robot::compile(&toml::from_str(entry.toml).unwrap()).unwrap();
         for kind in [EngineKind::Rapier, EngineKind::Lockstep] {
@@ -95,7 +96,7 @@ fn quiet_setting_keeps_physics_of_the_job() {
         let trembling = (0..20)
             .map(|i| random_arms(&mut stream(i), capsules))
             .find_map(|robot| settle_quietly(EngineKind::Rapier, &robot, &physics).unwrap().quiet);
-        let quiet = trembling.expect("one of them trembles");
+        let quiet = trembling.expect("one of 20 random robots must tremble");
         assert_eq!((quiet.engine, quiet.physics.joints), (kind, joints));
         let Physics { steps_per_second, substeps, joints, .. } = quiet.physics;
         assert_eq!(quiet.physics, Physics { steps_per_second, substeps, joints, ..physics });
@@ -103,13 +104,13 @@ fn quiet_setting_keeps_physics_of_the_job() {
     }
 }
 
-/// A mast with its mass beside its foot: it tips over.
+/// Mast with its mass beside its foot, so that it tips over.
 const TIPPING: &str = r#"<mujoco model="mast"><worldbody><body name="root" pos="0 0 2"><freejoint/>
     <geom type="box" size="0.05 0.05 1" mass="0.1"/>
     <body name="a" pos="0.06 0 0.9"><joint name="j" axis="0 1 0" range="-90 90"/>
     <geom type="box" size="0.3 0.1 0.1" pos="0.35 0 0" mass="2"/></body></body></worldbody></mujoco>"#;
 
-/// A job of this robot with these settings of physics.
+/// Returns a job of the robot with these entries of `physics`.
 fn job(robot: RobotSpec, physics: &str) -> Result<Job, sim_core::base::error::Invalid> {
     let text = format!(
         "name = \"a\"\nrobot = \"lizard\"\nenvironment = \"empty\"\ngaits = {{ count = 1, duration = 1.0 }}\n\
@@ -121,7 +122,7 @@ fn job(robot: RobotSpec, physics: &str) -> Result<Job, sim_core::base::error::In
 }
 
 #[test]
-fn robot_that_keeps_moving_is_refused_with_settings_that_help() {
+fn moving_robot_is_refused_with_helpful_settings() {
     // Under so little gravity a mast takes longer to fall than settling lasts.
     for physics in ["gravity = 0.04", "gravity = 0.05", "gravity = 0.07"] {
         for engine in ["rapier", "lockstep"] {
@@ -136,7 +137,7 @@ fn robot_that_keeps_moving_is_refused_with_settings_that_help() {
 }
 
 #[test]
-fn job_settled_on_another_engine_needs_both() {
+fn job_settled_on_another_engine_needs_both_engines() {
     let trembling = r#"<mujoco model="m"><worldbody><body name="root" pos="0 0 .6"><freejoint/>
         <geom type="box" size=".4 .25 .2" mass="1"/>
         <body name="a" pos="0.45 0 0"><joint name="ja" axis="0 1 0" range="-90 90"/>

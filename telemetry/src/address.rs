@@ -1,9 +1,10 @@
-//! Addresses to listen on, as they are typed: numbers or a name, and a port.
+//! Parser of addresses to listen on: an IP address or a host name, and a port.
 
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _};
 
-/// Reads `ADDRESS:PORT` or `NAME:PORT`. `localhost` is 127.0.0.1. Of a name with several addresses one that can be reached
-/// from other machines is taken, if there is one, so that the rules for such addresses apply; of equals one of IPv4.
+/// Reads `ADDRESS:PORT` or `NAME:PORT`. `localhost` is 127.0.0.1. If a name has several addresses, one that other
+/// machines can reach is preferred, so that the rules for such addresses apply. Among equal addresses IPv4 is
+/// preferred.
 pub fn address(text: &str) -> Result<SocketAddr, String> {
     if let Ok(address) = text.parse() {
         return Ok(address);
@@ -51,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn name_that_others_reach_is_not_taken_for_loopback() {
+    fn name_with_external_address_is_not_loopback() {
         let chosen = |all: &[&str]| chosen(all.iter().map(|a| a.parse().unwrap())).map(|a| a.to_string());
         assert_eq!(chosen(&["127.0.0.1:1", "10.0.0.1:1"]).as_deref(), Some("10.0.0.1:1"));
         assert_eq!(chosen(&["[::1]:1", "[fe80::1]:1"]).as_deref(), Some("[fe80::1]:1"));

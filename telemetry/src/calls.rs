@@ -1,6 +1,6 @@
-//! A span around every call that a gRPC server answers: method, peer, status and duration, at level debug.
+//! Spans around the calls of a gRPC server, at level debug: method, peer, status and duration.
 //!
-//! Neither headers nor messages are looked at, so no token and no genotype gets into a log.
+//! Messages and other headers are not recorded, so no token and no genotype gets into a log.
 
 use std::time::Duration;
 use tonic::Code;
@@ -11,10 +11,10 @@ use tower_http::trace::{MakeSpan, OnEos, OnResponse, TraceLayer};
 use tracing::Span;
 use tracing::field::{Empty, debug};
 
-/// To be put around a server's services.
+/// Layer that adds the spans to a server's services.
 pub type CallLayer = TraceLayer<SharedClassifier<GrpcErrorsAsFailures>, CallSpan, (), Answered, (), Answered, ()>;
 
-/// The layer.
+/// Returns the layer that makes the spans and records the ends of calls.
 pub fn layer() -> CallLayer {
     TraceLayer::new_for_grpc()
         .make_span_with(CallSpan)
@@ -53,7 +53,8 @@ impl<B> MakeSpan<B> for CallSpan {
 pub struct Answered;
 
 impl<B> OnResponse<B> for Answered {
-    /// An error without a message comes with its status in front; everything else has it at the end.
+    /// Records the duration, and the status if it is in the headers: that of an error without a message. All other
+    /// calls have it in the trailers.
     fn on_response(self, response: &Response<B>, latency: Duration, span: &Span) {
         if span.is_disabled() {
             return;
@@ -68,7 +69,7 @@ impl<B> OnResponse<B> for Answered {
 impl OnEos for Answered {
     fn on_eos(self, trailers: Option<&HeaderMap>, stream: Duration, span: &Span) {
         if let Some(trailers) = trailers.filter(|_| !span.is_disabled()) {
-            // Since the first of the answer; for a stream that is nearly all of it.
+            // Time since the answer began: of a stream, nearly its whole duration.
             span.record("stream_ms", stream.as_secs_f64() * 1e3);
             told(trailers, span);
         }

@@ -1,6 +1,7 @@
-//! `/metrics` and `/healthz` over plain HTTP/1, for Prometheus and for supervisors that restart what hangs.
+//! `/metrics` and `/healthz` over plain HTTP/1, for Prometheus and for supervisors that restart a hung program.
 //!
-//! Unauthenticated peers can read numbers here and nothing else: bodies are ignored, connections are few and short.
+//! Unauthenticated peers can only read numbers here. Bodies of requests are ignored, and the number and the duration of
+//! connections are limited.
 
 use http_body_util::Full;
 use hyper::body::{Bytes, Incoming};
@@ -28,58 +29,58 @@ pub struct Bind {
     pub beyond_loopback: bool,
 }
 
-/// Connections at once; more have to wait.
+/// Greatest number of connections at once; others wait.
 pub const MAX_CONNECTIONS: usize = 16;
-/// A connection lasts no longer than this, however it is used.
+/// Greatest age of a connection, even if it is in use.
 pub const MAX_CONNECTION_AGE: Duration = Duration::from_secs(60);
-/// A request's headers have this long to come in.
+/// Time within which a request's headers must arrive.
 pub const HEADERS_WITHIN: Duration = Duration::from_secs(5);
 
 /// Content type of OpenMetrics text.
 const OPENMETRICS: HeaderValue = HeaderValue::from_static("application/openmetrics-text; version=1.0.0; charset=utf-8");
 const PLAIN: HeaderValue = HeaderValue::from_static("text/plain; charset=utf-8");
 
-/// A future answer.
+/// Boxed future of an answer.
 pub type Answer<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// State that a program reports.
+/// Metrics and health of a program.
 pub trait Vitals: Send + Sync + 'static {
-    /// All metrics as they stand, as OpenMetrics text.
+    /// Returns the current values of all metrics as OpenMetrics text.
     fn metrics(&self) -> Answer<'_, String>;
 
-    /// Returns its activity in a few words, or the reason why it is unhealthy.
+    /// Returns the program's activity in a few words, or the reason why it is unhealthy.
     fn health(&self) -> Answer<'_, Result<String, String>>;
 }
 
-/// Why metrics can't be served.
+/// Reason why metrics can't be served.
 #[derive(Debug, thiserror::Error)]
 pub enum BindError {
     /// The address is reachable from other machines.
     #[error(
-        "metrics at {addr} could be read from other machines by anybody: serve them on 127.0.0.1, or add \
+        "other machines could read metrics at {addr} without authentication: serve them on 127.0.0.1, or add \
          --metrics-insecure-bind"
     )]
     NotLoopback {
         /// The address.
         addr: SocketAddr,
     },
-    /// Another program listens there. Retryable once that has ended.
-    #[error("{addr} is taken by another program: stop it, or choose another --metrics address")]
+    /// Another program listens at the address. Retryable after that program has ended.
+    #[error("{addr} is in use by another program: stop it, or choose another --metrics address")]
     PortTaken {
         /// The address.
         addr: SocketAddr,
     },
-    /// The system refuses to listen there.
+    /// The operating system refuses the address.
     #[error("can't serve metrics at {addr}: {source}")]
     Bind {
         /// The address.
         addr: SocketAddr,
-        /// Error of the system.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
 
-/// Serves until it is dropped.
+/// Server of the metrics pages. It serves until it is dropped.
 #[derive(Debug)]
 pub struct Endpoint {
     addr: SocketAddr,
@@ -93,8 +94,8 @@ impl Drop for Endpoint {
 }
 
 impl Endpoint {
-    /// Binds and serves.
-    // Boxed, so that it is compiled here, once, and not in every crate that awaits it.
+    /// Binds the address and starts serving.
+    // Boxed, so that it is compiled once, here, and not in every crate that awaits it.
     pub fn start(bind: Bind, vitals: Arc<dyn Vitals>) -> Answer<'static, Result<Self, BindError>> {
         Box::pin(Self::bind(bind, vitals))
     }
@@ -113,7 +114,7 @@ impl Endpoint {
         Ok(Self { addr, task: tokio::spawn(serve(listener, vitals)) })
     }
 
-    /// Returns its address, with the port that was chosen.
+    /// Returns the address, with the port that was chosen.
     pub fn addr(&self) -> SocketAddr {
         self.addr
     }
@@ -122,13 +123,13 @@ impl Endpoint {
 async fn serve(listener: TcpListener, vitals: Arc<dyn Vitals>) {
     let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
     loop {
-        // Never closed.
+        // The semaphore is never closed.
         let Ok(permit) = room.clone().acquire_owned().await else { return };
         let stream = match listener.accept().await {
             Ok((stream, _)) => stream,
             Err(error) => {
-                // Out of file descriptors, most likely: some will be free again.
-                tracing::warn!(%error, "no connection for metrics");
+                // Probably all file descriptors are in use. Some will become free.
+                tracing::warn!(%error, "accepting a connection for metrics failed");
                 tokio::time::sleep(Duration::from_secs(1)).await;
                 continue;
             }
@@ -143,7 +144,7 @@ async fn serve(listener: TcpListener, vitals: Arc<dyn Vitals>) {
                 .timer(TokioTimer::new())
                 .header_read_timeout(HEADERS_WITHIN)
                 .serve_connection(TokioIo::new(stream), service);
-            // What goes wrong on such a connection is the other side's to see.
+            // Errors of a connection are ignored here; the client sees them.
             let _ = tokio::time::timeout(MAX_CONNECTION_AGE, connection).await;
             drop(permit);
         });
@@ -153,14 +154,14 @@ async fn serve(listener: TcpListener, vitals: Arc<dyn Vitals>) {
 async fn answer(request: &Request<Incoming>, vitals: &dyn Vitals) -> Response<Full<Bytes>> {
     let (status, kind, text) = match request.uri().path() {
         "/metrics" | "/healthz" if !matches!(*request.method(), Method::GET | Method::HEAD) => {
-            (StatusCode::METHOD_NOT_ALLOWED, PLAIN, "only GET is answered\n".to_owned())
+            (StatusCode::METHOD_NOT_ALLOWED, PLAIN, "only GET and HEAD are allowed\n".to_owned())
         }
         "/metrics" => (StatusCode::OK, OPENMETRICS, vitals.metrics().await),
         "/healthz" => match vitals.health().await {
             Ok(text) => (StatusCode::OK, PLAIN, text + "\n"),
             Err(text) => (StatusCode::SERVICE_UNAVAILABLE, PLAIN, text + "\n"),
         },
-        _ => (StatusCode::NOT_FOUND, PLAIN, "there are /metrics and /healthz\n".to_owned()),
+        _ => (StatusCode::NOT_FOUND, PLAIN, "unknown path: use /metrics or /healthz\n".to_owned()),
     };
     let mut response = Response::new(Full::new(Bytes::from(text)));
     *response.status_mut() = status;

@@ -1,5 +1,5 @@
-//! Telemetry of coordinator and worker: messages (`logs`), numbers for Prometheus (`endpoint`), a span a call
-//! (`calls`), sent to a collector if one is set (`otlp`). The content is up to the programs.
+//! Telemetry of coordinator and worker: messages (`logs`), metrics for Prometheus (`endpoint`), and a span per call
+//! (`calls`), which is sent to a collector if one is set (`otlp`). The programs define the content.
 
 mod address;
 pub mod calls;
@@ -15,10 +15,10 @@ pub use logs::LogFormat;
 
 use std::net::SocketAddr;
 
-/// The options that both programs have.
+/// Command-line options of both programs.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// Format of messages on standard error: a line for people, or a JSON object a line
+    /// Format of messages on standard error: plain text, or a JSON object per line
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t)]
     pub log_format: LogFormat,
 
@@ -26,13 +26,13 @@ pub struct Options {
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = address)]
     pub metrics: Option<SocketAddr>,
 
-    /// Serve metrics beyond loopback, too: every machine that can reach the port can read them
+    /// Allow a --metrics address beyond loopback: every machine that can reach the port can read the metrics
     #[arg(long, requires = "metrics")]
     pub metrics_insecure_bind: bool,
 }
 
 impl Options {
-    /// Returns the address of the metrics pages, if they are wanted.
+    /// Returns the address of the metrics pages, or `None` if they are not served.
     pub fn bind(&self) -> Option<Bind> {
         self.metrics.map(|addr| Bind { addr, beyond_loopback: self.metrics_insecure_bind })
     }

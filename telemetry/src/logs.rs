@@ -9,25 +9,25 @@ use tracing_subscriber::{Layer, Registry};
 /// Format of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
-    /// A line for people.
+    /// Plain text.
     #[default]
     Text,
-    /// A JSON object a line: timestamp, level, target, fields, spans.
+    /// A JSON object per line: timestamp, level, target, fields, spans.
     Json,
 }
 
-/// Keeps what logging needs; to be dropped at the very end of the program.
+/// Guard of the logging. Drop it at the very end of the program.
 #[derive(Debug, Default)]
 pub struct Logging {
     #[cfg(feature = "otlp")]
     _exporting: Option<crate::otlp::Exporting>,
 }
 
-/// Starts logging for the whole process: what `RUST_LOG` asks for, or all from level info on. Once a process, inside a
-/// tokio runtime. `program` is what a collector calls it.
+/// Starts logging for the whole process. `RUST_LOG` sets the levels; without it all messages from level info on are
+/// logged. Call this once per process, inside a tokio runtime. `program`: name of the program, for the collector.
 ///
 /// # Errors
-/// A sentence, if spans are to be exported and can't be.
+/// A message, if the collector's address can't be used.
 pub fn start(format: LogFormat, program: &'static str) -> Result<Logging, String> {
     let asked = std::env::var("RUST_LOG").ok().and_then(|text| text.parse().ok());
     let filter: Targets = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::INFO));

@@ -1,4 +1,4 @@
-//! Spans arrive at a collector. `cargo test -p telemetry --features otlp`
+//! Test of the export of spans to a collector. `cargo test -p telemetry --features otlp`
 #![cfg(feature = "otlp")]
 
 use opentelemetry_proto::tonic::collector::trace::v1::trace_service_server::{TraceService, TraceServiceServer};
@@ -12,7 +12,7 @@ use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status};
 use tracing_subscriber::prelude::*;
 
-/// Keeps what it is sent.
+/// Collector that passes the spans it receives to the test.
 struct Collector(UnboundedSender<ExportTraceServiceRequest>);
 
 #[tonic::async_trait]
@@ -34,7 +34,7 @@ fn text(attributes: &[KeyValue], key: &str) -> Option<String> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn span_of_call_reaches_collector_without_unauthenticated_ones() {
+async fn only_spans_of_calls_reach_the_collector() {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
     let endpoint = format!("http://{}", listener.local_addr().expect("an address"));
     let (collected, mut inbox) = unbounded_channel();
@@ -47,7 +47,7 @@ async fn span_of_call_reaches_collector_without_unauthenticated_ones() {
             .in_scope(|| ());
         tracing::debug_span!(target: "h2::codec", "frame").in_scope(|| ());
     });
-    tokio::task::spawn_blocking(move || drop(exporting)).await.expect("what is left is sent");
+    tokio::task::spawn_blocking(move || drop(exporting)).await.expect("the remaining spans must be sent");
 
     let batch = inbox.recv().await.expect("a batch").resource_spans.remove(0);
     let resource = batch.resource.expect("a resource").attributes;

@@ -369,7 +369,7 @@ fn crates_depend_only_on_allowed_crates() {
         let text = std::fs::read_to_string(&file).unwrap();
         assert!(
             text.contains(&format!("name = \"{package}\"")),
-            "{} must be the manifest of package {package}",
+            "{} must be the manifest of the package listed in CRATES",
             file.display()
         );
         wrong.extend(

@@ -117,11 +117,9 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
             result
         })
     }),
-    ("a result with an extra byte", "not encoded as its own value", |r| first(r, |result| [&result[..], &[0]].concat())),
+    ("a result with an extra byte", "it is not canonical", |r| first(r, |result| [&result[..], &[0]].concat())),
     ("noise", "is refused: its format is", |r| first(r, |_| noise())),
-    ("noise after a valid result", "not encoded as its own value", |r| {
-        first(r, |result| [result, noise()].concat())
-    }),
+    ("noise after a valid result", "it is not canonical", |r| first(r, |result| [result, noise()].concat())),
     ("a score that is NaN", "is out of range", |r| score(r, f64::NAN)),
     ("an infinite score", "is out of range", |r| score(r, f64::INFINITY)),
     ("an impossible score", "is out of range", |r| score(r, 100.5)),
@@ -159,7 +157,13 @@ fn why(answer: Result<Verdict, Status>, what: &str) -> String {
 
 /// Returns the ids of connected workers that are quarantined.
 async fn quarantined(sandbox: &Sandbox) -> Vec<String> {
-    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("the coordinator lists its workers").into_inner().workers;
+    let workers = sandbox
+        .client()
+        .list_workers(ListWorkersRequest {})
+        .await
+        .expect("the coordinator lists its workers")
+        .into_inner()
+        .workers;
     workers.into_iter().filter(|worker| worker.quarantined).map(|worker| worker.id).collect()
 }
 
@@ -234,7 +238,10 @@ async fn permit_outlives_coordinator_but_not_its_store() {
     let coordinator = sandbox.coordinator();
     // The worker's own connection is broken, so another worker delivers under its name.
     let mut other = Scripted::join(&sandbox, "other").await;
-    assert_eq!(other.sends(worker.delivery(&assign, right)).await.expect("the delivery is answered"), Verdict::Accepted);
+    assert_eq!(
+        other.sends(worker.delivery(&assign, right)).await.expect("the delivery is answered"),
+        Verdict::Accepted
+    );
     let delivered = sandbox.job(&id).await;
     assert_eq!((delivered.rounds_sealed, delivered.tasks_done > 0), (1, true));
     coordinator.kill_9();

@@ -1,4 +1,5 @@
-//! Closed doors, across processes: certificates, tokens and roles; and a coordinator that another one stands in for.
+//! Encryption, authentication and roles across processes, and the switch of workers and clients to a standby
+//! coordinator.
 
 use cluster_tests::certificates::{Certificates, closed};
 use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, program, tiny_job};
@@ -19,18 +20,18 @@ use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
 use tonic::{Code, Status, Streaming};
 
-/// A process of the test's own that is killed when it is dropped.
+/// Child process that is killed on drop.
 struct Started(Child);
 
 impl Drop for Started {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// A cluster with certificates and tokens on the loopback interface.
+/// Cluster with certificates and tokens on the loopback interface.
 struct Cluster {
     sandbox: Sandbox,
     certificates: Certificates,
@@ -62,15 +63,15 @@ impl Cluster {
         closed(&self.sandbox.url())
     }
 
-    /// A client's or a worker's options.
+    /// Adds the coordinator's URL and the credentials of a role to the command of a client or worker.
     fn shown(&self, mut command: Command, who: &str) -> Command {
         command.args(["--coordinator", &self.url()]);
         self.certificates.show(&mut command, who);
         command
     }
 
-    /// Takes away all tokens but the admin's while the coordinator runs.
-    async fn forget_all_but_the_admin(&self) {
+    /// Revokes all tokens except the admin's while the coordinator runs.
+    async fn revoke_all_tokens_but_admin(&self) {
         let tokens = fs::read_to_string(self.cert("tokens")).unwrap();
         let left: String = tokens.lines().filter(|l| l.starts_with("admin")).map(|l| format!("{l}\n")).collect();
         fs::write(self.cert("tokens"), left).unwrap();
@@ -81,20 +82,23 @@ impl Cluster {
             line.contains(&listening).then(|| folder.file_name().unwrap_or_default().to_string_lossy().into_owned())
         });
         let pids: Vec<String> = ours.collect();
-        assert_eq!(pids.len(), 1, "one coordinator has these tokens");
+        assert_eq!(pids.len(), 1, "one coordinator must use these tokens");
         assert!(Command::new("kill").args(["-HUP", &pids[0]]).status().unwrap().success());
-        self.heard("tokens reloaded", 1).await;
+        self.wait_for_log("tokens reloaded", 1).await;
     }
 
-    /// Waits until the coordinator's log has these words so often.
-    async fn heard(&self, words: &str, times: usize) {
+    /// Waits until the coordinator's log contains these words the given number of times.
+    async fn wait_for_log(&self, words: &str, times: usize) {
         let (start, log) = (Instant::now(), self.sandbox.file("coordinator.log"));
         loop {
             let found = fs::read_to_string(&log).unwrap().matches(words).count();
             if found == times {
                 return;
             }
-            assert!(start.elapsed() < PATIENCE, "the log has \"{words}\" {found} times, not {times}");
+            assert!(
+                start.elapsed() < PATIENCE,
+                "the log must contain \"{words}\" {times} times, but contains it {found} times"
+            );
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     }
@@ -104,8 +108,8 @@ impl Cluster {
     }
 }
 
-/// A program that says all it has to say.
-fn talkative(name: &str) -> Command {
+/// Returns the command of a program with debug logs.
+fn verbose_program(name: &str) -> Command {
     let mut command = program(name);
     command.env("RUST_LOG", "debug").env("EVOGAIT_LOG", "debug");
     command
@@ -122,12 +126,12 @@ async fn list(way: Way) -> Result<ListJobsResponse, Status> {
 async fn submit(way: Way, request_id: &str, job_toml: String) -> Result<String, Status> {
     let request = SubmitJobRequest { request_id: request_id.to_owned(), job_toml, priority: 0 };
     let answer = JobServiceClient::new(way).submit_job(request).await?.into_inner();
-    Ok(answer.job.expect("the answer has the job").id)
+    Ok(answer.job.expect("the response has the job").id)
 }
 
 async fn watch(way: Way, id: &str) -> Streaming<JobEvent> {
     let request = WatchJobRequest { id: id.to_owned(), after: 0 };
-    JobServiceClient::new(way).watch_job(request).await.expect("a stream").into_inner()
+    JobServiceClient::new(way).watch_job(request).await.expect("the watch starts").into_inner()
 }
 
 async fn complete(way: Way) -> Result<(), Status> {
@@ -139,16 +143,16 @@ fn code<T>(answer: Result<T, Status>) -> Code {
 }
 
 #[tokio::test]
-async fn secured_cluster_gives_same_bits_and_enforces_roles() {
+async fn secured_cluster_gives_same_result_and_enforces_roles() {
     let mut cluster = Cluster::new();
     let coordinator = cluster.coordinator();
-    let mut command = cluster.shown(talkative("worker"), "worker");
+    let mut command = cluster.shown(verbose_program("worker"), "worker");
     let mut worker = Started(command.args(["--slots", "2"]).stderr(cluster.log("worker.log")).spawn().unwrap());
 
-    // The whole way of a small job, with the command line's own client.
+    // Runs a small job with `evogait run`, from submission to results.
     let job = cluster.sandbox.file("job.toml");
     fs::write(&job, tiny_job(21, 2)).unwrap();
-    let mut command = talkative("evogait");
+    let mut command = verbose_program("evogait");
     command.arg("run").arg(&job).arg("--out").arg(cluster.sandbox.file("out"));
     let run = cluster.shown(command, "client").output().unwrap();
     assert!(run.status.success(), "{}", text(&run));
@@ -163,48 +167,48 @@ async fn secured_cluster_gives_same_bits_and_enforces_roles() {
     let _open = open.coordinator();
     let _open_worker = open.worker(2);
     let job = open.submit("r", &tiny_job(21, 2)).await;
-    assert_eq!(open.result(&job.id).await.result_digest, digest, "encryption changes no bit");
+    assert_eq!(open.result(&job.id).await.result_digest, digest, "encryption must not change the result");
 
-    // Roles.
+    // Each role may call only its own methods.
     let tiny = || tiny_job(22, 1);
     let refused = submit(cluster.dial(Some("worker"), Some("worker")), "w", tiny()).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
     assert!(refused.message().contains("SubmitJob requires a token with role client"), "{refused}");
     assert_eq!(code(complete(client()).await), Code::PermissionDenied);
-    // It got through: the message itself is refused.
+    // InvalidArgument shows that the call was authorised: only the message is invalid.
     assert_eq!(code(complete(cluster.dial(Some("worker"), Some("worker"))).await), Code::InvalidArgument);
     let admin = || cluster.dial(Some("client"), Some("admin"));
     assert_eq!(code(complete(admin()).await), Code::InvalidArgument);
     assert_eq!(code(list(admin()).await), Code::Ok);
-    let nobody = || cluster.dial(Some("client"), None);
-    assert_eq!(code(submit(nobody(), "n", tiny()).await), Code::Unauthenticated);
-    assert_eq!(code(complete(nobody()).await), Code::Unauthenticated);
-    assert_eq!(code(list(nobody()).await), Code::Unauthenticated);
+    let without_token = || cluster.dial(Some("client"), None);
+    assert_eq!(code(submit(without_token(), "n", tiny()).await), Code::Unauthenticated);
+    assert_eq!(code(complete(without_token()).await), Code::Unauthenticated);
+    assert_eq!(code(list(without_token()).await), Code::Unauthenticated);
 
-    // No certificate, no connection; nor with plain text, nor for a CA of somebody else.
-    // The connection may break before the coordinator's alert was read: then nobody knows why, and on some machines often.
+    // Connections without a client certificate, in plain text, or with another CA fail. The connection may break before
+    // the client reads the coordinator's alert. The client then does not learn the reason, so the call is repeated.
     let start = Instant::now();
     loop {
         let refused = list(cluster.dial(None, Some("client"))).await.unwrap_err();
-        if refused.source().map(reason).unwrap_or_default().contains("asks for a client certificate") {
+        if refused.source().map(reason).unwrap_or_default().contains("requires a client certificate") {
             break;
         }
-        assert!(start.elapsed() < PATIENCE, "never told why");
+        assert!(start.elapsed() < PATIENCE, "no attempt reported the missing client certificate");
     }
     let plain = Dial::new(cluster.sandbox.url().parse().unwrap(), &Credentials::default()).unwrap();
     assert_ne!(code(list(plain.way()).await), Code::Ok);
     let other = Cluster::new();
-    let mut command = talkative("evogait");
+    let mut command = verbose_program("evogait");
     command.args(["list", "--coordinator", &cluster.url()]).env("EVOGAIT_CA", other.cert("ca.pem"));
     let output = command.env("EVOGAIT_TOKEN_FILE", cluster.cert("client.token")).output().unwrap();
     assert!(text(&output).contains("not signed by the CA that --ca names"), "{}", text(&output));
 
-    // A token that is taken away is good for nothing as soon as the file is read again, nor is what was opened with it.
+    // When the coordinator reloads its tokens, a revoked token becomes invalid, and streams that it opened end.
     let id = submit(client(), "long", tiny_job(23, 1000)).await.unwrap();
     let mut watched = watch(client(), &id).await;
     let mut by_admin = watch(admin(), &id).await;
     while !matches!(watched.message().await.unwrap().unwrap().event, Some(Event::RoundSealed(_))) {}
-    cluster.forget_all_but_the_admin().await;
+    cluster.revoke_all_tokens_but_admin().await;
     assert_eq!(code(list(client()).await), Code::Unauthenticated);
     assert_eq!(code(list(admin()).await), Code::Ok);
     let end = tokio::time::timeout(PATIENCE, async {
@@ -222,32 +226,36 @@ async fn secured_cluster_gives_same_bits_and_enforces_roles() {
             Some(ended) => break ended,
             None => tokio::time::sleep(Duration::from_millis(10)).await,
         }
-        assert!(start.elapsed() < PATIENCE, "the worker goes on");
+        assert!(start.elapsed() < PATIENCE, "the worker must exit");
     };
-    assert_eq!(ended.code(), Some(1), "a worker without a token has no place");
-    assert!(by_admin.message().await.unwrap().is_some(), "others stay");
-    cluster.heard("worker expelled", 1).await;
+    assert_eq!(ended.code(), Some(1), "a worker with a revoked token must exit with code 1");
+    assert!(by_admin.message().await.unwrap().is_some(), "streams of the valid token must stay open");
+    cluster.wait_for_log("worker expelled", 1).await;
     let request = GetJobRequest { id: id.clone() };
     let answer = JobServiceClient::new(admin()).get_job(request).await.unwrap().into_inner();
     let (job, standing) = (answer.job.unwrap(), answer.standing.unwrap());
-    assert!(standing.held.is_empty() && standing.attempts.is_empty(), "back at once, and at no cost: {standing:?}");
+    assert!(
+        standing.held.is_empty() && standing.attempts.is_empty(),
+        "leases must be revoked at once, without an attempt: {standing:?}"
+    );
     assert!(job.reason.contains("none is connected"), "{}", job.reason);
     assert_eq!(coordinator.terminate(), Some(0));
-    // Nobody wrote a secret down.
+    // No process may log a secret.
     for log in ["coordinator.log", "worker.log", "evogait.log"] {
         let text = fs::read_to_string(cluster.sandbox.file(log)).unwrap();
-        assert!(!text.is_empty(), "{log} has something to say at level debug");
+        assert!(!text.is_empty(), "{log} must have lines at level debug");
         for who in ["client", "worker", "admin"] {
-            assert!(!text.contains(&cluster.certificates.token(who)), "the {who}'s token is in {log}");
+            assert!(!text.contains(&cluster.certificates.token(who)), "the {who} token must not be in {log}");
         }
     }
 }
 
-/// So many workers lose their token at once: whichever of them is heard to hang up first must not be taken for dead.
+/// Number of workers that lose their token at the same time. None of them may count as crashed, in any order of
+/// disconnecting.
 const EXPELLED: usize = 20;
 
 #[tokio::test]
-async fn worker_with_revoked_token_returns_work_without_blame() {
+async fn worker_with_revoked_token_loses_leases_without_attempts() {
     let mut cluster = Cluster::new();
     let _coordinator = cluster.coordinator();
     let job = tiny_job(24, 1000).replace("particles = 5", &format!("particles = {EXPELLED}"));
@@ -267,19 +275,22 @@ async fn worker_with_revoked_token_returns_work_without_blame() {
     let refused = (0..EXPELLED).zip(workers).map(|(i, mut worker)| {
         tokio::spawn(async move {
             assert_eq!(worker.is_refused().await.code(), Code::Unauthenticated);
-            // Every other one hangs up; the rest talk on.
+            // Every other worker keeps its connection open; the rest disconnect.
             (i % 2 == 0).then_some(worker)
         })
     });
     let refused: Vec<_> = refused.collect();
-    cluster.forget_all_but_the_admin().await;
+    cluster.revoke_all_tokens_but_admin().await;
     let mut talking = Vec::new();
     for worker in refused {
         talking.push(worker.await.unwrap());
     }
-    cluster.heard("worker expelled", EXPELLED).await;
+    cluster.wait_for_log("worker expelled", EXPELLED).await;
     let standing = standing().await;
-    assert!(standing.held.is_empty() && standing.attempts.is_empty(), "back at once, and at no cost: {standing:?}");
+    assert!(
+        standing.held.is_empty() && standing.attempts.is_empty(),
+        "leases must be revoked at once, without an attempt: {standing:?}"
+    );
     drop(talking);
 }
 
@@ -287,7 +298,7 @@ async fn worker_with_revoked_token_returns_work_without_blame() {
 fn plain_text_beyond_loopback_is_refused() {
     let cluster = Cluster::new();
     let coordinator = |options: &[(&str, &str)]| {
-        let mut command = talkative("coordinator");
+        let mut command = verbose_program("coordinator");
         command.args(["--listen", "0.0.0.0:0", "--store", "memory:"]).env("RUST_LOG", "error");
         for (option, file) in options {
             command.arg(option).arg(cluster.cert(file));
@@ -302,7 +313,7 @@ fn plain_text_beyond_loopback_is_refused() {
     assert!(coordinator(&[]).contains("neither encrypted (--tls-cert, --tls-key) nor authenticated (--tokens)"));
     assert!(coordinator(&[tokens]).contains("not encrypted (--tls-cert, --tls-key)"));
     assert!(coordinator(&[cert, key]).contains("not authenticated (--tokens)"));
-    // What does not fit is told by its file, before anything starts.
+    // Errors about credentials name the file, before the coordinator starts.
     assert!(coordinator(&[cert]).contains("must be given together"));
     assert!(
         coordinator(&[cert, ("--tls-key", "worker.key")]).contains("worker.key is not the key of the certificate in")
@@ -314,7 +325,7 @@ fn plain_text_beyond_loopback_is_refused() {
     assert!(text_of_token.contains("line 1") && !text_of_token.contains(&secret), "{text_of_token}");
 
     for program in ["worker", "evogait"] {
-        let mut command = talkative(program);
+        let mut command = verbose_program(program);
         if program == "evogait" {
             command.arg("list");
         }
@@ -327,7 +338,7 @@ fn plain_text_beyond_loopback_is_refused() {
 }
 
 #[tokio::test]
-async fn workers_and_clients_follow_the_standby() {
+async fn workers_and_clients_switch_to_the_standby() {
     let mut sandbox = Sandbox::new();
     let first = sandbox.coordinator();
     let url = sandbox.url();
@@ -346,12 +357,12 @@ async fn workers_and_clients_follow_the_standby() {
         if let Some(job) = listed.first().filter(|job| job.rounds_sealed > 1) {
             break job.id.clone();
         }
-        assert!(start.elapsed() < PATIENCE, "the job does not get on");
+        assert!(start.elapsed() < PATIENCE, "the job must progress");
         tokio::time::sleep(Duration::from_millis(10)).await;
     };
     first.kill_9();
     let mut command = sandbox.coordinator_command();
-    // Said twice, the option counts as it was said last.
+    // A repeated option would be ambiguous, so the command is built anew with the same store.
     let store = command.get_args().skip_while(|a| *a != "--store").nth(1).unwrap().to_owned();
     command = Command::new(command.get_program());
     command.arg("--store").arg(store).args(["--listen", &second, "--lease-seconds", "2"]);
@@ -360,12 +371,12 @@ async fn workers_and_clients_follow_the_standby() {
 
     let digest = sandbox.result(&id).await.result_digest;
     while run.0.try_wait().unwrap().is_none() {
-        assert!(start.elapsed() < PATIENCE, "the client does not end");
+        assert!(start.elapsed() < PATIENCE, "the client must end");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     assert!(run.0.wait().unwrap().success());
     let rows = fs::read_to_string(out.join("history.csv")).unwrap().lines().count();
-    assert_eq!(rows, 1 + 6, "a head and every generation once");
+    assert_eq!(rows, 1 + 6, "the file must have a header and each generation once");
 
     let mut undisturbed = Sandbox::new();
     let _coordinator = undisturbed.coordinator();
@@ -375,7 +386,7 @@ async fn workers_and_clients_follow_the_standby() {
 }
 
 #[tokio::test]
-async fn submitted_job_reads_no_file() {
+async fn submitted_job_cannot_read_files() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let robot = sandbox.path().join("robot.toml");

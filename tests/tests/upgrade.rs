@@ -28,7 +28,8 @@ async fn age(sandbox: &Sandbox, job: &Checked) {
     record.version = "0.0.9".to_owned();
     let mut folded = ResultDigest::start(&record.job_digest);
     for round in 0..record.rounds_sealed {
-        let digests = store.digests(&record.id, round).await.expect("the digests can be read").expect("the round is sealed");
+        let digests =
+            store.digests(&record.id, round).await.expect("the digests can be read").expect("the round is sealed");
         folded.round(round, &digests);
     }
     record.results_digest = folded.value();
@@ -52,13 +53,21 @@ async fn job_of_older_build_waits_for_its_workers() {
 
     let coordinator = sandbox.coordinator();
     let before = sandbox.job(&id).await;
-    assert!(before.rounds_sealed > 2 && before.rounds_sealed < GENERATIONS, "the job must be incomplete: {} rounds are sealed", before.rounds_sealed);
+    assert!(
+        before.rounds_sealed > 2 && before.rounds_sealed < GENERATIONS,
+        "the job must be incomplete: {} rounds are sealed",
+        before.rounds_sealed
+    );
     let _new = sandbox.worker(2);
     let beside = sandbox.submit("beside", &tiny_job(42, 1)).await;
     sandbox.result(&beside.id).await;
     tokio::time::sleep(Duration::from_secs(1)).await;
     let waits = sandbox.job(&id).await;
-    assert_eq!((waits.state(), waits.last_event), (JobState::Running, before.last_event), "the waiting job must not progress");
+    assert_eq!(
+        (waits.state(), waits.last_event),
+        (JobState::Running, before.last_event),
+        "the waiting job must not progress"
+    );
     let request = WatchJobRequest { id: id.clone(), after: before.last_event - 1 };
     let mut events = sandbox.client().watch_job(request).await.expect("the watch starts").into_inner();
     let told = events.message().await.expect("the stream is open").expect("the stream has the last event").event;
@@ -72,21 +81,33 @@ async fn job_of_older_build_waits_for_its_workers() {
     assert!(here.into_iter().all(|digest| shown.contains(&digest)), "missing digest of an offered engine in\n{shown}");
 
     // A worker with a third engine is refused.
-    let refused = Scripted::of_another_build(&sandbox, "other", Digest([8; 32])).await.err().expect("the worker is refused");
+    let refused =
+        Scripted::of_another_build(&sandbox, "other", Digest([8; 32])).await.err().expect("the worker is refused");
     assert_eq!(refused.code(), Code::FailedPrecondition);
     assert!(refused.message().contains("080808080808") && refused.message().contains("no active job"), "{refused}");
 
-    let old = Scripted::of_another_build(&sandbox, "old", OLD).await.expect("the worker is accepted because a job needs its engine");
+    let old = Scripted::of_another_build(&sandbox, "old", OLD)
+        .await
+        .expect("the worker is accepted because a job needs its engine");
     let works = tokio::spawn(old.works());
     let result = sandbox.result(&id).await;
     works.abort();
-    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("the coordinator lists its workers").into_inner().workers;
+    let workers = sandbox
+        .client()
+        .list_workers(ListWorkersRequest {})
+        .await
+        .expect("the coordinator lists its workers")
+        .into_inner()
+        .workers;
     let new = workers.iter().find(|w| w.slots == 2).expect("the new worker is still connected");
     let of_beside = sandbox.job(&beside.id).await;
     // Tasks of the other job: the preparation and one generation. Its finish takes fewer than 30 more.
     let tasks_of_beside = 1.0 + value(&of_beside, "evaluations");
     assert!(new.tasks as f64 >= tasks_of_beside, "{workers:?}");
-    assert!((new.tasks as f64) < tasks_of_beside + 30.0, "the new worker must compute no task of the old job: {workers:?}");
+    assert!(
+        (new.tasks as f64) < tasks_of_beside + 30.0,
+        "the new worker must compute no task of the old job: {workers:?}"
+    );
     assert_eq!(result.job.as_ref().map(|job| job.engine_digest.clone()), Some(OLD.0.to_vec()));
     sandbox.told(&["fetch", &id, "--out", "fetched"]);
     let file = fs::read_to_string(sandbox.file("fetched").join("result.json")).expect("the result file exists");

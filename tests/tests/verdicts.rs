@@ -1,4 +1,4 @@
-//! Jobs that are paused, doubted, tainted, poisoned and done again, with real programs and what a user sees of it.
+//! Jobs that are paused, disputed, tainted, failed by a task or restarted, and the output that users see.
 
 use cluster_tests::sandbox::{PATIENCE, Sandbox, tiny_job, undisturbed};
 use cluster_tests::scripted::{Outcome, Scripted, one_bit_off, task};
@@ -15,13 +15,13 @@ async fn ended(sandbox: &Sandbox, id: &str) -> v1::Job {
         if job.ended_at_ms > 0 {
             return job;
         }
-        assert!(start.elapsed() < PATIENCE, "waited too long: {job:?}");
+        assert!(start.elapsed() < PATIENCE, "the job did not end in time: {job:?}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
 
 #[tokio::test]
-async fn paused_job_rests_over_kill_and_resumes_to_same_bits() {
+async fn paused_job_survives_kill_and_resumes_to_same_result() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let _worker = sandbox.worker(2);
@@ -32,8 +32,8 @@ async fn paused_job_rests_over_kill_and_resumes_to_same_bits() {
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
     let paused = sandbox.job(&job.id).await;
-    assert!(paused.paused, "an acknowledged pause survives");
-    // What ran may finish, and then it rests.
+    assert!(paused.paused, "an acknowledged pause must survive a crash");
+    // Running tasks may complete; after that, the job must not progress.
     tokio::time::sleep(Duration::from_secs(2)).await;
     let before = sandbox.job(&job.id).await;
     tokio::time::sleep(Duration::from_secs(1)).await;
@@ -43,15 +43,16 @@ async fn paused_job_rests_over_kill_and_resumes_to_same_bits() {
     assert!(shown.contains(", paused: nothing new is handed out until `evogait resume"), "{shown}");
     assert!(sandbox.told(&["list"]).contains(", paused"));
     sandbox.told(&["pause", &job.id]);
-    assert!(sandbox.told(&["resume", &job.id]).contains("goes on"));
+    assert!(sandbox.told(&["resume", &job.id]).contains("is resumed"));
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&text).await);
 
     let refused = sandbox.evogait(&["pause", &job.id]);
-    let text = String::from_utf8(refused.stderr).expect("messages are text");
+    let text = String::from_utf8(refused.stderr).expect("error messages are UTF-8");
     assert!(refused.status.code() == Some(1) && text.contains("has ended (succeeded)"), "{text}");
 }
 
-/// Lets a worker give back what it has, and waits until the coordinator has taken it: another worker's connection may be faster.
+/// Makes a worker return its leases, and waits until the coordinator has processed that. A connection of another worker
+/// may be faster.
 async fn gives_back(worker: &Scripted, sandbox: &Sandbox) {
     worker.gives_back();
     let taken = async {
@@ -59,10 +60,10 @@ async fn gives_back(worker: &Scripted, sandbox: &Sandbox) {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    tokio::time::timeout(PATIENCE, taken).await.expect("the coordinator hears it");
+    tokio::time::timeout(PATIENCE, taken).await.expect("the coordinator processes the drain");
 }
 
-/// Lets a worker carry out a job's rounds until that many are sealed.
+/// Lets a worker compute and deliver tasks until `rounds` rounds of the job are sealed.
 async fn works_until(worker: &mut Scripted, sandbox: &Sandbox, id: &str, rounds: u32) {
     while sandbox.job(id).await.rounds_sealed < rounds {
         let assign = worker.is_given().await;
@@ -82,7 +83,7 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
     gives_back(&late, &sandbox).await;
     let mut wrong = Scripted::join(&sandbox, "wrong").await;
     let assign = wrong.is_given().await;
-    assert_eq!((assign.round, assign.first), (its.round, its.first), "what is returned goes to the next worker");
+    assert_eq!((assign.round, assign.first), (its.round, its.first), "returned tasks must go to the next worker");
     let right = wrong.honest(&assign);
     assert_eq!(wrong.delivers(&assign, one_bit_off(right)).await, Verdict::Accepted);
     let right = late.honest(&its);
@@ -90,7 +91,7 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
     let shown = sandbox.told(&["show", &job.id]);
     let what = "the evaluation of candidate 0 of generation 0";
     assert!(shown.contains(&format!("waits for another worker: two results of {what} differ")), "{shown}");
-    assert!(shown.contains(&format!("dispute        {what}, open: wrong says")), "{shown}");
+    assert!(shown.contains(&format!("dispute        {what}, open: wrong: ")), "{shown}");
 
     let _worker = sandbox.worker(2);
     let decided = |job: &v1::Job| job.disputes.iter().any(|d| d.verdict() == dispute::Verdict::Corrected);
@@ -103,18 +104,20 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
             }
         }
     };
-    let reason = tokio::time::timeout(PATIENCE, told).await.expect("the worker is told");
+    let reason = tokio::time::timeout(PATIENCE, told).await.expect("the worker receives the reason");
     assert!(reason.starts_with(&format!("quarantined: its result of {what}")), "{reason}");
 
-    // Under the same id it gets nothing any more.
+    // A worker that connects under the same id stays quarantined.
     let _again = Scripted::join(&sandbox, "wrong").await;
-    let workers: serde_json::Value = serde_json::from_str(&sandbox.told(&["workers", "--json"])).expect("JSON");
-    let entry = workers.as_array().and_then(|w| w.iter().find(|w| w["id"] == "wrong")).expect("it is connected");
+    let workers: serde_json::Value =
+        serde_json::from_str(&sandbox.told(&["workers", "--json"])).expect("the output is JSON");
+    let entry =
+        workers.as_array().and_then(|w| w.iter().find(|w| w["id"] == "wrong")).expect("the worker is connected");
     assert_eq!(entry["quarantined"], true, "{entry}");
 }
 
 #[tokio::test]
-async fn wrong_sealed_result_taints_job_and_restart_repairs() {
+async fn wrong_sealed_result_taints_job_and_restart_repairs_it() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
     let text = tiny_job(33, 3);
@@ -125,7 +128,11 @@ async fn wrong_sealed_result_taints_job_and_restart_repairs() {
     gives_back(&late, &sandbox).await;
     let mut wrong = Scripted::join(&sandbox, "wrong").await;
     let assign = wrong.is_given().await;
-    assert_eq!((assign.round, assign.first), (2, its.first), "generation 1");
+    assert_eq!(
+        (assign.round, assign.first),
+        (2, its.first),
+        "the assignment must be the returned one, of generation 1"
+    );
     let right = wrong.honest(&assign);
     assert_eq!(wrong.delivers(&assign, one_bit_off(right)).await, Verdict::Accepted);
     works_until(&mut wrong, &sandbox, &job.id, 3).await;
@@ -142,11 +149,11 @@ async fn wrong_sealed_result_taints_job_and_restart_repairs() {
     }
     assert!(sandbox.told(&["show", &job.id]).contains(&format!("next           evogait restart {}", job.id)));
     let refused = sandbox.evogait(&["restart", &job.id, "--from-generation", "2"]);
-    let why = String::from_utf8(refused.stderr).expect("messages are text");
+    let why = String::from_utf8(refused.stderr).expect("error messages are UTF-8");
     assert!(!refused.status.success() && why.contains("restart from round 2 or an earlier one"), "{why}");
 
     let again = sandbox.told(&["restart", &job.id]);
-    assert_eq!(sandbox.told(&["restart", &job.id]), again, "twice is once");
+    assert_eq!(sandbox.told(&["restart", &job.id]), again, "a repeated restart must return the same job");
     let again = again.trim();
     let result = sandbox.result(again).await;
     assert_eq!(result.result_digest, undisturbed(&text).await);
@@ -178,11 +185,11 @@ async fn wrong_result_sealed_long_ago_taints_job() {
     assert!(sandbox.job(&job.id).await.disputes.is_empty());
     let right = late.honest(&its);
     assert_eq!(late.delivers(&its, right.clone()).await, Verdict::NeedsTasks);
-    assert!(sandbox.job(&job.id).await.disputes.is_empty(), "nothing is stored before the tasks are there");
+    assert!(sandbox.job(&job.id).await.disputes.is_empty(), "no dispute may be stored before the tasks are delivered");
     assert_eq!(late.delivers_with_tasks(&its, right).await, Verdict::Conflict);
     let shown = sandbox.told(&["show", &job.id]);
     assert!(shown.contains("two results of task 0 of round 2 differ"), "{shown}");
-    // It was committed before it was answered.
+    // The dispute was committed before it was acknowledged.
     coordinator.kill_9();
     let _coordinator = sandbox.coordinator();
     assert_eq!(sandbox.job(&job.id).await.disputes.len(), 1);
@@ -196,7 +203,7 @@ async fn wrong_result_sealed_long_ago_taints_job() {
 }
 
 #[tokio::test]
-async fn poisoned_task_fails_job_and_evaluates_locally() {
+async fn poisoned_task_fails_job_and_runs_locally() {
     let mut sandbox = Sandbox::new();
     let mut coordinator = sandbox.coordinator();
     let text = tiny_job(34, 2);
@@ -204,39 +211,41 @@ async fn poisoned_task_fails_job_and_evaluates_locally() {
     let mut poisoned = None;
     let mut fails = Scripted::join(&sandbox, "w").await;
     for attempt in 0..3 {
-        // Attempts survive the coordinator.
+        // Failed attempts must survive a crash of the coordinator.
         if attempt == 2 {
             coordinator.kill_9();
             coordinator = sandbox.coordinator();
             fails = Scripted::join(&sandbox, "v").await;
         }
         let assign = fails.is_given().await;
-        assert_eq!((assign.first, assign.tasks.len()), (0, 1), "suspects come first, one by one");
-        fails.delivers(&assign, Outcome::Failure("it panicked: the test says so".to_owned())).await;
+        assert_eq!((assign.first, assign.tasks.len()), (0, 1), "a suspect must be assigned first and alone");
+        fails.delivers(&assign, Outcome::Failure("it panicked: simulated by the test".to_owned())).await;
         poisoned = Some(assign);
     }
     let failed = ended(&sandbox, &job.id).await;
     assert_eq!(failed.state(), JobState::Failed);
     assert!(failed.reason.contains("candidate 0 of generation 0 failed 3 times"), "{}", failed.reason);
 
-    let assign = poisoned.expect("it was given");
-    let Task::Evaluate { genotype, .. } = task(&assign) else { panic!("an evaluation") };
+    let assign = poisoned.expect("the task was assigned");
+    let Task::Evaluate { genotype, .. } = task(&assign) else { panic!("the task must be an evaluation") };
     let genotype = genotype.numbers().iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let shown = sandbox.told(&["show", &job.id]);
     assert!(shown.contains(&format!("genome         {genotype}")), "{shown}");
     assert!(shown.contains(&format!("evogait evaluate {} repeats it on this machine", job.id)), "{shown}");
 
-    let Outcome::Results(Results { results }) = fails.honest(&assign) else { panic!("results") };
-    let Ok(TaskResult::Evaluated { score, .. }) = TaskResult::decode(&results[0]) else { panic!("an evaluation") };
+    let Outcome::Results(Results { results }) = fails.honest(&assign) else { panic!("the outcome must be results") };
+    let Ok(TaskResult::Evaluated { score, .. }) = TaskResult::decode(&results[0]) else {
+        panic!("the result must be an evaluation")
+    };
     let bits = score.map_or("failed".to_owned(), |s| format!("{:016x}", s.to_bits()));
-    std::fs::write(sandbox.file("job.toml"), &text).expect("a file");
+    std::fs::write(sandbox.file("job.toml"), &text).expect("the job file can be written");
     let named = format!("--genome={genotype}");
     for arguments in [vec!["evaluate", &job.id, "--json"], vec!["evaluate", "job.toml", &named, "--json"]] {
-        let told: serde_json::Value = serde_json::from_str(&sandbox.told(&arguments)).expect("JSON");
+        let told: serde_json::Value = serde_json::from_str(&sandbox.told(&arguments)).expect("the output is JSON");
         assert_eq!(told["bits"][0], *bits, "{arguments:?}");
     }
     let refused = sandbox.evogait(&["evaluate", "job.toml", "--genome", "1.0,2.0"]);
-    let why = String::from_utf8(refused.stderr).expect("messages are text");
+    let why = String::from_utf8(refused.stderr).expect("error messages are UTF-8");
     assert!(refused.status.code() == Some(2) && why.contains("the genome has 2 numbers"), "{why}");
     drop(coordinator);
 }

@@ -1,4 +1,4 @@
-//! Workers that leave, die, panic and get stuck, as processes of their own. `EVOGAIT_FAULT` makes them (worker/src/fault.rs).
+//! Worker processes that drain, crash, panic or get stuck. `EVOGAIT_FAULT` causes the faults (worker/src/fault.rs).
 
 use cluster_tests::proxy::{Direction, Proxy};
 use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job, undisturbed};
@@ -6,10 +6,10 @@ use proto::v1::{CancelJobRequest, Job, JobState, ListWorkersRequest};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// A job without a finish on the lockstep engine: what it costs is what a fault makes it cost.
+/// Returns a job without a finish on the lockstep engine. It takes hardly longer than the faults make it.
 fn cheap_job(seed: u32, generations: u32) -> String {
     let job = tiny_job(seed, generations).replace("\"rapier\"", "\"lockstep\"");
-    format!("{}[finish]\nkind = \"none\"\n", job.split("[finish]").next().expect("a job has text"))
+    format!("{}[finish]\nkind = \"none\"\n", job.split("[finish]").next().expect("the job is not empty"))
 }
 
 fn faulty(sandbox: &Sandbox, slots: u32, fault: &str) -> Command {
@@ -18,15 +18,21 @@ fn faulty(sandbox: &Sandbox, slots: u32, fault: &str) -> Command {
     command
 }
 
-/// Waits until work was handed out, and a moment longer: so that it runs.
+/// Waits until a worker has `slots` busy slots, and 100 ms more, so that the tasks run.
 async fn busy(sandbox: &Sandbox, slots: u32) {
     let start = Instant::now();
     loop {
-        let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers;
+        let workers = sandbox
+            .client()
+            .list_workers(ListWorkersRequest {})
+            .await
+            .expect("the coordinator lists its workers")
+            .into_inner()
+            .workers;
         if workers.iter().any(|w| w.busy >= slots) {
             return tokio::time::sleep(Duration::from_millis(100)).await;
         }
-        assert!(start.elapsed() < PATIENCE, "nothing was handed out: {workers:?}");
+        assert!(start.elapsed() < PATIENCE, "no worker has enough busy slots: {workers:?}");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
 }
@@ -36,7 +42,7 @@ async fn prepared(sandbox: &Sandbox, job: &Job) {
     sandbox.until(&job.id, |job| job.rounds_sealed > 0).await;
 }
 
-/// Waits for a job's end, which need be no success.
+/// Waits until a job has ended in any state.
 async fn ended(sandbox: &Sandbox, id: &str) -> Job {
     let start = Instant::now();
     loop {
@@ -44,13 +50,13 @@ async fn ended(sandbox: &Sandbox, id: &str) -> Job {
         if matches!(job.state(), JobState::Failed | JobState::Succeeded | JobState::Cancelled) {
             return job;
         }
-        assert!(start.elapsed() < PATIENCE, "waited too long: {job:?}");
+        assert!(start.elapsed() < PATIENCE, "the job did not end in time: {job:?}");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
 }
 
 #[tokio::test]
-async fn draining_worker_finishes_and_takes_nothing_new() {
+async fn draining_worker_finishes_and_takes_no_new_tasks() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(20, 4)).await;
@@ -63,15 +69,15 @@ async fn draining_worker_finishes_and_takes_nothing_new() {
     assert_eq!(leaves.terminate(), Some(0));
     let took = start.elapsed();
     let after = done(&sandbox.job(&job.id).await);
-    assert!(after > before, "what ran was finished: {before:?} {after:?}");
-    assert!(after <= (2, 0) && took < Duration::from_secs(10), "it took nothing new: {took:?} {after:?}");
+    assert!(after > before, "running tasks must complete: {before:?} {after:?}");
+    assert!(after <= (2, 0) && took < Duration::from_secs(10), "no new task may start: {took:?} {after:?}");
 
     let _stays = sandbox.worker(1);
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(&cheap_job(20, 4)).await);
 }
 
 #[tokio::test]
-async fn unheard_drain_takes_nothing_new_either() {
+async fn draining_worker_behind_blocked_network_takes_no_new_tasks() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let network = Proxy::to(&sandbox.url());
@@ -80,7 +86,14 @@ async fn unheard_drain_takes_nothing_new_either() {
     let begun = sandbox.submit("begun", &cheap_job(24, 1)).await;
     prepared(&sandbox, &begun).await;
     busy(&sandbox, 1).await;
-    let held = sandbox.client().list_workers(ListWorkersRequest {}).await.expect("a list").into_inner().workers[0].busy;
+    let held = sandbox
+        .client()
+        .list_workers(ListWorkersRequest {})
+        .await
+        .expect("the coordinator lists its workers")
+        .into_inner()
+        .workers[0]
+        .busy;
 
     network.block(Direction::Up, true);
     leaves.signal("TERM");
@@ -90,8 +103,8 @@ async fn unheard_drain_takes_nothing_new_either() {
     network.heal();
     assert_eq!(leaves.wait(), Some(0));
     let (begun, new) = (sandbox.job(&begun.id).await, sandbox.job(&new.id).await);
-    assert!((begun.rounds_sealed, begun.tasks_done) > (1, 0), "it finished what it had");
-    assert_eq!((new.rounds_sealed, new.tasks_done), (0, 0), "and nothing else");
+    assert!((begun.rounds_sealed, begun.tasks_done) > (1, 0), "tasks that ran before SIGTERM must complete");
+    assert_eq!((new.rounds_sealed, new.tasks_done), (0, 0), "no task that was assigned after SIGTERM may run");
 }
 
 #[tokio::test]
@@ -99,7 +112,7 @@ async fn repeated_preemption_costs_no_attempt() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(21, 2)).await;
-    // More often than a candidate may fail. A second signal does not wait for the grace time.
+    // Five times, more often than a task may fail. A second signal ends the grace time at once.
     for round in 0..5 {
         let grace = if round % 2 == 0 { "0.1" } else { "60" };
         let leaves = Process::start(faulty(&sandbox, 1, "slow@ms=60000,round=1").args(["--grace", grace]));
@@ -108,7 +121,7 @@ async fn repeated_preemption_costs_no_attempt() {
         let start = Instant::now();
         if round % 2 == 1 {
             leaves.signal("TERM");
-            // Two of the same signal in one moment are one.
+            // Equal signals that arrive too close together are merged into one.
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
         assert_eq!(leaves.terminate(), Some(0));
@@ -132,7 +145,7 @@ async fn hangup_drains_worker() {
 }
 
 #[tokio::test]
-async fn worker_with_time_limit_leaves_before_its_end() {
+async fn worker_with_time_limit_exits_before_the_limit() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(22, 2)).await;
@@ -147,7 +160,7 @@ async fn worker_with_time_limit_leaves_before_its_end() {
 }
 
 #[tokio::test]
-async fn panic_costs_task_an_attempt_not_worker() {
+async fn panic_costs_an_attempt_but_not_the_worker() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let mut worker = Process::start(&mut faulty(&sandbox, 2, "panic@round=1,index=4"));
@@ -157,14 +170,14 @@ async fn panic_costs_task_an_attempt_not_worker() {
     let said = |words: &str| assert!(job.reason.contains(words), "{}", job.reason);
     said("candidate 4 of generation 0 failed 3 times");
     said("panicked");
-    // Its slots are free for others: one without a fifth candidate.
+    // The worker's slots are free for another job. That job has no candidate 4, so the fault does not occur.
     let other = sandbox.submit("other", &cheap_job(23, 2).replace("particles = 5", "particles = 4")).await;
     assert_eq!(ended(&sandbox, &other.id).await.state(), JobState::Succeeded);
     assert!(!worker.has_ended());
 }
 
 #[tokio::test]
-async fn task_that_kills_workers_is_named_soon() {
+async fn task_that_kills_workers_fails_job_after_four_crashes() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let start = || Process::start(faulty(&sandbox, 1, "abort@round=1,index=3").stderr(Stdio::null()));
@@ -177,16 +190,20 @@ async fn task_that_kills_workers_is_named_soon() {
         }
         if worker.has_ended() {
             deaths += 1;
-            assert!(deaths <= 4, "once as part of a range, three times alone: {job:?}");
+            assert!(deaths <= 4, "at most four crashes: one as part of a range, three alone: {job:?}");
             worker = start();
         }
         tokio::time::sleep(Duration::from_millis(10)).await;
     };
-    assert!(ended.reason.contains("candidate 3 of generation 0") && ended.reason.contains("died"), "{}", ended.reason);
+    assert!(
+        ended.reason.contains("candidate 3 of generation 0") && ended.reason.contains("crashed"),
+        "{}",
+        ended.reason
+    );
 }
 
 #[tokio::test]
-async fn stuck_slot_is_found_and_replaced() {
+async fn stuck_slot_is_detected_and_replaced() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let mut worker = faulty(&sandbox, 1, "stall@round=1,index=4");
@@ -209,8 +226,8 @@ async fn slot_stuck_in_cancelled_task_is_replaced() {
     let hangs = sandbox.submit("r", &cheap_job(29, 2)).await;
     busy(&sandbox, 1).await;
     tokio::time::sleep(Duration::from_secs(1)).await;
-    sandbox.client().cancel_job(CancelJobRequest { id: hangs.id }).await.expect("it ends");
-    // Its slot does not hear of it. Others are neither kept waiting for ever nor blamed.
+    sandbox.client().cancel_job(CancelJobRequest { id: hangs.id }).await.expect("the job can be cancelled");
+    // The stuck slot ignores the cancellation. Other jobs must neither wait forever nor be charged.
     let other = sandbox.submit("other", &cheap_job(29, 2).replace("particles = 5", "particles = 4")).await;
     assert_eq!(ended(&sandbox, &other.id).await.state(), JobState::Succeeded);
     assert!(!worker.has_ended());
@@ -222,26 +239,28 @@ async fn worker_with_repeatedly_stuck_slots_exits_with_reason() {
     let _coordinator = sandbox.coordinator();
     let mut command = faulty(&sandbox, 4, "stall@round=1");
     command.args(["--stuck-after", "1", "--grace", "0.1"]).stderr(Stdio::piped());
-    let worker = command.spawn().expect("worker starts");
+    let worker = command.spawn().expect("the worker starts");
     for seed in [26, 27] {
         sandbox.submit(&seed.to_string(), &cheap_job(seed, 2)).await;
     }
-    let output =
-        tokio::task::spawn_blocking(move || worker.wait_with_output()).await.expect("a thread").expect("it ends");
-    let text = String::from_utf8(output.stderr).expect("messages are text");
+    let output = tokio::task::spawn_blocking(move || worker.wait_with_output())
+        .await
+        .expect("the thread does not panic")
+        .expect("the output can be read");
+    let text = String::from_utf8(output.stderr).expect("error messages are UTF-8");
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("slots made no progress for 1 s"), "{text}");
 }
 
 #[tokio::test]
-async fn continued_worker_is_neither_stuck_nor_blamed() {
+async fn continued_worker_is_neither_stuck_nor_charged() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &cheap_job(28, 2)).await;
     let mut sleeper = faulty(&sandbox, 1, "slow@ms=100");
     let mut sleeper = Process::start(sleeper.args(["--stuck-after", "1"]));
     busy(&sandbox, 1).await;
-    // Longer than a lease, and than a slot may be stuck.
+    // Longer than a lease, and longer than `--stuck-after`.
     sleeper.signal("STOP");
     tokio::time::sleep(Duration::from_millis(2500)).await;
     sleeper.signal("CONT");

@@ -137,7 +137,7 @@ impl Assignments {
         self.lock().insert(assignment.id, assignment);
     }
 
-    /// Removes an assignment whose result was answered.
+    /// Removes an assignment after the coordinator answered its result.
     pub fn remove(&self, id: u64) {
         self.lock().remove(&id);
         self.gone.notify_waiters();
@@ -179,7 +179,7 @@ impl Assignments {
         self.lock().values().filter(|a| a.is(COMPUTING)).cloned().collect()
     }
 
-    /// Returns the assignments that occupy a slot: those of `computing`, and stopped ones whose slot has not ended yet.
+    /// Returns the assignments that occupy a slot: those of `computing`, and stopped ones that are still computed.
     pub fn in_hand(&self) -> Vec<Arc<Assignment>> {
         let mut left = self.lock_left();
         left.retain(|a| a.is(COMPUTING));

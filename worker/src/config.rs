@@ -11,7 +11,7 @@ use std::time::Duration;
 pub const DEFAULT_GRACE: Duration = Duration::from_secs(10);
 /// Default of [`Config::stuck_after`].
 pub const DEFAULT_STUCK_AFTER: Duration = Duration::from_secs(600);
-/// Least value of [`Config::stuck_after`]: one batch of rollouts can take a large part of a second.
+/// Least value of [`Config::stuck_after`], because a batch of rollouts takes some time.
 pub const MIN_STUCK_AFTER: Duration = Duration::from_secs(1);
 /// Default of [`Config::keepalive`].
 pub const DEFAULT_KEEPALIVE: Duration = Duration::from_secs(10);

@@ -25,7 +25,7 @@ pub enum Error {
         slots: usize,
     },
     /// Name longer than the limit.
-    #[error("the worker's name has {length} bytes: at most {MAX_WORKER_NAME} are allowed")]
+    #[error("the worker's name has {length} bytes: at most {MAX_WORKER_NAME} are allowed; give a shorter --name")]
     Name {
         /// Length of the name in bytes.
         length: usize,
@@ -38,7 +38,7 @@ pub enum Error {
         /// Message of the coordinator.
         reason: String,
     },
-    /// A time that can't be kept to.
+    /// Invalid time option.
     #[error(transparent)]
     Time(#[from] BadTime),
     /// Too many stuck slots. Start the worker again, if the machine is sound.
@@ -61,7 +61,7 @@ pub enum Error {
     System(String),
 }
 
-/// A time that can't be kept to.
+/// Error of a time option.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BadTime {
     /// Time out of range.

@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fault_applies_to_its_task_and_invalid_text_is_refused() {
+    fn fault_matches_task_and_invalid_text_is_refused() {
         let fault = Fault::read("panic@round=1,index=3").unwrap();
         assert!(fault.is_at(1, 3) && !fault.is_at(1, 2) && !fault.is_at(0, 3));
         assert!(Fault::read("abort").unwrap().is_at(7, 7));

@@ -9,7 +9,7 @@ use tokio::task::JoinSet;
 
 /// Number of jobs kept: more than a coordinator has active jobs.
 const KEPT: usize = 1024;
-/// Number of rounds of a job whose shared bytes are kept: the newest.
+/// Number of shared byte strings kept per job: those of its newest rounds.
 const KEPT_SHARED: usize = 4;
 
 /// Error: the job or its text is not kept any more. The coordinator sends it again after a reconnect.

@@ -127,7 +127,8 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
     outcome
 }
 
-/// Waits for a reason to stop, drains the worker, and returns when no assignment is left or the time is up.
+/// Waits for a reason to stop, drains the worker, and returns when no assignment is left, or when the grace time and the
+/// time to deliver are over.
 async fn leave(
     config: &Config,
     assignments: &Assignments,

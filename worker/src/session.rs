@@ -185,7 +185,9 @@ impl Session {
                     },
                     Some(coordinator_message::Message::Cancel(cancel)) => self.intake.stop(&cancel.assignment_ids),
                     // The coordinator restarts: computing continues, and results are delivered afterwards.
-                    Some(coordinator_message::Message::Drain(drain)) => tracing::info!(reason = drain.reason, "the coordinator is stopping"),
+                    Some(coordinator_message::Message::Drain(drain)) => {
+                        tracing::info!(reason = drain.reason, "the coordinator is stopping")
+                    }
                     Some(coordinator_message::Message::Welcome(_)) | None => {}
                 },
                 Ok(None) => return Ok(()),

@@ -33,7 +33,7 @@ pub(crate) fn carry_out(assignment: &Arc<Assignment>) -> Option<Finished> {
     Some(Finished { assignment: assignment.clone(), outcome, compute_us })
 }
 
-/// Returns the failure of an assignment whose slot is stuck.
+/// Returns the failure of an assignment on a stuck slot.
 pub(crate) fn gave_up(assignment: &Arc<Assignment>, stuck_after: Duration) -> Finished {
     let reason = format!("it was stuck: no batch of rollouts was finished within {} s", stuck_after.as_secs_f64());
     Finished { assignment: assignment.clone(), outcome: Outcome::Failure(reason), compute_us: 0 }

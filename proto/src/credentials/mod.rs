@@ -1,5 +1,5 @@
-//! Credentials that peers present to each other: certificates, keys and tokens, read from files and checked before
-//! anything starts.
+//! Credentials of clients, workers and coordinators: certificates, keys and tokens, read from files and checked at
+//! start.
 
 mod pem;
 mod token;
@@ -11,15 +11,15 @@ use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Names the file of `--ca`.
+/// Environment variable with the file of `--ca`.
 pub const CA_VARIABLE: &str = "EVOGAIT_CA";
-/// Names the file of `--cert`.
+/// Environment variable with the file of `--cert`.
 pub const CERT_VARIABLE: &str = "EVOGAIT_CERT";
-/// Names the file of `--key`.
+/// Environment variable with the file of `--key`.
 pub const KEY_VARIABLE: &str = "EVOGAIT_KEY";
-/// Names the file of `--token-file`.
+/// Environment variable with the file of `--token-file`.
 pub const TOKEN_FILE_VARIABLE: &str = "EVOGAIT_TOKEN_FILE";
-/// Is the token itself. No argument is: arguments show in `ps`.
+/// Environment variable with the token itself. There is no argument for it, because `ps` shows arguments.
 pub const TOKEN_VARIABLE: &str = "EVOGAIT_TOKEN";
 
 /// Largest file of certificates, keys or tokens, in bytes.
@@ -30,9 +30,9 @@ pub const MAX_FILE: usize = 1024 * 1024;
 pub struct Sources {
     /// Certificates of CAs that may sign the coordinator's certificate, PEM.
     pub ca: Option<PathBuf>,
-    /// Certificate to show to the coordinator, PEM.
+    /// Client certificate, PEM.
     pub cert: Option<PathBuf>,
-    /// The certificate's private key, PEM.
+    /// Private key of the client certificate, PEM.
     pub key: Option<PathBuf>,
     /// File with the token in its first line.
     pub token_file: Option<PathBuf>,
@@ -43,29 +43,28 @@ pub struct Sources {
 pub struct Credentials {
     /// CAs that may sign the coordinator's certificate.
     pub ca: Option<Authority>,
-    /// Certificate for the coordinator, if it requests one.
+    /// Client certificate, sent if the coordinator requests one.
     pub identity: Option<Identity>,
-    /// Sent with every call.
+    /// Token, sent with every call.
     pub token: Option<Token>,
 }
 
-/// Why credentials can't be used. Not retryable: the user must change a file.
+/// Invalid or unreadable credentials. Not retryable: the user must change a file or an option.
 #[derive(Debug, thiserror::Error)]
 pub enum CredentialError {
-    /// A certificate or key.
+    /// Invalid certificate or key.
     #[error(transparent)]
     Pem(#[from] PemError),
-    /// A token.
+    /// Invalid token.
     #[error(transparent)]
     Token(#[from] TokenError),
     /// A certificate without its key, or a key without its certificate.
-    #[error("a certificate and its key go together: give both --cert FILE and --key FILE, or neither")]
+    #[error("only one of certificate and key is given: give both --cert FILE and --key FILE, or neither")]
     Half,
 }
 
 impl Credentials {
-    /// Reads all that is named, by `sources` first and by the environment where they are silent. `environment` looks a
-    /// variable up.
+    /// Reads the credentials named by `sources`, or else by environment variables, which `environment` looks up.
     pub fn read(sources: Sources, environment: impl Fn(&str) -> Option<OsString>) -> Result<Self, CredentialError> {
         let named = |name: &str| environment(name).filter(|value| !value.is_empty());
         let file = |given: Option<PathBuf>, name: &str| given.or_else(|| named(name).map(PathBuf::from));
@@ -83,7 +82,7 @@ impl Credentials {
         Ok(Self { ca, identity, token })
     }
 
-    /// Reads all that is named, by `sources` first and by the process's environment where they are silent.
+    /// Reads the credentials named by `sources`, or else by this process's environment variables.
     pub fn of_process(sources: Sources) -> Result<Self, CredentialError> {
         Self::read(sources, |name| std::env::var_os(name))
     }
@@ -100,7 +99,7 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// An I/O error in words, without the system's "(os error 2)".
+/// Returns the text of an I/O error without its "(os error 2)".
 pub(crate) fn plain(error: &io::Error) -> String {
     let text = error.to_string();
     text.find(" (os error").map_or(text.clone(), |end| text[..end].to_owned())
@@ -134,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_certificate_without_its_key_is_refused() {
+    fn certificate_without_key_is_refused() {
         let sources = Sources { cert: Some("a.pem".into()), ..Sources::default() };
         assert!(matches!(Credentials::read(sources, |_| None), Err(CredentialError::Half)));
     }

@@ -13,16 +13,16 @@ use x509_parser::prelude::{FromDer as _, X509Certificate};
 /// Certificates of accepted CAs.
 #[derive(Clone, Debug)]
 pub struct Authority {
-    /// As the transport wants it.
+    /// Valid certificates in the type that the transport requires.
     pub certificate: tonic::transport::Certificate,
-    /// When the first of those that are valid ends: YYYY-MM-DD.
+    /// Earliest last day of the valid certificates: YYYY-MM-DD.
     pub valid_until: String,
 }
 
 /// A certificate with its private key.
 #[derive(Clone)]
 pub struct Identity {
-    /// As the transport wants it.
+    /// Certificate and key in the type that the transport requires.
     pub identity: tonic::transport::Identity,
     /// Last day of the certificate: YYYY-MM-DD.
     pub valid_until: String,
@@ -34,7 +34,7 @@ impl fmt::Debug for Identity {
     }
 }
 
-/// Why a file of certificates or keys can't be used. Not retryable: the user must change a file.
+/// Invalid or unreadable file of certificates or keys. Not retryable: the user must change a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PemError {
     /// The file can't be read.
@@ -45,17 +45,17 @@ pub enum PemError {
         /// The reason.
         reason: String,
     },
-    /// No PEM of the kind that is needed.
-    #[error("{file} holds no {what} in PEM, a text with a line \"-----BEGIN {label}-----\"", file = .file.display())]
+    /// File without PEM of the needed kind.
+    #[error("{file} holds no {what} in PEM: a line \"-----BEGIN {label}-----\" is required", file = .file.display())]
     NotPem {
         /// The file.
         file: PathBuf,
-        /// "certificate", "private key".
+        /// Needed kind: "certificate" or "private key".
         what: &'static str,
-        /// The label of the line.
+        /// Label in the PEM's first line.
         label: &'static str,
     },
-    /// PEM with content that is damaged, or of a kind that can't be used.
+    /// PEM with content that is damaged or of an unsupported kind.
     #[error("{file} can't be used: {reason}", file = .file.display())]
     Unusable {
         /// The file.
@@ -63,7 +63,7 @@ pub enum PemError {
         /// The reason.
         reason: String,
     },
-    /// Another key's certificate.
+    /// Certificate and key that do not match.
     #[error("{key} is not the key of the certificate in {cert}", key = .key.display(), cert = .cert.display())]
     Mismatch {
         /// The certificate's file.
@@ -71,7 +71,7 @@ pub enum PemError {
         /// The key's file.
         key: PathBuf,
     },
-    /// A certificate that was valid.
+    /// Expired certificate.
     #[error("the certificate in {file} expired on {day}: renew it, such as with `evogait certs renew`", file = .file.display())]
     Expired {
         /// The file.
@@ -79,30 +79,30 @@ pub enum PemError {
         /// Its last day, YYYY-MM-DD.
         day: String,
     },
-    /// A certificate that will be valid.
-    #[error("the certificate in {file} is valid from {day} on only: is this machine's clock right?", file = .file.display())]
+    /// Certificate that is not valid yet.
+    #[error("the certificate in {file} is not valid before {day}: check this machine's clock", file = .file.display())]
     NotYet {
         /// The file.
         file: PathBuf,
         /// Its first day, YYYY-MM-DD.
         day: String,
     },
-    /// A certificate that can't sign others, where one is needed that can.
-    #[error("the certificate in {file} is not that of a CA: give the file of the CA that signed the other side's", file = .file.display())]
+    /// Certificate of no CA where a CA's is required.
+    #[error("the certificate in {file} is not that of a CA: give the file of the CA that signed the peer's certificate", file = .file.display())]
     NoAuthority {
         /// The file.
         file: PathBuf,
     },
 }
 
-/// Sets the cryptography that TLS uses in this process, also if other providers are linked in.
+/// Sets the process's TLS cryptography provider, also if several are linked in.
 pub fn choose_provider() {
-    // Failing means that it has been said before.
+    // An error means that a provider was set before.
     let _ = ring::default_provider().install_default();
 }
 
-/// Reads the certificates of CAs, one or more, so that an old and a new one can be accepted at once. Of several, those
-/// that are valid today are accepted, if there are any.
+/// Reads one or more CA certificates: with several, an old and a new CA can be accepted at once. Of several, only those
+/// valid today are accepted; if none is, the first error is returned.
 pub fn authority(file: &Path) -> Result<Authority, PemError> {
     let (text, certificates) = certificates(file)?;
     let text = String::from_utf8_lossy(&text);
@@ -130,14 +130,14 @@ pub fn authority(file: &Path) -> Result<Authority, PemError> {
     }
 }
 
-/// The certificates of a text as they are written there.
+/// Returns the PEM blocks of the certificates in a text.
 fn blocks(text: &str) -> impl Iterator<Item = &str> {
     const BEGIN: &str = "-----BEGIN CERTIFICATE-----";
     const END: &str = "-----END CERTIFICATE-----";
     text.split_inclusive(END).filter_map(|part| part.find(BEGIN).filter(|_| part.ends_with(END)).map(|at| &part[at..]))
 }
 
-/// Reads a certificate, with those that lead from it to its CA if there are any, and its private key.
+/// Reads a certificate, with intermediate certificates if there are any, and its private key.
 pub fn identity(cert: &Path, key: &Path) -> Result<Identity, PemError> {
     let (text, chain) = certificates(cert)?;
     let valid_until = valid_until(cert, &parse(cert, &chain[0])?)?;
@@ -159,7 +159,7 @@ fn read(file: &Path) -> Result<Vec<u8>, PemError> {
     read_file(file).map_err(|e| PemError::Read { file: file.to_owned(), reason: plain(&e) })
 }
 
-/// The file's text and the certificates in it, at least one.
+/// Returns the file's text and its certificates, at least one.
 fn certificates(file: &Path) -> Result<(Vec<u8>, Vec<CertificateDer<'static>>), PemError> {
     let text = read(file)?;
     let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&text).collect();
@@ -182,7 +182,7 @@ fn parse<'a>(file: &Path, der: &'a CertificateDer<'_>) -> Result<X509Certificate
     }
 }
 
-/// The certificate's last day, if it is valid today.
+/// Returns the certificate's last day, if it is valid today.
 fn valid_until(file: &Path, certificate: &X509Certificate<'_>) -> Result<String, PemError> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs() as i64;
     let validity = certificate.validity();

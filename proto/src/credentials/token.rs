@@ -1,4 +1,4 @@
-//! Bearer tokens: secret texts that give their holder a role.
+//! Bearer tokens: secrets that give their holder a role.
 
 use super::{plain, read_file};
 use std::ffi::OsString;
@@ -10,11 +10,11 @@ pub const MIN_TOKEN: usize = 16;
 /// Longest token, in bytes.
 pub const MAX_TOKEN: usize = 256;
 
-/// A token of `MIN_TOKEN` to `MAX_TOKEN` visible ASCII characters. Never printed: its `Debug` hides it.
+/// Token of `MIN_TOKEN` to `MAX_TOKEN` visible ASCII characters. Never printed: its `Debug` hides it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
-/// Why a text is no token. The text itself is never told.
+/// Invalid token. The error never contains the token.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenError {
     /// The file can't be read.
@@ -22,20 +22,20 @@ pub enum TokenError {
     Read {
         /// The file.
         file: PathBuf,
-        /// The reason.
+        /// Reason, such as "No such file or directory".
         reason: String,
     },
-    /// Too short or too long.
-    #[error("the token in {place} has {length} characters: {MIN_TOKEN} to {MAX_TOKEN} are needed")]
+    /// Token that is too short or too long.
+    #[error("the token in {place} has {length} characters: {MIN_TOKEN} to {MAX_TOKEN} are allowed")]
     Length {
         /// File or variable.
         place: String,
-        /// Length found.
+        /// Number of characters.
         length: usize,
     },
-    /// Something that a header can't carry.
+    /// Token with a character that a header can't carry.
     #[error(
-        "the token in {place} has a character that is not visible ASCII: make a new one, such as with `openssl rand -hex 32`"
+        "the token in {place} has a character that is not visible ASCII: create a new token, such as with `openssl rand -hex 32`"
     )]
     Character {
         /// File or variable.
@@ -44,7 +44,7 @@ pub enum TokenError {
 }
 
 impl Token {
-    /// Checks a token; `place` says in the error where it was found.
+    /// Checks a token. `place` is the file or variable that the error names.
     pub fn parse(text: &str, place: &str) -> Result<Self, TokenError> {
         let place = || place.to_owned();
         if !text.bytes().all(|b| b.is_ascii_graphic()) {
@@ -56,18 +56,18 @@ impl Token {
         Ok(Self(text.to_owned()))
     }
 
-    /// A new one, of 256 random bits.
+    /// Creates a token of 256 random bits.
     ///
     /// # Panics
-    /// Where the system gives no random numbers.
+    /// Panics if the system provides no random numbers.
     pub fn random() -> Self {
         let mut bytes = [0; 32];
         let provider = rustls::crypto::ring::default_provider();
-        provider.secure_random.fill(&mut bytes).expect("the system gives random numbers");
+        provider.secure_random.fill(&mut bytes).expect("the system provides random numbers");
         Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
     }
 
-    /// Reads the first line of a file.
+    /// Reads a token from the first line of a file.
     pub fn read(path: &Path) -> Result<Self, TokenError> {
         let unreadable = |reason| TokenError::Read { file: path.to_owned(), reason };
         let bytes = read_file(path).map_err(|e| unreadable(plain(&e)))?;
@@ -75,14 +75,14 @@ impl Token {
         Self::parse(text.lines().next().unwrap_or_default().trim(), &path.display().to_string())
     }
 
-    /// Takes what an environment variable holds.
+    /// Checks the value of the environment variable.
     pub(super) fn of_variable(value: OsString) -> Result<Self, TokenError> {
         let place = super::TOKEN_VARIABLE;
         let text = value.into_string().map_err(|_| TokenError::Character { place: place.to_owned() })?;
         Self::parse(text.trim(), place)
     }
 
-    /// The secret itself, for the header and for nothing else.
+    /// Returns the secret; use it only for the header.
     pub fn reveal(&self) -> &str {
         &self.0
     }
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neither_debug_nor_an_error_tells_a_token() {
+    fn debug_output_and_errors_do_not_contain_token() {
         let secret = "correct-horse-battery-staple";
         assert_eq!(format!("{:?}", Token::parse(secret, "x").unwrap()), "Token(hidden)");
         for wrong in ["short-secret", "correct horse battery staple", "corréct-horse-battery", &"s".repeat(257)] {
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_s_first_line_is_the_token() {
+    fn token_is_first_line_of_file() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "0123456789abcdef\r\nsecond line\n").unwrap();
         assert_eq!(Token::read(file.path()).unwrap().reveal(), "0123456789abcdef");

@@ -5,53 +5,53 @@ use std::fmt;
 use std::net::{IpAddr, SocketAddr};
 use std::str::FromStr;
 
-/// Most addresses of one coordinator and those that stand by.
+/// Largest number of addresses of a coordinator and its standbys.
 pub const MAX_ADDRESSES: usize = 16;
 
-/// Addresses of a coordinator and of those that stand by for it, 1 to [`MAX_ADDRESSES`], tried in this order.
+/// Addresses of a coordinator and its standbys, 1 to [`MAX_ADDRESSES`], tried in this order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Addresses(Vec<Address>);
 
-/// One address.
+/// Address of a coordinator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Address {
-    /// Without a path: `https://HOST:PORT`.
+    /// URL without a path: `https://HOST:PORT`.
     pub url: String,
     /// True for `https`.
     pub tls: bool,
-    /// True if only this machine is reachable there. A name counts as another machine's, except `localhost`.
+    /// True if the address is on this machine. A host name counts as another machine, except `localhost`.
     pub loopback: bool,
 }
 
-/// A text that names no coordinator.
+/// Invalid addresses of a coordinator.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BadAddress {
-    /// Not a URL of the right kind.
+    /// Text that is not a URL of the required form.
     #[error(
-        "'{text}' is no address of a coordinator: write https://HOST:PORT (or http://HOST:PORT on this machine), such as \
+        "'{text}' is not the address of a coordinator: write https://HOST:PORT (or http://HOST:PORT on this machine), such as \
          http://127.0.0.1:7077; several are separated by commas"
     )]
     Form {
-        /// The given text.
+        /// Given text.
         text: String,
     },
-    /// Too many of them.
-    #[error("{found} addresses of a coordinator are given: at most {MAX_ADDRESSES} are allowed")]
+    /// Too many addresses.
+    #[error("{found} coordinator addresses are given: at most {MAX_ADDRESSES} are allowed")]
     TooMany {
-        /// Number found.
+        /// Number of given addresses.
         found: usize,
     },
 }
 
 impl Addresses {
-    /// All of them, in order.
+    /// Returns all addresses in order.
     pub fn all(&self) -> &[Address] {
         &self.0
     }
 }
 
 impl From<SocketAddr> for Addresses {
-    /// A coordinator that is reached without encryption.
+    /// Creates the address of a coordinator without TLS.
     fn from(socket: SocketAddr) -> Self {
         Self(vec![Address { url: format!("http://{socket}"), tls: false, loopback: socket.ip().is_loopback() }])
     }
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_have_a_scheme_and_a_port() {
+    fn address_without_scheme_or_port_is_refused() {
         assert_eq!(parse("http://127.0.0.1:7077/").unwrap().to_string(), "http://127.0.0.1:7077");
         let two = parse("https://a.example:7077, https://[fd00::1]:7078").unwrap();
         assert_eq!(two.to_string(), "https://a.example:7077,https://[fd00::1]:7078");
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn this_machine_is_told_from_others() {
+    fn only_addresses_of_this_machine_are_loopback() {
         for here in ["http://127.0.0.1:1", "http://127.8.8.8:1", "http://[::1]:1", "http://localhost:1"] {
             assert!(parse(here).unwrap().all()[0].loopback, "{here}");
         }

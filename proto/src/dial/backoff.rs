@@ -6,8 +6,9 @@ use std::time::Duration;
 const FIRST: Duration = Duration::from_millis(100);
 const MOST: Duration = Duration::from_secs(5);
 
-/// Waits between tries to reach a coordinator: from 0.05 s on, twice as long each time up to 5 s, with jitter, so that a
-/// thousand workers do not knock at a restarted coordinator in the same moment.
+/// Exponential backoff between attempts to reach a coordinator. The bound of a wait doubles from 0.1 s up to 5 s, and
+/// the wait is random between half the bound and the bound, so that many workers do not reconnect to a restarted
+/// coordinator at the same time.
 #[derive(Clone, Debug)]
 pub struct Backoff {
     next: Duration,
@@ -22,17 +23,17 @@ impl Default for Backoff {
 }
 
 impl Backoff {
-    /// A backoff before the first attempt.
+    /// Creates a backoff that starts with the shortest wait.
     pub fn new() -> Self {
         Self { next: FIRST, random: RandomState::new(), tries: 0 }
     }
 
-    /// It worked: the next failure starts over.
+    /// Resets the wait to the shortest, after a success.
     pub fn reset(&mut self) {
         self.next = FIRST;
     }
 
-    /// The next wait: half of it for sure, half by chance.
+    /// Returns the next wait, random between half the current bound and the bound.
     pub fn next_wait(&mut self) -> Duration {
         self.tries += 1;
         let share = self.random.hash_one(self.tries) as f64 / u64::MAX as f64;
@@ -52,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn waits_double_up_to_a_bound_and_start_over() {
+    fn waits_double_up_to_maximum_and_reset() {
         let mut backoff = Backoff::new();
         let mut full = FIRST;
         for _ in 0..20 {

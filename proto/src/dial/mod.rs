@@ -1,8 +1,8 @@
-//! Connections of clients and workers to a coordinator: addresses and credentials become a [`Way`], a channel that
-//! moves on to the next address when one does not serve.
+//! Connections of clients and workers to a coordinator. A [`Dial`] combines addresses and credentials; its [`Way`] is a
+//! channel that switches to the next address when the current one does not serve.
 //!
-//! A standby answers UNAVAILABLE, and so does a coordinator that stops; one that crashed does not answer at all. The
-//! call that finds this fails. The next call uses the next address: callers retry anyway.
+//! A standby answers UNAVAILABLE, and so does a coordinator that is stopping; a crashed one does not answer. The call
+//! that finds this fails, and the next call uses the next address: callers retry in any case.
 
 mod address;
 mod backoff;
@@ -21,49 +21,49 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 use tonic::transport::{ClientTlsConfig, Endpoint};
 
-/// A connection is made within this time, or not at all.
+/// Time limit for connecting.
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);
-/// Time between checks of a connection, and time the peer has to answer: a half-open connection is found within twice
-/// this.
+/// Time between checks of a connection, and time limit for the peer's answer: a half-open connection is detected within
+/// twice this time.
 const KEEPALIVE: Duration = Duration::from_secs(10);
 
-/// All that is needed to connect. Clones share the current address.
+/// Addresses and credentials of a coordinator. Clones share the current address.
 #[derive(Clone, Debug)]
 pub struct Dial {
     addresses: Addresses,
     endpoints: Arc<[Endpoint]>,
     token: Option<HeaderValue>,
-    /// Index of the address that served last, or that is to be tried next.
+    /// Index of the address that served last, or that is tried next.
     current: Arc<AtomicUsize>,
 }
 
-/// Why a coordinator can't even be tried. Not retryable: the user must change something.
+/// Addresses and credentials that do not fit each other. Not retryable: the user must change something.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DialError {
-    /// A token would cross the network in the clear.
+    /// Token that would be sent unencrypted to another machine.
     #[error(
         "a token is not sent to {url}, which is on another machine and not encrypted: write https:// and give the CA with \
-         --ca FILE, or leave the token away"
+         --ca FILE, or do not give a token"
     )]
     PlainToken {
         /// Its address.
         url: String,
     },
-    /// No accepted CA is given.
+    /// Missing CA for https.
     #[error(
-        "{url} needs the certificate of the CA that signed the coordinator's: give it with --ca FILE (`evogait certs init` \
-         makes one)"
+        "{url} requires the CA certificate that signed the coordinator's certificate: give it with --ca FILE (`evogait \
+         certs init` creates one)"
     )]
     NoAuthority {
         /// Its address.
         url: String,
     },
-    /// The transport refuses these credentials.
-    #[error("{url} can't be connected to with these certificates: {reason}")]
+    /// Credentials that the TLS library refuses.
+    #[error("can't connect to {url} with these certificates: {reason}")]
     Tls {
         /// Its address.
         url: String,
-        /// Its message.
+        /// Message of the TLS library.
         reason: String,
     },
 }
@@ -81,7 +81,7 @@ impl Dial {
         Ok(Self { addresses, endpoints, token, current: Arc::new(AtomicUsize::new(0)) })
     }
 
-    /// Checks idle connections this often; the other side has as long again to answer. 10 s unless said here.
+    /// Sets the time between checks of idle connections, which is also the time limit for the answer. Default: 10 s.
     pub fn keepalive(mut self, period: Duration) -> Self {
         let checked = |e: &Endpoint| e.clone().http2_keep_alive_interval(period).keep_alive_timeout(period);
         self.endpoints = self.endpoints.iter().map(checked).collect();
@@ -98,18 +98,19 @@ impl Dial {
         self.endpoints.len()
     }
 
-    /// The address that the next call goes to.
+    /// Returns the address that the next call uses.
     pub fn current(&self) -> &str {
         &self.addresses.all()[self.current.load(Ordering::Relaxed)].url
     }
 
-    /// A channel of its own connections, made when they are needed. All ways of one `Dial` go to the same address.
+    /// Creates a channel with its own connections, opened on first use. All channels of a `Dial` use the same current
+    /// address.
     pub fn way(&self) -> Way {
         Way::new(self)
     }
 
-    /// Connects once, to the first address that accepts a connection: finds out early if none does. The error is that
-    /// of the last address.
+    /// Connects once, to the first address that accepts a connection, to detect early that no address does. The error
+    /// is that of the last address.
     pub async fn reach(&self) -> Result<(), tonic::transport::Error> {
         let mut last = Ok(());
         for _ in 0..self.count() {
@@ -123,10 +124,11 @@ impl Dial {
         last
     }
 
-    /// Moves on from the address with this index, which does not serve, unless another call did so before.
+    /// Switches from the address with this index, which does not serve, to the next, unless another call has done so
+    /// before.
     fn leave(&self, at: usize) {
         let next = (at + 1) % self.count();
-        // Failing means that another call has moved on already.
+        // An error means that another call has switched already.
         let _ = self.current.compare_exchange(at, next, Ordering::Relaxed, Ordering::Relaxed);
     }
 }
@@ -164,7 +166,7 @@ mod tests {
     use crate::credentials::Token;
 
     #[test]
-    fn a_token_crosses_no_network_in_the_clear() {
+    fn unencrypted_address_of_other_machine_with_token_is_refused() {
         let token = Some(Token::parse("0123456789abcdef", "x").unwrap());
         let credentials = Credentials { token, ..Credentials::default() };
         let dial = |text: &str| Dial::new(text.parse().unwrap(), &credentials).map(|d| d.count());
@@ -172,18 +174,18 @@ mod tests {
         let url = "http://10.0.0.1:7077".to_owned();
         assert_eq!(dial("http://127.0.0.1:7077,http://10.0.0.1:7077"), Err(DialError::PlainToken { url }));
         let without = Dial::new("http://10.0.0.1:7077".parse().unwrap(), &Credentials::default());
-        assert!(without.is_ok(), "without a secret there is none to lose");
+        assert!(without.is_ok(), "without a token, http to another machine is allowed");
     }
 
     #[test]
-    fn https_needs_somebody_to_believe() {
+    fn https_without_ca_is_refused() {
         let url = "https://127.0.0.1:7077".to_owned();
         let refused = Dial::new(url.parse().unwrap(), &Credentials::default()).unwrap_err();
         assert_eq!(refused, DialError::NoAuthority { url });
     }
 
     #[test]
-    fn an_address_is_left_once_however_many_find_out() {
+    fn repeated_reports_of_one_address_switch_once() {
         let dial = Dial::new("http://a:1,http://b:1,http://c:1".parse().unwrap(), &Credentials::default()).unwrap();
         let other = dial.clone();
         dial.leave(0);
@@ -195,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_printed_of_a_dial_has_no_token() {
+    fn debug_output_of_dial_has_no_token() {
         let token = Some(Token::parse("correct-horse-battery", "x").unwrap());
         let dial = Dial::new("http://localhost:1".parse().unwrap(), &Credentials { token, ..Credentials::default() });
         assert!(!format!("{dial:?}").contains("horse"));

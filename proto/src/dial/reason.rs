@@ -1,10 +1,10 @@
-//! Reasons of failed connections, with the remedy.
+//! Reasons of failed connections, with their remedies.
 
 use rustls::{AlertDescription, CertificateError, Error as Tls};
 use std::error::Error;
 use std::io;
 
-/// Alerts about our certificate. In TLS 1.3 they arrive after the connection is established on our side.
+/// TLS alerts about the local certificate. In TLS 1.3 they arrive after the handshake is complete on this side.
 const ALERTS: [AlertDescription; 4] = [
     AlertDescription::CertificateRequired,
     AlertDescription::UnknownCA,
@@ -12,7 +12,7 @@ const ALERTS: [AlertDescription; 4] = [
     AlertDescription::CertificateExpired,
 ];
 
-/// The cause at the bottom of an error's chain, which is the one that helps: "connection refused" rather than
+/// Returns the innermost cause of an error, because it is the most specific: "connection refused" rather than
 /// "transport error".
 pub fn reason(error: &(dyn Error + 'static)) -> String {
     let cause = match to_the_bottom(error) {
@@ -30,18 +30,18 @@ pub fn reason(error: &(dyn Error + 'static)) -> String {
 /// Fault of the certificate that the peer presented.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BadCertificate {
-    /// It is not signed by an accepted CA.
+    /// Not signed by an accepted CA.
     UnknownIssuer,
-    /// It is not valid any more.
+    /// Certificate past its last day.
     Expired,
-    /// It is another machine's.
+    /// Issued for other host names.
     OtherName {
-        /// The name that was dialed.
+        /// Host name of the address.
         dialed: String,
-        /// The names that it is for.
+        /// Host names in the certificate.
         names: Vec<String>,
     },
-    /// Something else.
+    /// Another fault.
     Other(String),
 }
 
@@ -49,7 +49,7 @@ pub enum BadCertificate {
 pub fn bad_certificate(error: &(dyn Error + 'static)) -> Option<BadCertificate> {
     let Ok(Tls::InvalidCertificate(problem)) = to_the_bottom(error) else { return None };
     Some(match problem {
-        // A bad signature: another CA of the same name.
+        // A bad signature means another CA with the same name.
         CertificateError::UnknownIssuer | CertificateError::BadSignature => BadCertificate::UnknownIssuer,
         CertificateError::Expired | CertificateError::ExpiredContext { .. } => BadCertificate::Expired,
         CertificateError::NotValidForNameContext { expected, presented } => {
@@ -59,7 +59,7 @@ pub fn bad_certificate(error: &(dyn Error + 'static)) -> Option<BadCertificate> 
     })
 }
 
-/// The first error of TLS in a chain, or else the last of all.
+/// Returns the first TLS error in a chain, or else the innermost error.
 fn to_the_bottom<'a>(error: &'a (dyn Error + 'static)) -> Result<&'a Tls, &'a (dyn Error + 'static)> {
     let mut cause = error;
     loop {
@@ -73,7 +73,7 @@ fn to_the_bottom<'a>(error: &'a (dyn Error + 'static)) -> Result<&'a Tls, &'a (d
 
 fn of_tls(error: &Tls) -> String {
     match error {
-        // A bad signature: another CA of the same name, such as two runs of `evogait certs init` make.
+        // A bad signature means another CA with the same name, such as after two runs of `evogait certs init`.
         Tls::InvalidCertificate(CertificateError::UnknownIssuer | CertificateError::BadSignature) => {
             "its certificate was not signed by the CA that --ca names".to_owned()
         }
@@ -81,7 +81,7 @@ fn of_tls(error: &Tls) -> String {
             "its certificate has expired: renew it, such as with `evogait certs renew`".to_owned()
         }
         Tls::InvalidCertificate(CertificateError::NotValidForNameContext { expected, presented }) => format!(
-            "its certificate is not for {}, but for {}: dial one of these, or make one with `evogait certs init --host`",
+            "its certificate is not for {}, but for {}: use one of these names, or create one with `evogait certs init --host`",
             expected.to_str(),
             if presented.is_empty() { "no name".to_owned() } else { presented.join(", ") }
         ),
@@ -89,12 +89,13 @@ fn of_tls(error: &Tls) -> String {
             "it requires a client certificate: give --cert FILE and --key FILE".to_owned()
         }
         Tls::AlertReceived(AlertDescription::UnknownCA | AlertDescription::DecryptError) => {
-            "it does not accept the CA of the certificate that --cert names".to_owned()
+            "it does not accept the CA of the certificate that --cert names: give a certificate of a CA that it accepts"
+                .to_owned()
         }
         Tls::AlertReceived(AlertDescription::CertificateExpired) => {
             "the certificate that --cert names has expired: renew it, such as with `evogait certs renew`".to_owned()
         }
-        Tls::InvalidMessage(_) => "it does not speak TLS: write http:// if it runs without".to_owned(),
+        Tls::InvalidMessage(_) => "it does not use TLS: write http:// if it runs without TLS".to_owned(),
         other => other.to_string(),
     }
 }

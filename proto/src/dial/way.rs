@@ -1,4 +1,4 @@
-//! A channel over several addresses.
+//! Channel over several addresses.
 
 use super::Dial;
 use std::future::poll_fn;
@@ -10,8 +10,8 @@ use tonic::body::Body;
 use tonic::transport::Channel;
 use tower_service::Service;
 
-/// A channel to the address that serves. A call to one that does not serve fails with UNAVAILABLE, and the next call
-/// uses the next address. Carries the token. Clones share connections.
+/// Channel to the address that serves. If it does not serve, the call fails with UNAVAILABLE, and the next call uses
+/// the next address. Adds the token to each call. Clones share connections.
 #[derive(Clone, Debug)]
 pub struct Way {
     dial: Dial,
@@ -36,7 +36,7 @@ impl Service<http::Request<Body>> for Way {
     type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Self::Error>> + Send>>;
 
     fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
-        // Which channel has to be ready is known when the call is made.
+        // `call` selects the channel and waits until it is ready.
         Poll::Ready(Ok(()))
     }
 
@@ -60,7 +60,7 @@ impl Service<http::Request<Body>> for Way {
     }
 }
 
-/// Returns true if an answer is UNAVAILABLE and nothing else.
+/// Returns true if the status of an answer is UNAVAILABLE.
 fn stands_by(answer: &http::Response<Body>) -> bool {
     let unavailable = tonic::Code::Unavailable as i32;
     answer.headers().get("grpc-status").is_some_and(|status| status.as_bytes() == unavailable.to_string().as_bytes())

@@ -26,9 +26,7 @@ pub enum Unreadable {
     Broken(String),
     /// The bytes decode, but differ from the value's own encoding: bytes follow it, or a number takes more bytes than
     /// it needs.
-    #[error(
-        "it is not canonical: it has {found} bytes; exactly the {wanted} bytes that encode its value are needed"
-    )]
+    #[error("it is not canonical: it has {found} bytes; exactly the {wanted} bytes that encode its value are needed")]
     NotCanonical {
         /// Number of bytes found.
         found: usize,

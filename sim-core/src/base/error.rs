@@ -100,9 +100,7 @@ pub enum Invalid {
         through: String,
     },
     /// Two modules are attached to one face.
-    #[error(
-        "{field}: face \"{face}\" of module \"{module}\" is already taken by \"{by}\": attach one elsewhere"
-    )]
+    #[error("{field}: face \"{face}\" of module \"{module}\" is already taken by \"{by}\": attach one elsewhere")]
     FaceTaken {
         /// Path of the second attachment.
         field: String,

@@ -32,7 +32,7 @@ pub struct Registry<T: ?Sized + 'static> {
     added: RwLock<Vec<&'static T>>,
 }
 
-/// Error for a new component whose name is taken; holds the name.
+/// Error for a new component with a name that is taken; holds the name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the component name \"{0}\" is taken: give the new component another name")]
 pub struct NameTaken(pub &'static str);

@@ -22,7 +22,7 @@ pub fn median(values: &[f64]) -> Option<f64> {
 }
 
 /// Returns the 95 % score interval of a share, of which `successes` of `n` were seen: Wilson, Probable inference, the
-/// law of succession, and statistical inference (1927). It lies within 0 and 1, and is (0, 1) for n = 0.
+/// law of succession, and statistical inference (1927). Its ends are within 0 and 1; for n = 0 they are 0 and 1.
 pub fn share_interval(successes: u32, n: u32) -> (f64, f64) {
     /// The 97.5 % quantile of the standard normal distribution.
     const Z: f64 = 1.959963984540054;

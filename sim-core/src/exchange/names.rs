@@ -64,7 +64,10 @@ fn unique(given: &[Given], faults: &mut Faults, changed: &mut Vec<String>) -> Ve
         };
         let line = first.element.document().text_pos_at(first.element.range().start).row;
         let name = second.name.unwrap_or_default();
-        faults.add(foreign(second.element, format!("the name \"{name}\" is used twice, first in line {line}: names must be unique")));
+        faults.add(foreign(
+            second.element,
+            format!("the name \"{name}\" is used twice, first in line {line}: names must be unique"),
+        ));
     }
     let allowed = |name: Option<&str>| name.filter(|name| error::name("", name).is_ok()).map(str::to_owned);
     let mut names: Vec<String> = given.iter().filter_map(|g| allowed(g.name)).collect();

@@ -96,8 +96,10 @@ fn check_as(element: Node, rule: &'static Rule, template: bool, faults: &mut Fau
             Child::Template(rule) => check_as(inner, rule, true, faults, passed),
             Child::Once(rule) => {
                 if !seen.insert(rule.tag) {
-                    faults
-                        .add(foreign(inner, format!("a second <{}> in <{}>: only one is allowed", rule.tag, tag(element))));
+                    faults.add(foreign(
+                        inner,
+                        format!("a second <{}> in <{}>: only one is allowed", rule.tag, tag(element)),
+                    ));
                 }
                 check_as(inner, rule, false, faults, passed);
             }

@@ -23,20 +23,23 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, Invalid> {
     let mut open = vec![(document.root_element(), 1)];
     while let Some((element, depth)) = open.pop() {
         if depth > MAX_XML_DEPTH {
-            return Err(foreign(element, format!("it is nested deeper than {MAX_XML_DEPTH} elements, the limit")));
+            return Err(foreign(
+                element,
+                format!("it is nested too deeply: at most {MAX_XML_DEPTH} levels of elements are allowed"),
+            ));
         }
         open.extend(children(element).map(|child| (child, depth + 1)));
     }
     Ok(document)
 }
 
-/// A refusal of a text that XML parsers refuse, or that has a document type.
+/// Returns the error for a text that is not XML or has a document type.
 fn not_xml(text: &str, error: &roxmltree::Error) -> Invalid {
     let start: String = text.trim_start().chars().take(200).collect::<String>().to_ascii_lowercase();
     let message = if text.trim().is_empty() {
         "the file is empty: MJCF begins with <mujoco>, URDF with <robot>".to_owned()
     } else if start.contains("<html") || start.contains("<!doctype html") {
-        "this is a web page, no robot: download the file itself".to_owned()
+        "this is a web page, not a robot file: download the file itself".to_owned()
     } else if let roxmltree::Error::DtdDetected = error {
         let at = text.to_ascii_lowercase().find("<!doctype").unwrap_or(0);
         let line = 1 + text.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
@@ -47,34 +50,34 @@ fn not_xml(text: &str, error: &roxmltree::Error) -> Invalid {
     Invalid::Syntax { message }
 }
 
-/// The elements in an element.
+/// Returns the elements in an element.
 pub(super) fn children<'a>(element: Node<'a, 'a>) -> impl Iterator<Item = Node<'a, 'a>> {
     element.children().filter(Node::is_element)
 }
 
-/// Its tag.
+/// Returns the tag of an element.
 pub(super) fn tag<'a>(element: Node<'a, 'a>) -> &'a str {
     element.tag_name().name()
 }
 
-/// The first child with this tag.
+/// Returns the first child with this tag.
 pub(super) fn child<'a>(element: Node<'a, 'a>, wanted: &str) -> Option<Node<'a, 'a>> {
     children(element).find(|c| tag(*c) == wanted)
 }
 
-/// A refusal of an element.
+/// Returns the error that refuses an element.
 pub(super) fn foreign(element: Node, reason: impl Into<String>) -> Invalid {
     refusal(element, element.range().start, reason.into())
 }
 
-/// A refusal of an attribute of an element, on its own line.
+/// Returns the error that refuses an attribute of an element, with the attribute's own line.
 pub(super) fn foreign_attribute(element: Node, attribute: &str, reason: impl Into<String>) -> Invalid {
     let own = element.attributes().find(|a| a.name() == attribute);
     refusal(element, own.map_or(element.range().start, |a| a.range().start), reason.into())
 }
 
 fn refusal(element: Node, at: usize, reason: String) -> Invalid {
-    // What tells a user which one it is.
+    // Attributes that identify an element for the user.
     let known = ["name", "class", "link", "joint", "file"];
     let own = known.iter().find_map(|a| Some(format!(" {a}=\"{}\"", element.attribute(*a)?)));
     let shortened = |text: String| text.chars().take(100).collect::<String>();
@@ -85,19 +88,21 @@ fn refusal(element: Node, at: usize, reason: String) -> Invalid {
     }
 }
 
-/// Finite numbers separated by spaces, as many as there are.
+/// Parses any number of finite numbers, separated by spaces.
 pub(super) fn numbers(element: Node, attribute: &str, text: &str) -> Result<Vec<f64>, Invalid> {
     let number = |word: &str| word.parse().ok().filter(|v: &f64| v.abs() <= LARGEST);
     text.split_whitespace().map(number).collect::<Option<Vec<f64>>>().ok_or_else(|| {
         let reason = match has_expression(text) {
             true => XACRO.to_owned(),
-            false => format!("{attribute} = \"{text}\" is no list of numbers: numbers between ±{LARGEST:e} are needed"),
+            false => {
+                format!("{attribute} = \"{text}\" is not a list of numbers: numbers between ±{LARGEST:e} are needed")
+            }
         };
         foreign_attribute(element, attribute, reason)
     })
 }
 
-/// Exactly N numbers.
+/// Parses exactly N numbers.
 pub(super) fn exactly<const N: usize>(element: Node, attribute: &str, text: &str) -> Result<[f64; N], Invalid> {
     numbers(element, attribute, text)?.try_into().map_err(|_| {
         let plural = if N == 1 { "number is" } else { "numbers are" };
@@ -105,7 +110,7 @@ pub(super) fn exactly<const N: usize>(element: Node, attribute: &str, text: &str
     })
 }
 
-/// Refuses a number, or several, of which one is not 0.
+/// Refuses a number, or a list of numbers, that is not 0.
 pub(super) fn zero(element: Node, attribute: &str, text: Option<&str>, why: &str) -> Result<(), Invalid> {
     let Some(text) = text else { return Ok(()) };
     if numbers(element, attribute, text)?.iter().all(|v| *v == 0.0) {
@@ -114,7 +119,7 @@ pub(super) fn zero(element: Node, attribute: &str, text: Option<&str>, why: &str
     Err(foreign_attribute(element, attribute, format!("{attribute} = \"{text}\": only 0 is allowed, {why}")))
 }
 
-/// A rotation from w, x, y, z. What is of unit length to f32 keeps its bits.
+/// Returns the rotation of a quaternion w, x, y, z. A quaternion of unit length to f32 precision keeps its bits.
 pub(super) fn rotation(element: Node, [w, x, y, z]: [f64; 4]) -> Result<UnitQuaternion<f64>, Invalid> {
     let quaternion = Quaternion::new(w, x, y, z);
     let length = quaternion.norm();
@@ -125,17 +130,17 @@ pub(super) fn rotation(element: Node, [w, x, y, z]: [f64; 4]) -> Result<UnitQuat
     Ok(UnitQuaternion::new_unchecked(unit))
 }
 
-/// The turn about an axis, rad.
+/// Returns the rotation by `angle` rad about an axis.
 pub(super) fn turn(element: Node, axis: [f64; 3], angle: f64) -> Result<UnitQuaternion<f64>, Invalid> {
     let length = Vector3::from(axis).norm();
     if length < 1e-6 {
-        return Err(foreign(element, "an axis has a direction: not all of it can be 0"));
+        return Err(foreign(element, "the axis has no direction: its length must not be 0"));
     }
     let [x, y, z] = axis.map(|v| v / length * libm::sin(angle / 2.0));
     rotation(element, [libm::cos(angle / 2.0), x, y, z])
 }
 
-/// One of a few words.
+/// Returns the text if it is one of the allowed words.
 pub(super) fn keyword<'a>(element: Node, attribute: &str, text: &'a str, allowed: &[&str]) -> Result<&'a str, Invalid> {
     if allowed.contains(&text) {
         return Ok(text);
@@ -144,12 +149,12 @@ pub(super) fn keyword<'a>(element: Node, attribute: &str, text: &'a str, allowed
     Err(foreign_attribute(element, attribute, reason))
 }
 
-/// An attribute that has to be there.
+/// Returns an attribute that must be present.
 pub(super) fn required<'a>(element: Node<'a, 'a>, attribute: &str) -> Result<&'a str, Invalid> {
-    element.attribute(attribute).ok_or_else(|| foreign(element, format!("it needs {attribute}")))
+    element.attribute(attribute).ok_or_else(|| foreign(element, format!("it needs the attribute {attribute}")))
 }
 
-/// The joint range that every joint here has, rad; others are refused.
+/// Refuses a joint range, rad, other than −90° to 90°, which every imported joint has.
 pub(super) fn quarter_turns(element: Node, range: Option<[f64; 2]>) -> Result<(), Invalid> {
     let quarter = std::f64::consts::FRAC_PI_2;
     let told = match range {

@@ -1,4 +1,4 @@
-//! From a robot file to its parts in the neutral configuration: names, attachments, overlaps.
+//! Assembly of a robot file's modules in the neutral configuration: names, attachments, faces.
 
 use super::RobotSpec;
 use super::kind::{FaceKind, Kind};
@@ -7,7 +7,7 @@ use crate::base::limits;
 use crate::base::registry::Registered;
 use nalgebra::{Matrix3, Vector3};
 
-/// A rigid frame in f64: rotations by quarter turns stay exact.
+/// Rigid frame in f64. Rotations by quarter turns stay exact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     pub rotation: Matrix3<f64>,
@@ -32,23 +32,23 @@ impl Frame {
         Frame { rotation, origin: -(rotation * self.origin) }
     }
 
-    /// x along the face's normal, z along its up.
+    /// Returns the frame of a face: x along its normal, z along its up direction.
     fn of_face(face: &FaceKind) -> Frame {
         let (x, z) = (Vector3::from(face.normal), Vector3::from(face.up));
         Frame { rotation: Matrix3::from_columns(&[x, z.cross(&x), z]), origin: Vector3::from(face.position) }
     }
 }
 
-/// A module placed in the neutral configuration.
+/// Module placed in the neutral configuration.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub kind: &'static Kind,
     pub frame: Frame,
-    /// Its own part and, on the module that carries it, (module, part): rigidly docked.
+    /// Rigid dock: the module's own part, and (module, part) of the carrier.
     pub dock: Option<(usize, (usize, usize))>,
 }
 
-/// Exact sine and cosine of a multiple of 90°, else from `libm`.
+/// Returns sine and cosine: exact for multiples of 90°, otherwise from `libm`.
 fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
     match degrees.rem_euclid(360.0) {
         0.0 => (0.0, 1.0),
@@ -88,7 +88,7 @@ fn face_of(field: String, kind: &'static Kind, face: &str) -> Result<&'static Fa
 }
 
 impl RobotSpec {
-    /// Index of the module called `module`.
+    /// Returns the index of the module called `module`.
     pub(super) fn module(&self, field: &str, module: &str) -> Result<usize, Invalid> {
         self.modules.iter().position(|m| m.name == module).ok_or_else(|| Invalid::Unknown {
             field: field.to_owned(),
@@ -97,7 +97,7 @@ impl RobotSpec {
         })
     }
 
-    /// The pivot as (module, part).
+    /// Returns the pivot as (module, part).
     pub(super) fn pivot_part(&self) -> Result<(usize, usize), Invalid> {
         let (module, part) = match self.pivot.split_once('/') {
             Some((module, part)) => (module, Some(part)),
@@ -132,7 +132,7 @@ impl RobotSpec {
             let field = format!("robot.failed[{i}]");
             let module = self.module(&field, failed)?;
             if kind_of(&field, &self.modules[module].kind)?.hinges.is_empty() {
-                let reason = format!("module \"{failed}\" has no joint that could fail");
+                let reason = format!("module \"{failed}\" has no joint that could fail: remove it from the list");
                 return Err(Invalid::Conflict { field, reason });
             }
         }
@@ -145,7 +145,7 @@ impl RobotSpec {
         Ok(())
     }
 
-    /// Follows attachments from module `i`; an error if they come back to it.
+    /// Follows the attachments from module `i`. Returns an error if they lead back to it.
     fn check_loop(&self, i: usize, carriers: &[Option<usize>]) -> Result<(), Invalid> {
         let mut way = Vec::new();
         let mut at = i;
@@ -157,7 +157,7 @@ impl RobotSpec {
                 });
             }
             if way.len() > self.modules.len() {
-                return Ok(()); // a loop that does not contain `i`: told for one of its own modules
+                return Ok(()); // a loop without `i`: reported for one of its own modules
             }
             at = carrier;
         }
@@ -240,7 +240,8 @@ impl RobotSpec {
 
     fn place(&self, docks: &[(&'static Kind, Option<Dock>)]) -> Result<Vec<Placed>, Invalid> {
         let mut placed: Vec<Option<Placed>> = vec![None; docks.len()];
-        // Attachments may point forward, so pass until all are placed; there is no loop, so every pass places one.
+        // Attachments may point forward, so several passes may be needed. There is no loop, so every pass places a
+        // module.
         while placed.iter().any(Option::is_none) {
             for (i, (kind, dock)) in docks.iter().enumerate() {
                 if placed[i].is_some() {
@@ -273,5 +274,5 @@ impl RobotSpec {
     }
 }
 
-/// (carrier, its face, own face, turn in degrees)
+/// Dock of a module: (carrier, its face, own face, turn in degrees).
 type Dock = (usize, &'static FaceKind, &'static FaceKind, f64);

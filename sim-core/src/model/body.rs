@@ -1,8 +1,8 @@
-//! Compile: parts that are rigidly joined become one body, module joints become hinges in a tree from the pivot.
+//! Compilation of robots: rigidly joined parts become one body, module joints become hinges in a tree from the pivot.
 //!
-//! In the neutral configuration all body frames have the robot's orientation; a body's origin is the anchor of the hinge
-//! that carries it, the pivot body's is the centre of the pivot part. So the pose of a carried body is
-//! `parent · translate(anchor) · rotate(axis, angle)`, and the pose of body 0 is the robot's pose.
+//! In the neutral configuration all body frames have the robot's orientation. The origin of the pivot's body is the
+//! centre of the pivot part. The origin of any other body is the anchor of the hinge that carries it. So the pose of a
+//! carried body is `parent · translate(anchor) · rotate(axis, angle)`, and the pose of body 0 is the robot's pose.
 
 use super::RobotSpec;
 use super::assemble::Placed;
@@ -13,33 +13,33 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rapier3d::parry::query;
 use rapier3d::parry::shape::Cuboid;
 
-/// Rigidly docked cubes up to this far apart (mu) collide as one box: the docking plates fill the gap.
+/// Greatest gap between rigidly docked cubes that collide as one box, mu: the docking plates fill the gap.
 const MERGE_GAP: f64 = 0.03;
 
-/// Parts of different modules may overlap by this much in the neutral configuration, mu.
+/// Greatest allowed overlap of parts of different modules in the neutral configuration, mu.
 pub(super) const OVERLAP_TOLERANCE: f64 = 1e-3;
 
-/// A compiled robot.
+/// Compiled robot.
 #[derive(Clone, Debug)]
 pub struct Robot {
-    /// Its name.
+    /// Name of the robot.
     pub name: String,
-    /// Rigid bodies; body 0 holds the pivot, a carried body comes after the one that carries it.
+    /// Rigid bodies. Body 0 holds the pivot; a carried body comes after its carrier.
     pub bodies: Vec<Body>,
-    /// Hinge i carries body i + 1. Their order is the order of joints in genotypes and states.
+    /// Hinges. Hinge i carries body i + 1. Their order is the order of joints in genotypes and states.
     pub hinges: Vec<Hinge>,
     /// All parts as boxes in the neutral configuration, for pictures.
     pub parts: Vec<PartBox>,
 }
 
-/// Parts that never move against each other.
+/// Rigid body: parts that never move relative to each other.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its name, unique in the robot: that of the hinge that carries it, "pivot" for the pivot's.
+    /// Name, unique in the robot: that of the hinge that carries the body; "pivot" for the pivot's body.
     pub name: String,
-    /// Boxes that collide, in the body's frame.
+    /// Collision boxes, in the body's frame.
     pub boxes: Vec<CollisionBox>,
-    /// Capsules that collide, in the body's frame. An engine without capsules must refuse a robot that has any.
+    /// Collision capsules, in the body's frame. An engine without capsules must refuse a robot that has any.
     pub capsules: Vec<CollisionCapsule>,
     /// Mass, kg.
     pub mass: f32,
@@ -49,16 +49,16 @@ pub struct Body {
     pub inertia: [[f32; 3]; 3],
 }
 
-/// A box in a body's frame.
+/// Collision box in a body's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CollisionBox {
     /// Pose of its centre.
     pub pose: Pose,
-    /// Half of its sides, mu.
+    /// Half of its side lengths, mu.
     pub half: Vector,
 }
 
-/// All within a radius of a line, in a body's frame.
+/// Collision capsule in a body's frame: all points within a radius of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CollisionCapsule {
     /// Ends of the line, mu.
@@ -67,36 +67,37 @@ pub struct CollisionCapsule {
     pub radius: f32,
 }
 
-/// A joint between two bodies.
+/// Joint between two bodies.
 #[derive(Clone, Debug)]
 pub struct Hinge {
-    /// The module it belongs to, `module.hinge` where a module has several; a name of its own where bodies are written out.
+    /// Name of the module, or `module.hinge` if the module has several hinges; the hinge's own name in a robot of
+    /// bodies.
     pub name: String,
-    /// Index of the body that carries.
+    /// Index of the carrying body.
     pub parent: usize,
-    /// A point of the axis in the parent's frame; it is the carried body's origin.
+    /// A point of the axis in the parent's frame. It is the carried body's origin.
     pub anchor: Vector,
     /// Unit axis, the same in both bodies' frames at angle 0.
     pub axis: Vector,
     /// Least and greatest angle, rad; 0 lies between them.
     pub limits: [f32; 2],
-    /// Greatest rate of its target, rad/s; `None`: as fast as the controller says.
+    /// Greatest rate of its target, rad/s. `None`: no limit beside the controller's.
     pub speed: Option<f32>,
-    /// Greatest torque of its motor, kg·mu²/s²; `None`: that of the job.
+    /// Greatest torque of its motor, kg·mu²/s². `None`: the job's `max_torque`.
     pub torque: Option<f32>,
 }
 
 impl Hinge {
-    /// Greatest torque of its motor, or the job's `max_torque` if it has none of its own, kg·mu²/s².
+    /// Returns the greatest torque of its motor, or the job's `max_torque` if the hinge has none of its own, kg·mu²/s².
     pub fn torque_or(&self, max_torque: f32) -> f32 {
         self.torque.unwrap_or(max_torque)
     }
 }
 
-/// A part in the neutral configuration, relative to the pivot.
+/// Part in the neutral configuration, relative to the pivot.
 #[derive(Clone, Debug)]
 pub struct PartBox {
-    /// Name of its module, or of its body where bodies are written out.
+    /// Name of its module; of its body in a robot of bodies.
     pub module: String,
     /// True if the joints of the module are stuck.
     pub failed: bool,
@@ -104,9 +105,9 @@ pub struct PartBox {
     pub center: [f64; 3],
     /// Unit quaternion x, y, z, w.
     pub rotation: [f64; 4],
-    /// Half of its sides, mu.
+    /// Half of its side lengths, mu.
     pub half: [f64; 3],
-    /// The body it belongs to.
+    /// Index of its body.
     pub body: usize,
 }
 
@@ -137,7 +138,7 @@ impl Robot {
         let parts = parts_of(&placed);
         refuse_overlaps(spec, &parts)?;
         let index = |module: usize, part: usize| {
-            parts.iter().position(|p| (p.module, p.part) == (module, part)).expect("every part was listed")
+            parts.iter().position(|p| (p.module, p.part) == (module, part)).expect("every part must be in the list")
         };
         let (pivot_module, pivot_part) = spec.pivot_part()?;
         let pivot = index(pivot_module, pivot_part);
@@ -180,12 +181,12 @@ impl Robot {
         Ok(build(spec, &parts, &group, &joints, pivot))
     }
 
-    /// Total mass, kg.
+    /// Returns the total mass, kg.
     pub fn mass(&self) -> f64 {
         self.bodies.iter().map(|b| f64::from(b.mass)).sum()
     }
 
-    /// Names of the joints, in their order in genotypes and states.
+    /// Returns the names of the joints, in their order in genotypes and states.
     pub fn joint_names(&self) -> Vec<String> {
         self.hinges.iter().map(|h| h.name.clone()).collect()
     }
@@ -229,7 +230,7 @@ fn refuse_overlaps(spec: &RobotSpec, parts: &[Part]) -> Result<(), Invalid> {
 
 fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pivot: usize) -> Robot {
     let origin = parts[pivot].center;
-    // Breadth first from the pivot, joints in the order of their modules.
+    // Breadth first from the pivot, with joints in the order of their modules.
     let mut order = vec![group[pivot]];
     let mut origins = vec![origin];
     let mut hinges: Vec<Hinge> = Vec::new();
@@ -247,7 +248,7 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
             if order.contains(&other) {
                 continue;
             }
-            // Seen from the other end, the same motion turns the other way about the axis.
+            // From the other end, the same motion is a turn in the opposite direction.
             let axis = if a == order[at] { joint.axis } else { -joint.axis };
             hinges.push(Hinge {
                 name: joint.name.clone(),
@@ -281,13 +282,13 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
             center: (p.center - origin).into(),
             rotation: [q.i, q.j, q.k, q.w],
             half: p.half.into(),
-            body: order.iter().position(|o| o == g).expect("every group is reached from the pivot"),
+            body: order.iter().position(|o| o == g).expect("every group must be reached from the pivot"),
         }
     });
     Robot { name: spec.name.clone(), bodies, hinges, parts: parts.collect() }
 }
 
-/// A name for the pivot's body that no hinge has.
+/// Returns a name for the pivot's body that no hinge has.
 fn pivot_name(hinges: &[Hinge]) -> String {
     let mut name = "pivot".to_owned();
     while hinges.iter().any(|h| h.name == name) {
@@ -329,9 +330,9 @@ fn body(name: String, parts: &[&Part], origin: &Vector3<f64>) -> Body {
 
 type Cell = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);
 
-/// Merges boxes that continue each other along one axis, until none does.
+/// Merges boxes that continue each other along one axis, as often as possible.
 fn merged(parts: &[&Part]) -> Vec<Cell> {
-    // Boxes that are symmetric under quarter turns may be written in each other's axes, which docked modules need.
+    // A box that is turned by quarter turns can be written in another box's axes. Docked modules need this.
     let mut boxes: Vec<Cell> = parts.iter().map(|p| (p.rotation, p.center, p.half)).collect();
     let mut i = 0;
     while i < boxes.len() {
@@ -347,7 +348,7 @@ fn merged(parts: &[&Part]) -> Vec<Cell> {
     boxes
 }
 
-/// The one box that two boxes make together, if they have the same cross-section and follow each other.
+/// Returns the box that two boxes form together, if they have the same cross-section and follow each other.
 fn union(a: &Cell, b: &Cell) -> Option<Cell> {
     let relative = a.0.transpose() * b.0;
     if relative.iter().any(|v| v.abs() > 1e-9 && (v.abs() - 1.0).abs() > 1e-9) {

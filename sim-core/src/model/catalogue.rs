@@ -1,11 +1,11 @@
-//! The catalogue: robots, environments and jobs that ship, by name, compiled into the program.
+//! Catalogue of the robots, environments and jobs that ship, by name. It is compiled into the program.
 
-/// A file of the catalogue.
+/// File of the catalogue.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// The name that jobs and commands use.
+    /// Name that jobs and commands use.
     pub name: &'static str,
-    /// Its text.
+    /// Text of the file.
     pub toml: &'static str,
 }
 
@@ -15,25 +15,25 @@ macro_rules! entries {
     };
 }
 
-/// The robots that ship.
+/// Returns the robots that ship.
 pub fn robots() -> &'static [Entry] {
     entries!("robots": "quadropod", "lizard", "l-shape", "h-shape", "t-shape")
 }
 
-/// The environments that ship.
+/// Returns the environments that ship.
 pub fn environments() -> &'static [Entry] {
     entries!("environments":
         "empty", "column", "empty-goal", "column-goal", "reuse-1", "reuse-2", "reuse-3", "stairs")
 }
 
-/// The jobs that ship.
+/// Returns the jobs that ship.
 pub fn jobs() -> &'static [Entry] {
     entries!("jobs":
         "quadropod-quick", "quadropod-empty", "quadropod-empty-paper", "lizard-column", "lizard-stairs", "quadropod-goal",
         "quadropod-plan", "quadropod-friction")
 }
 
-/// The entry called `name`.
+/// Returns the entry called `name`.
 pub fn find(entries: &'static [Entry], name: &str) -> Option<&'static Entry> {
     entries.iter().find(|e| e.name == name)
 }

@@ -1,21 +1,22 @@
-//! Environments: map, terrain that may be touched, obstacles that must not, start and goal.
+//! Environments: map, terrain that may be touched, obstacles that must not be touched, start and goal.
 //!
-//! Coordinates are measured from the map's centre, in mu; x along the map's longer side, z up, flat ground at z = 0.
+//! Coordinates are measured from the map's centre, mu: x along the map's width, y along its height, z up. The ground is
+//! flat at z = 0.
 
 use crate::base::error::{Faults, Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
 use serde::{Deserialize, Serialize};
 
-/// An environment as in its TOML file.
+/// Environment as in its TOML file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Environment {
     /// Name in messages, tables and file names.
     pub name: String,
-    /// Description, with the assumptions made where the source is silent.
+    /// Description, with the assumptions made where the source gives no value.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Width (x) and height (y) of the map, mu. The map ends where the robot's pivot must not go.
+    /// Width (x) and height (y) of the map, mu. The robot's pivot must not leave the map.
     pub size: [f64; 2],
     /// Start of the robot.
     pub start: Start,
@@ -30,7 +31,7 @@ pub struct Environment {
     pub terrain: Vec<Block>,
 }
 
-/// Planar pose of the pivot at the start. Height and tilt follow from settling on the ground.
+/// Planar pose of the pivot at the start. Its height and tilt follow from settling on the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
@@ -43,7 +44,7 @@ pub struct Start {
     pub yaw: f64,
 }
 
-/// A place to reach.
+/// Place that the robot should reach.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Goal {
@@ -51,19 +52,19 @@ pub struct Goal {
     pub x: f64,
     /// y of the pivot, mu.
     pub y: f64,
-    /// Height of the pivot there, mu; only for a distance that weighs it.
+    /// Height of the pivot at the goal, mu. Only for a distance that weighs height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub z: Option<f64>,
-    /// Heading there, rad; likewise.
+    /// Heading at the goal, rad. Only for a distance that weighs heading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub yaw: Option<f64>,
-    /// Greatest distance of the pivot at which a planning job ends, mu.
+    /// Greatest distance between pivot and goal at which a planning job ends, mu.
     #[serde(default = "Goal::default_radius")]
     pub radius: f64,
 }
 
 impl Goal {
-    /// A goal without height and heading.
+    /// Creates a goal without height and heading.
     pub fn at(x: f64, y: f64, radius: f64) -> Self {
         Self { x, y, z: None, yaw: None, radius }
     }
@@ -73,18 +74,18 @@ impl Goal {
     }
 }
 
-/// An upright box, turned about z.
+/// Upright box, turned about z.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
-    /// Centre x, y, mu.
+    /// Centre (x, y), mu.
     pub center: [f64; 2],
     /// Full side lengths along its own x and y, mu.
     pub size: [f64; 2],
-    /// Height of its lower face, mu.
+    /// Height of the lower face, mu.
     #[serde(default)]
     pub base: f64,
-    /// Height of its upper face, mu.
+    /// Height of the upper face, mu.
     pub top: f64,
     /// Turn about z, rad.
     #[serde(default)]
@@ -92,10 +93,10 @@ pub struct Block {
 }
 
 impl Block {
-    /// Returns true if a point of the plane, grown to a disc of `margin` mu, lies over the box.
+    /// Returns true if a disc of radius `margin` mu around a point of the plane overlaps the box.
     pub fn covers(&self, x: f64, y: f64, margin: f64) -> bool {
         let (dx, dy) = (x - self.center[0], y - self.center[1]);
-        // Too far away at any turn, with a margin for rounding.
+        // The point is too far away at any turn of the box. The factor allows for rounding.
         let reach = (self.size[0] + self.size[1]) / 2.0 + margin;
         if dx * dx + dy * dy > reach * reach * (1.0 + 1e-6) {
             return false;
@@ -116,7 +117,7 @@ impl Environment {
         Ok(environment)
     }
 
-    /// Returns true if all ground is flat: no terrain.
+    /// Returns true if the environment has no terrain, so that all ground is flat.
     pub fn is_flat(&self) -> bool {
         self.terrain.is_empty()
     }
@@ -126,7 +127,8 @@ impl Environment {
         x.abs() <= self.size[0] / 2.0 && y.abs() <= self.size[1] / 2.0
     }
 
-    /// Refuses what can't be simulated or makes no sense. `validate` in [`crate::problem::Job`] adds what needs the robot.
+    /// Refuses values that can't be simulated or make no sense. `validate` in [`crate::problem::Job`] adds the checks
+    /// that need the robot.
     pub fn validate(&self) -> Result<(), Invalid> {
         let mut faults = Faults::default();
         faults.take(name("environment.name", &self.name));
@@ -167,7 +169,7 @@ impl Environment {
             faults.take(goal.yaw.map_or(Ok(()), |yaw| in_range("environment.goal.yaw", yaw, turn, "rad")));
             faults.take(in_range("environment.goal.radius", goal.radius, (1e-3, limits::MAX_MAP_SIZE), "mu"));
         }
-        // Where things lie says something only of sound numbers.
+        // Places are checked only if all numbers are valid.
         if faults.is_empty() {
             faults.take(self.place("the start", self.start.x, self.start.y));
             if let Some(goal) = &self.goal {

@@ -1,77 +1,76 @@
-//! A kind of module: its parts, hinges and faces. A kind is data; those that ship are in `kinds/`.
+//! Kinds of modules: parts, hinges and faces. A kind is data; the kinds that ship are in `kinds/`.
 
 use crate::base::registry::Component;
 
-/// Limits of a joint without limits in its kind or file: least and greatest angle, rad.
+/// Least and greatest angle of a joint without limits in its kind or file, rad.
 pub const QUARTER_TURNS: [f32; 2] = [-std::f32::consts::FRAC_PI_2, std::f32::consts::FRAC_PI_2];
 
-/// A kind of module. Coordinates are the module's own, mu.
+/// Kind of module. Coordinates are in the module's own frame, mu.
 #[derive(Debug)]
 pub struct Kind {
-    /// The name in robot files.
+    /// Name in robot files.
     pub name: &'static str,
-    /// Rigid boxes. The hinges make one tree of all of them.
+    /// Rigid boxes. The hinges join all of them to one tree.
     pub parts: &'static [PartKind],
-    /// The hinges between two parts each.
+    /// Hinges, each between two parts.
     pub hinges: &'static [HingeKind],
-    /// Faces for attaching other modules, at least one. A module is attached by the first unless its file names
-    /// another.
+    /// Faces for docking, at least one. A module is attached by its first face unless its file names another.
     pub faces: &'static [FaceKind],
 }
 
-/// A rigid box of a module.
+/// Rigid box of a module.
 #[derive(Debug)]
 pub struct PartKind {
-    /// Name, for pivots: `module/part`.
+    /// Name, used for pivots: `module/part`.
     pub name: &'static str,
     /// Centre, mu.
     pub center: [f64; 3],
-    /// Half of its sides, mu.
+    /// Half of its side lengths, mu.
     pub half: [f64; 3],
     /// Mass, kg.
     pub mass: f64,
 }
 
-/// A hinge between two parts of a module.
+/// Hinge between two parts of a module.
 #[derive(Debug)]
 pub struct HingeKind {
-    /// Name. The joint is called `module.name`; the only hinge of a module is called as the module.
+    /// Name. The joint is called `module.name`. The only hinge of a module has the module's name.
     pub name: &'static str,
-    /// Index of the part that carries.
+    /// Index of the carrying part.
     pub from: usize,
-    /// Index of the part that is carried.
+    /// Index of the carried part.
     pub to: usize,
     /// A point of the axis, mu.
     pub anchor: [f64; 3],
-    /// Unit vector.
+    /// Unit vector of the axis.
     pub axis: [f64; 3],
     /// Least and greatest angle, rad, −3 to 3; 0 lies between them.
     pub limits: [f32; 2],
-    /// Greatest rate of its target, rad/s; `None`: as fast as the controller says.
+    /// Greatest rate of its target, rad/s. `None`: no limit beside the controller's.
     pub speed: Option<f32>,
-    /// Greatest torque of its motor, kg·mu²/s²; `None`: that of the job.
+    /// Greatest torque of its motor, kg·mu²/s². `None`: the job's `max_torque`.
     pub torque: Option<f32>,
 }
 
 impl HingeKind {
-    /// A hinge from −90° to 90° without limits on speed and torque of its own.
+    /// Creates a hinge from −90° to 90° without limits on speed and torque of its own.
     pub const fn new(name: &'static str, [from, to]: [usize; 2], anchor: [f64; 3], axis: [f64; 3]) -> Self {
         Self { name, from, to, anchor, axis, limits: QUARTER_TURNS, speed: None, torque: None }
     }
 }
 
-/// A place where two modules dock, face to face.
+/// Face of a module: a place where two modules dock.
 #[derive(Debug)]
 pub struct FaceKind {
-    /// The name in robot files.
+    /// Name in robot files.
     pub name: &'static str,
-    /// Index of the part it belongs to.
+    /// Index of its part.
     pub part: usize,
-    /// Centre of its face, mu.
+    /// Centre of the face, mu.
     pub position: [f64; 3],
     /// Outward normal.
     pub normal: [f64; 3],
-    /// The direction that two docked faces share at turn 0.
+    /// Up direction. Two docked faces share it at turn 0.
     pub up: [f64; 3],
 }
 

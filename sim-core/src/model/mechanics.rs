@@ -15,7 +15,7 @@ struct BodyBits {
 }
 
 impl Robot {
-    /// Digest of bodies, shapes and joints to the bit. Names have no part in it.
+    /// Returns the digest of bodies, shapes and joints, by the bits of their numbers. Names are not part of it.
     pub fn mechanics(&self) -> Digest {
         let bodies: Vec<BodyBits> = self.bodies.iter().map(body).collect();
         let hinge = |h: &Hinge| (h.parent as u64, h.anchor.to_array(), h.axis.to_array());

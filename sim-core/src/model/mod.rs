@@ -1,4 +1,4 @@
-//! Robots and environments: their files, checks and catalogue, the compiled robot, and where a robot is on a map.
+//! Robots and environments: files, checks, catalogue, compiled robots, and places on a map.
 
 mod assemble;
 mod body;

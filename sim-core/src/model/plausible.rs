@@ -1,21 +1,22 @@
-//! Facts of a robot that can be simulated and are hardly meant: inertias and sizes.
+//! Warnings about inertias and sizes of robots that can be simulated but are probably not intended.
 
 use super::{Body, Robot, RobotSpec};
 use crate::base::math::{Pose, Vector};
 
-/// An inertia is doubted where the mass would have to lie so many times as far from the axis as the shapes reach.
+/// Ratio above which an inertia is doubted: the radius of gyration over the distance that the shapes reach from the
+/// centre of mass.
 const FAR: f32 = 2.0;
-/// Usual lengths of bodies, mu. Bodies of modules are about 1 mu long; shorter or longer ones may be in other units.
+/// Usual lengths of bodies, mu. Bodies of modules are about 1 mu long; other lengths may be in another unit.
 const USUAL: (f32, f32) = (0.2, 10.0);
 
 impl Robot {
-    /// Sentences about inertias that no body of such shapes can have.
+    /// Returns a warning for each inertia that no body with such shapes can have.
     pub fn doubts(&self) -> Vec<String> {
         self.bodies.iter().filter_map(doubt).collect()
     }
 
-    /// The length, in the robot's own unit, that would make its middle body 1 mu long; none if that is near 1 mu already.
-    /// Two significant digits.
+    /// Returns the length, in the robot's own unit, that would make its body of median length 1 mu long, with two
+    /// significant digits. `None` if that body has a usual length.
     pub fn unit_in_doubt(&self) -> Option<f64> {
         let mut lengths: Vec<f32> = self.bodies.iter().filter_map(length).collect();
         lengths.sort_by(f32::total_cmp);
@@ -31,14 +32,14 @@ fn doubt(body: &Body) -> Option<String> {
     let arm = (largest / body.mass).sqrt();
     (reach > 0.0 && arm > FAR * reach).then(|| {
         format!(
-            "body \"{}\": with an inertia of {largest} kg·mu² its {} kg would lie {arm:.2} mu from its centre of mass; its \
-             shapes reach {reach:.2} mu",
+            "body \"{}\": with an inertia of {largest} kg·mu² its {} kg would be {arm:.2} mu from its centre of mass, but \
+             its shapes reach only {reach:.2} mu",
             body.name, body.mass
         )
     })
 }
 
-/// The longest side of the box around a body's shapes, mu; none without shapes.
+/// Returns the longest side of the box around a body's shapes, mu; `None` without shapes.
 fn length(body: &Body) -> Option<f32> {
     let (low, high) = body
         .corners()
@@ -49,7 +50,7 @@ fn length(body: &Body) -> Option<f32> {
 }
 
 impl Body {
-    /// The corners of the boxes around its shapes, in its frame.
+    /// Returns the corners of the boxes around its shapes, in its frame.
     fn corners(&self) -> impl Iterator<Item = Vector> + '_ {
         let boxes = self.boxes.iter().map(|b| (b.pose, b.half));
         let capsules = self
@@ -66,8 +67,8 @@ impl Body {
 }
 
 impl RobotSpec {
-    /// The robot with lengths in units of `unit`: a body that is `unit` long becomes 1 mu long. Masses stay. Modules have the
-    /// size of their kind.
+    /// Returns the robot with lengths in units of `unit`: a body that is `unit` long becomes 1 mu long. Masses stay.
+    /// Modules keep the size of their kind.
     pub fn in_units_of(&self, unit: f64) -> RobotSpec {
         let mut robot = self.clone();
         let length = |value: &mut f64| *value /= unit;

@@ -1,9 +1,9 @@
-//! Poses of a robot and angles of its joints.
+//! Poses, joint angles and velocities of a robot.
 
 use super::Robot;
 use crate::base::math::{Pose, Rotation, Vector, about};
 
-/// State of a robot: where it is, how its joints stand, how it moves, and what its controller remembers.
+/// State of a robot: pose, joint angles, velocities, connections, and the state of its controller.
 ///
 /// A rollout that continues from a state starts a fresh world from exactly these numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,10 +14,10 @@ pub struct State {
     pub joints: Vec<f32>,
     /// Velocities; `None` at rest.
     pub velocities: Option<Velocities>,
-    /// Connections of the robot's modules, in the order in which they were made; empty for a robot that keeps those it is
-    /// built with.
+    /// Connections of the robot's modules, in the order in which they were made. Empty for a robot that keeps the
+    /// connections that it is built with.
     pub connections: Vec<Connection>,
-    /// State of the controller; empty before it has begun, and where it remembers nothing.
+    /// State of the controller. Empty before the controller has started, and for a controller without state.
     pub phase: Phase,
 }
 
@@ -33,13 +33,13 @@ pub struct Twist {
 /// Velocities of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Velocities {
-    /// Of the pivot.
+    /// Velocity of the pivot.
     pub pivot: Twist,
-    /// Of the joints in the order of the robot's hinges, rad/s.
+    /// Rates of the joints in the order of the robot's hinges, rad/s.
     pub rates: Vec<f32>,
 }
 
-/// A face of a module, where it connects to others.
+/// Face of a module, which connects to faces of other modules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Face {
     /// Index of the module.
@@ -51,9 +51,9 @@ pub struct Face {
 /// Two connected faces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Connection {
-    /// The faces.
+    /// The two faces.
     pub faces: [Face; 2],
-    /// Pose of the second face seen from the first, mu.
+    /// Pose of the second face relative to the first, mu.
     pub relative: Pose,
 }
 
@@ -62,17 +62,17 @@ pub struct Connection {
 pub struct Phase(pub Vec<u8>);
 
 impl State {
-    /// A configuration at rest, before its controller has begun.
+    /// Creates a configuration at rest, before its controller has started.
     pub fn new(pivot: Pose, joints: Vec<f32>) -> Self {
         Self { pivot, joints, velocities: None, connections: Vec::new(), phase: Phase::default() }
     }
 
-    /// The same configuration at rest, before its controller has begun: a node's q has no velocities.
+    /// Returns the same configuration at rest, before its controller has started: a node's q has no velocities.
     pub fn at_rest(self) -> Self {
         Self { velocities: None, phase: Phase::default(), ..self }
     }
 
-    /// Returns true if every number is finite.
+    /// Returns true if all numbers are finite.
     pub fn is_finite(&self) -> bool {
         let moves = |v: &Velocities| {
             v.pivot.angular.is_finite() && v.pivot.linear.is_finite() && v.rates.iter().all(|rate| rate.is_finite())
@@ -85,7 +85,7 @@ impl State {
 }
 
 impl Velocities {
-    /// The velocities of the robot when it and its motion are turned as a whole.
+    /// Returns the velocities after the robot and its motion are turned as a whole.
     pub(crate) fn turned(self, by: Rotation) -> Self {
         let pivot = Twist { angular: by * self.pivot.angular, linear: by * self.pivot.linear };
         Self { pivot, ..self }
@@ -93,7 +93,7 @@ impl Velocities {
 }
 
 impl Robot {
-    /// The neutral configuration with its lowest corner on the ground z = 0, the pivot at x = y = 0.
+    /// Returns the neutral configuration with its lowest corner on the ground z = 0 and the pivot at x = y = 0.
     pub fn neutral(&self) -> State {
         let mut state = State::new(Pose::identity(), vec![0.0; self.hinges.len()]);
         let (low, _) = self.bounds(&state);
@@ -101,7 +101,7 @@ impl Robot {
         state
     }
 
-    /// Forward kinematics: the poses of all bodies.
+    /// Returns the poses of all bodies (forward kinematics).
     pub fn body_poses(&self, state: &State) -> Vec<Pose> {
         let mut poses = Vec::with_capacity(self.bodies.len());
         poses.push(state.pivot);
@@ -112,7 +112,7 @@ impl Robot {
         poses
     }
 
-    /// Forward kinematics of velocities: the twists of all bodies at the given poses; `None` at rest.
+    /// Returns the twists of all bodies at the given poses (forward kinematics of velocities); `None` at rest.
     pub fn body_twists(&self, state: &State, poses: &[Pose]) -> Option<Vec<Twist>> {
         let velocities = state.velocities.as_ref()?;
         let mut twists: Vec<Twist> = Vec::with_capacity(self.bodies.len());
@@ -126,7 +126,7 @@ impl Robot {
         Some(twists)
     }
 
-    /// The axis-aligned box around the whole robot: (lower, upper) corner, mu.
+    /// Returns the axis-aligned box around the whole robot: (lower, upper) corner, mu.
     pub fn bounds(&self, state: &State) -> (Vector, Vector) {
         let poses = self.body_poses(state);
         let (mut low, mut high) = (Vector::splat(f32::INFINITY), Vector::splat(f32::NEG_INFINITY));

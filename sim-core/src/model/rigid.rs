@@ -1,4 +1,4 @@
-//! Compile robots that are written out body by body: the second form of the robot file, which imports use.
+//! Compilation of robots that are written out body by body: the second form of the robot file, which imports use.
 
 use super::body::{OVERLAP_TOLERANCE, vector};
 use super::kind::QUARTER_TURNS;
@@ -10,20 +10,20 @@ use nalgebra::{Matrix3, Vector3};
 use rapier3d::parry::query;
 use rapier3d::parry::shape::{Capsule, Cuboid, Shape};
 
-/// Furthest that anything may lie from its body's origin, mu.
+/// Range of coordinates relative to a body's origin, mu.
 const REACH: (f64, f64) = (-1000.0, 1000.0);
-/// Half sides and radii, mu.
+/// Range of half side lengths, radii and capsule lengths, mu.
 const SIZE: (f64, f64) = (1e-3, 1000.0);
-/// Greatest limit of a joint to either side, rad: within half a turn an angle is known from where the bodies stand.
+/// Greatest limit of a joint to either side, rad. Within half a turn, the poses of the bodies determine the angle.
 const FARTHEST: f64 = 3.0;
-/// rad/s.
+/// Range of a hinge's speed, rad/s.
 const SPEED: (f64, f64) = (1e-3, 1e4);
-/// kg·mu²/s², as `physics.max_torque`.
+/// Range of a hinge's torque, kg·mu²/s², the same as for `physics.max_torque`.
 const TORQUE: (f64, f64) = (0.0, 1e7);
 /// Range of a mass, kg.
 const MASS: (f64, f64) = (1e-6, 1e6);
 
-/// Mass (kg), its centre (mu) and the inertia about that (kg·mu²), all in the same axes.
+/// Mass (kg), its centre (mu), and the inertia about that centre (kg·mu²), all in the same axes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lump {
     pub mass: f64,
@@ -32,10 +32,10 @@ pub(crate) struct Lump {
 }
 
 impl Lump {
-    /// Several lumps that never move against each other; `None` if they have no mass.
+    /// Joins lumps that never move relative to each other; `None` if they have no mass.
     pub fn joined(lumps: &[Lump]) -> Option<Lump> {
         if let [one] = lumps {
-            return (one.mass > 0.0).then_some(*one); // to the bit
+            return (one.mass > 0.0).then_some(*one); // keeps its bits
         }
         let mass: f64 = lumps.iter().map(|l| l.mass).sum();
         let center = lumps.iter().map(|l| l.center * l.mass).sum::<Vector3<f64>>() / mass;
@@ -46,13 +46,13 @@ impl Lump {
         (mass > 0.0).then(|| Lump { mass, center, inertia: lumps.iter().map(inertia).sum() })
     }
 
-    /// The same as seen from a frame with its origin at `-by`.
+    /// Returns the lump relative to a frame with its origin at `-by`.
     pub fn shifted(self, by: Vector3<f64>) -> Lump {
         Lump { center: self.center + by, ..self }
     }
 }
 
-/// The matrix of xx, yy, zz, xy, xz, yz.
+/// Returns the symmetric matrix of xx, yy, zz, xy, xz, yz.
 pub(crate) fn symmetric([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
@@ -63,8 +63,8 @@ pub(super) fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
     let root = root(spec)?;
     let stuck = |i: usize| spec.bodies[i].hinge.as_ref().is_some_and(|h| spec.failed.contains(&h.name));
 
-    // Breadth first from the pivot, bodies in the order of the file, as with modules. A member of a body is a body of
-    // the file and where its origin lies in the compiled body's frame.
+    // Breadth first from the pivot, bodies in the order of the file, as with modules. A member of a compiled body is a
+    // body of the file and the place of its origin in the compiled body's frame.
     let mut groups = vec![vec![(root, Vector3::zeros())]];
     let mut origins = vec![Vector3::zeros()];
     let mut hinges: Vec<Hinge> = Vec::new();
@@ -101,7 +101,10 @@ pub(super) fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
         at += 1;
     }
     if let Some(i) = (0..spec.bodies.len()).find(|i| groups.iter().flatten().all(|member| member.0 != *i)) {
-        let reason = format!("the way from body \"{}\" to its parents does not lead to the pivot", spec.bodies[i].name);
+        let reason = format!(
+            "the parents of body \"{}\" do not lead to the pivot: hinges must form a tree",
+            spec.bodies[i].name
+        );
         return Err(Invalid::Conflict { field: format!("robot.body[{i}].hinge.parent"), reason });
     }
     if hinges.is_empty() {
@@ -158,7 +161,7 @@ fn check(spec: &RobotSpec) -> Result<(), Invalid> {
     Invalid::all(faults)
 }
 
-/// Checks all numbers of a body; `field` gives the path of one.
+/// Checks all numbers of a body. `field` returns the path of a number.
 fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnMut(Result<(), Invalid>)) {
     let point = |take: &mut dyn FnMut(Result<(), Invalid>), what: &str, point: &[f64; 3], range: (f64, f64)| {
         (0..3).for_each(|axis| take(in_range(field(&format!("{what}[{axis}]")), point[axis], range, "mu")));
@@ -169,12 +172,13 @@ fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnM
     let moment =
         |(i, moment): (usize, &f64)| in_range(field(&format!("inertia[{i}]")), *moment, (-1e12, 1e12), "kg·mu²");
     let wrong: Vec<Invalid> = body.inertia.iter().enumerate().filter_map(|m| moment(m).err()).collect();
-    // The second moments of the mass itself, ∫ r rᵀ dm: their diagonal can't be negative in any axes.
+    // Second moments of the mass, ∫ r rᵀ dm. Their diagonal can't be negative in any axes.
     let inertia = symmetric(body.inertia);
     let trace = inertia.trace();
     let spread = Matrix3::identity() * (trace * (0.5 + 1e-6)) - inertia;
     if wrong.is_empty() && (!positive(inertia - Matrix3::identity() * (trace * 1e-9)) || !positive(spread)) {
-        let reason = "invalid inertia: it must be positive definite, and no principal moment greater than the two others together";
+        let reason = "invalid inertia: it must be positive definite, and no principal moment may exceed the sum of the \
+                      two others";
         take(Err(conflict("inertia", reason)));
     }
     wrong.into_iter().for_each(|fault| take(Err(fault)));
@@ -182,7 +186,7 @@ fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnM
         point(take, "hinge.anchor", &hinge.anchor, REACH);
         point(take, "hinge.axis", &hinge.axis, REACH);
         if Vector3::from(hinge.axis).norm() < 1e-6 {
-            take(Err(conflict("hinge.axis", "an axis has a direction: not all of it can be 0")));
+            take(Err(conflict("hinge.axis", "the axis has no direction: its length must not be 0")));
         }
         if let Some([low, high]) = hinge.limits {
             take(in_range(field("hinge.limits[0]"), low, (-FARTHEST, 0.0), "rad"));
@@ -214,12 +218,12 @@ fn numbers(body: &BodySpec, field: &impl Fn(&str) -> String, take: &mut impl FnM
     }
 }
 
-/// Sylvester's criterion.
+/// Returns true if a symmetric matrix is positive definite, by Sylvester's criterion.
 fn positive(m: Matrix3<f64>) -> bool {
     m[(0, 0)] > 0.0 && m.fixed_view::<2, 2>(0, 0).determinant() > 0.0 && m.determinant() > 0.0
 }
 
-/// The index of the body that carries each.
+/// Returns for each body the index of the body that carries it.
 fn parents(spec: &RobotSpec) -> Result<Vec<Option<usize>>, Invalid> {
     let parent = |(i, body): (usize, &BodySpec)| {
         let Some(hinge) = &body.hinge else { return Ok(None) };
@@ -233,7 +237,7 @@ fn parents(spec: &RobotSpec) -> Result<Vec<Option<usize>>, Invalid> {
     spec.bodies.iter().enumerate().map(parent).collect()
 }
 
-/// The pivot's body, the only one that no hinge carries.
+/// Returns the pivot's body, which must be the only one without a hinge.
 fn root(spec: &RobotSpec) -> Result<usize, Invalid> {
     let free: Vec<usize> = (0..spec.bodies.len()).filter(|&i| spec.bodies[i].hinge.is_none()).collect();
     let names = || free.iter().map(|&i| spec.bodies[i].name.clone()).collect::<Vec<_>>();
@@ -242,7 +246,7 @@ fn root(spec: &RobotSpec) -> Result<usize, Invalid> {
         [_] => Err(Invalid::Unknown { field: "robot.pivot".into(), value: spec.pivot.clone(), known: names() }),
         _ => {
             let reason = format!(
-                "exactly one body, the pivot's, has no hinge; here {} have none ({})",
+                "exactly one body, the pivot's, must have no hinge; here {} have none ({})",
                 free.len(),
                 names().join(", ")
             );
@@ -251,7 +255,7 @@ fn root(spec: &RobotSpec) -> Result<usize, Invalid> {
     }
 }
 
-/// Unit to f32 already: left to the bit.
+/// Normalises an axis. An axis of unit length to f32 precision keeps its bits.
 fn unit(axis: [f64; 3]) -> Vector3<f64> {
     let axis = Vector3::from(axis);
     let length = axis.norm();
@@ -264,7 +268,8 @@ fn body(spec: &RobotSpec, members: &[(usize, Vector3<f64>)]) -> Body {
         let (center, inertia) = (Vector3::from(body.center_of_mass), symmetric(body.inertia));
         Lump { mass: body.mass, center, inertia }.shifted(offset)
     };
-    let lump = Lump::joined(&members.iter().map(lump).collect::<Vec<_>>()).expect("every body has mass");
+    let lump = Lump::joined(&members.iter().map(lump).collect::<Vec<_>>())
+        .expect("the mass of every body must be checked before");
     let row = |i: usize| [0, 1, 2].map(|j| lump.inertia[(i, j)] as f32);
     let at = |offset: Vector3<f64>, point: [f64; 3]| vector(offset + Vector3::from(point));
     let (mut boxes, mut capsules) = (Vec::new(), Vec::new());
@@ -288,7 +293,7 @@ fn body(spec: &RobotSpec, members: &[(usize, Vector3<f64>)]) -> Body {
     }
 }
 
-/// Shapes for pictures; a capsule is drawn as the box around it.
+/// Returns the shapes of a body for pictures. A capsule is drawn as the box around it.
 fn drawn(spec: &BodySpec, body: usize, origin: Vector3<f64>, failed: bool) -> impl Iterator<Item = PartBox> {
     let part = move |center: Vector3<f64>, rotation, half| PartBox {
         module: spec.name.clone(),
@@ -301,7 +306,7 @@ fn drawn(spec: &BodySpec, body: usize, origin: Vector3<f64>, failed: bool) -> im
     let capsule = |c: &super::CapsuleSpec| {
         let (from, to) = (Vector3::from(c.from), Vector3::from(c.to));
         let along = (to - from).normalize();
-        // The turn from z to `along`: 1 + z · along, z × along, normalised; z and −z look the same.
+        // Quaternion of the turn from z to `along`: (1 + z · along, z × along), normalised. z and −z look the same.
         let along = if along.z < 0.0 { -along } else { along };
         let length = (2.0 + 2.0 * along.z).sqrt();
         let rotation = [-along.y / length, along.x / length, 0.0, (1.0 + along.z) / length];
@@ -311,7 +316,7 @@ fn drawn(spec: &BodySpec, body: usize, origin: Vector3<f64>, failed: bool) -> im
     boxes.chain(spec.capsules.iter().map(capsule)).map(move |(center, rotation, half)| part(center, rotation, half))
 }
 
-/// Bodies that share no hinge push each other apart: overlapping ones would blow the robot up.
+/// Refuses overlapping bodies that share no hinge: the engine would push them apart violently.
 fn refuse_overlaps(robot: &Robot) -> Result<(), Invalid> {
     let still = robot.body_poses(&super::State::new(Pose::identity(), vec![0.0; robot.hinges.len()]));
     let solids = |i: usize| -> Vec<(Pose, Box<dyn Shape>)> {

@@ -1,36 +1,36 @@
-//! The robot file: modules docked to each other, or rigid bodies and hinges written out.
+//! Robot file: modules docked to each other, or rigid bodies and hinges written out.
 
 use crate::base::error::Invalid;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A robot as in its TOML file.
+/// Robot as in its TOML file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotSpec {
     /// Name in messages, tables and file names.
     pub name: String,
-    /// Description, with the assumptions made where the source is silent.
+    /// Description, with the assumptions made where the source gives no value.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// The part with the robot's pose: a module's name, or `module/part`; of bodies the one without a hinge.
+    /// Part with the robot's pose: a module's name, or `module/part`; in a robot of bodies, the body without a hinge.
     pub pivot: String,
-    /// Modules with all joints stuck at zero; of bodies the stuck hinges.
+    /// Modules with all joints stuck at zero; in a robot of bodies, the stuck hinges.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
     /// Named sets of failed modules, such as E1 and E2 of the paper.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub variants: BTreeMap<String, Vec<String>>,
-    /// The modules.
+    /// Modules of the robot.
     #[serde(rename = "module", default, skip_serializing_if = "Vec::is_empty")]
     pub modules: Vec<ModuleSpec>,
-    /// Instead of modules: the bodies.
+    /// Bodies of the robot, instead of modules.
     #[serde(rename = "body", default, skip_serializing_if = "Vec::is_empty")]
     pub bodies: Vec<BodySpec>,
 }
 
-/// A rigid body in the neutral configuration, where the frames of all bodies have the robot's axes. The origin of a
-/// body's frame is the anchor of its hinge; that of the pivot's is the robot's own.
+/// Rigid body in the neutral configuration, where the frames of all bodies have the robot's axes. The origin of a
+/// body's frame is the anchor of its hinge. The origin of the pivot's body is the robot's own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodySpec {
@@ -43,55 +43,55 @@ pub struct BodySpec {
     pub center_of_mass: [f64; 3],
     /// Inertia about the centre of mass, kg·mu²: xx, yy, zz, xy, xz, yz.
     pub inertia: [f64; 6],
-    /// The hinge that carries it; the pivot's body has none.
+    /// Hinge that carries the body; the pivot's body has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hinge: Option<HingeSpec>,
-    /// Boxes that collide.
+    /// Collision boxes.
     #[serde(rename = "box", default, skip_serializing_if = "Vec::is_empty")]
     pub boxes: Vec<BoxSpec>,
-    /// Capsules that collide.
+    /// Collision capsules.
     #[serde(rename = "capsule", default, skip_serializing_if = "Vec::is_empty")]
     pub capsules: Vec<CapsuleSpec>,
 }
 
-/// A hinge between a body and the one that carries it.
+/// Hinge between a body and its carrier.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HingeSpec {
-    /// Name, unique among the hinges: its joint's in genotypes and tables.
+    /// Name, unique among the hinges. It is the joint's name in genotypes and tables.
     pub name: String,
-    /// Name of the body that carries.
+    /// Name of the carrying body.
     pub parent: String,
     /// A point of the axis in the carrying body's frame, mu.
     pub anchor: [f64; 3],
-    /// The axis; the carried body turns about it counter-clockwise.
+    /// Axis. The carried body turns about it counter-clockwise.
     pub axis: [f64; 3],
-    /// Least and greatest angle, rad; −90° and 90° unless given.
+    /// Least and greatest angle, rad. Default: −90° and 90°.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<[f64; 2]>,
-    /// Greatest rate of its target, rad/s; as fast as the controller says unless given.
+    /// Greatest rate of its target, rad/s. Default: no limit beside the controller's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed: Option<f64>,
-    /// Greatest torque of its motor, kg·mu²/s²; that of the job unless given.
+    /// Greatest torque of its motor, kg·mu²/s². Default: the job's `max_torque`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub torque: Option<f64>,
 }
 
-/// A box of a body.
+/// Collision box of a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxSpec {
-    /// Its centre, mu.
+    /// Centre of the box, mu.
     #[serde(default)]
     pub center: [f64; 3],
-    /// Its turn against the body's frame: a unit quaternion x, y, z, w.
+    /// Rotation relative to the body's frame: a unit quaternion x, y, z, w.
     #[serde(default = "no_turn", skip_serializing_if = "is_no_turn")]
     pub rotation: [f64; 4],
-    /// Half of its sides, mu.
+    /// Half of its side lengths, mu.
     pub half: [f64; 3],
 }
 
-/// A capsule of a body: all within a radius of a line.
+/// Collision capsule of a body: all points within a radius of a line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CapsuleSpec {
@@ -111,7 +111,7 @@ fn is_no_turn(rotation: &[f64; 4]) -> bool {
     *rotation == no_turn()
 }
 
-/// A module: its kind and where it sits.
+/// Module: its kind and its place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModuleSpec {
@@ -119,7 +119,7 @@ pub struct ModuleSpec {
     pub name: String,
     /// Kind of module, by its name in the registry: `cosmo`, `block`.
     pub kind: String,
-    /// The place where it is attached; exactly one module, the root, has none.
+    /// Attachment to another module. Exactly one module, the root, has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attach: Option<Attachment>,
     /// Pose of the root in the neutral configuration.
@@ -127,16 +127,16 @@ pub struct ModuleSpec {
     pub pose: Option<PoseSpec>,
 }
 
-/// "Attached to face F of module M with rotation r."
+/// Attachment of a module to a face of another module, with a turn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Attachment {
-    /// The module that carries this one.
+    /// Name of the carrying module.
     pub to: String,
-    /// That module's face.
+    /// Face of the carrying module.
     #[serde(rename = "port")]
     pub face: String,
-    /// This module's own face; the kind's first unless given.
+    /// Face of this module. Default: the first face of its kind.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub own: Option<String>,
     /// Turn about the face's axis, degrees: 0, 90, 180 or 270.
@@ -144,7 +144,7 @@ pub struct Attachment {
     pub turn: i32,
 }
 
-/// A pose in the neutral configuration.
+/// Pose in the neutral configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseSpec {
@@ -157,7 +157,7 @@ pub struct PoseSpec {
 }
 
 impl RobotSpec {
-    /// The robot with a named set of its modules failed; named after it.
+    /// Returns the robot with a named set of its modules failed. The set's name is appended to the robot's name.
     pub fn variant(&self, variant: &str) -> Result<RobotSpec, Invalid> {
         let failed = self.variants.get(variant).ok_or_else(|| Invalid::Unknown {
             field: "variant".into(),

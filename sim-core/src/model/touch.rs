@@ -6,16 +6,16 @@ use crate::base::math::{Pose, Vector, about_z};
 use rapier3d::parry::query::details::{intersection_test_cuboid_cuboid, intersection_test_support_map_support_map};
 use rapier3d::parry::shape::{Capsule, Cuboid};
 
-/// Returns true if the robot, in this configuration of the frame at `place`, touches a block.
+/// Returns true if the robot touches a block in this configuration, which is relative to the frame at `place`.
 pub(crate) fn state_touches(robot: &Robot, block: &Block, place: &Place, state: &State) -> bool {
     Solid::of(block).meets(robot, &place.frame(), &robot.body_poses(state))
 }
 
-/// A body that is nearer to the ground or to terrain touches it, mu: engines let robots sink in by about as much, and lift
-/// them by as much.
+/// Distance to the ground or to terrain below which a body touches it, mu. Engines let robots sink in by about as much,
+/// and lift them by as much.
 const TOUCH: f32 = 0.01;
 
-/// Of each body whether it touches the ground at z = 0 or terrain, in this configuration of the map.
+/// Returns for each body true if it touches the ground at z = 0 or terrain in this configuration, relative to the map.
 pub fn bodies_touching(robot: &Robot, terrain: &[Block], state: &State) -> Vec<bool> {
     let solids: Vec<Solid<'_>> = terrain.iter().map(Solid::of).collect();
     let touching = |(body, pose): (&Body, Pose)| {
@@ -37,16 +37,16 @@ pub fn bodies_touching(robot: &Robot, terrain: &[Block], state: &State) -> Vec<b
     robot.bodies.iter().zip(robot.body_poses(state)).map(touching).collect()
 }
 
-/// A block, ready to be met.
+/// Block prepared for intersection tests.
 pub(crate) struct Solid<'a> {
-    /// The block.
+    /// The prepared block.
     pub block: &'a Block,
     cuboid: Cuboid,
     pose: Pose,
 }
 
 impl<'a> Solid<'a> {
-    /// Of a block.
+    /// Prepares a block.
     pub fn of(block: &'a Block) -> Self {
         let cuboid = Cuboid::new(Vector::new(
             (block.size[0] / 2.0) as f32,
@@ -58,7 +58,7 @@ impl<'a> Solid<'a> {
         Self { block, cuboid, pose: Pose::from_parts(center, about_z(block.yaw)) }
     }
 
-    /// Returns true if a robot with bodies at these poses of a frame touches it.
+    /// Returns true if a robot with bodies at these poses of a frame touches the block.
     pub fn meets(&self, robot: &Robot, frame: &Pose, poses: &[Pose]) -> bool {
         poses.iter().zip(&robot.bodies).any(|(pose, body)| {
             let of_box = |part: &CollisionBox| self.meets_box(&(*frame * *pose * part.pose), &Cuboid::new(part.half));

@@ -1,4 +1,4 @@
-//! Every evaluation ends, with the same bits everywhere: its budget.
+//! Tests of the budget of an evaluation: every evaluation ends, with the same bits on every machine.
 
 use sim_core::base::limits::MAX_EVALUATION_STEPS;
 use sim_core::evaluate::evaluate;
@@ -26,15 +26,15 @@ fn candidates(job: &Job) -> Vec<(u32, Genotype)> {
 }
 
 #[test]
-fn what_needs_more_than_its_budget_fails_alone_as_in_company_and_nobody_else_does() {
+fn evaluation_over_budget_fails_without_affecting_others() {
     let free = job("iterations = 20");
     let candidates = candidates(&free);
     let all = evaluate(&free, 0, &candidates, &|| false).unwrap();
     let mut needs: Vec<u64> = all.iter().map(|e| e.counts.rollouts).collect();
     needs.sort_unstable();
-    // Some of them stay below it.
+    // At least three candidates keep within this budget.
     let budget = needs[2];
-    assert!(budget < needs[5], "they differ: {needs:?}");
+    assert!(budget < needs[5], "candidates must need different numbers of rollouts: {needs:?}");
 
     let tight = job(&format!("iterations = 20\nmax_rollouts = {budget}"));
     let together = evaluate(&tight, 0, &candidates, &|| false).unwrap();
@@ -46,14 +46,14 @@ fn what_needs_more_than_its_budget_fails_alone_as_in_company_and_nobody_else_doe
             assert!((1..=budget).contains(&tight_one.counts.rollouts), "{:?}", tight_one.counts);
         }
         let alone = evaluate(&tight, 0, std::slice::from_ref(candidate), &|| false).unwrap();
-        assert_eq!(alone, std::slice::from_ref(tight_one), "who shares a batch changes nothing");
+        assert_eq!(alone, std::slice::from_ref(tight_one), "other candidates of a batch must change nothing");
     }
     assert_ne!(free.digest(), tight.digest());
 }
 
 #[test]
-fn without_a_budget_of_its_own_no_evaluation_can_exceed_what_is_reserved_for_it() {
-    // Nothing is reused: all that can be asked for is.
+fn default_budget_covers_every_evaluation() {
+    // Without reuse every transition that a tree can ask for is simulated.
     let job = job("iterations = 12\nreuse_tolerance = 0.0\nrepeats = 2");
     assert_eq!(job.most_rollouts(), 12 * 2 * 2);
     assert_eq!(job.rollout_budget(2, true), 48);
@@ -63,14 +63,18 @@ fn without_a_budget_of_its_own_no_evaluation_can_exceed_what_is_reserved_for_it(
 }
 
 #[test]
-fn a_budget_is_shared_by_the_trees_of_an_evaluation_and_grows_with_them() {
+fn budget_grows_with_the_number_of_trees() {
     let job = job("iterations = 100\nrepeats = 4\nmax_rollouts = 10");
     assert_eq!([1, 4, 20].map(|trees| job.rollout_budget(trees, true)), [3, 10, 50]);
-    assert_eq!(job.rollout_budget(4, false), 100 * 2 * 4, "what is simulated without reuse is not held to it");
+    assert_eq!(
+        job.rollout_budget(4, false),
+        100 * 2 * 4,
+        "max_rollouts must not limit trees without the search's reuse"
+    );
 }
 
 #[test]
-fn a_job_whose_evaluations_could_take_too_long_is_refused_with_the_limit_and_a_way_out() {
+fn overlong_evaluations_are_refused_with_the_limit() {
     let endless = "iterations = 100000\nrepeats = 1000";
     let message = refusal(endless);
     assert!(

@@ -1,5 +1,5 @@
-//! Laws of events on both engines: a failed joint keeps its angle and changes no momentum, and what no engine can do ends the
-//! rollout where it would have happened.
+//! Tests of events on both engines: a failed joint keeps its angle and changes no momentum, and an event that the
+//! engine does not support ends the rollout at its time.
 
 use sim_core::base::math::{Pose, Vector};
 use sim_core::engines::engine;
@@ -8,7 +8,7 @@ use sim_core::physics::{
     Change, EngineKind, Event, JointKind, Motion, Outcome, Physics, Request, Rollout, Scale, TICK, Targets, Unsupported,
 };
 
-/// Both engines, rapier with either kind of joint.
+/// Both engines; rapier with both kinds of joints.
 const ENGINES: [(EngineKind, JointKind); 3] = [
     (EngineKind::Rapier, JointKind::Impulse),
     (EngineKind::Rapier, JointKind::Multibody),
@@ -29,7 +29,7 @@ fn run(kind: (EngineKind, JointKind), robot: &Robot, start: &State, motion: &Mot
     engine(kind.0).run(robot, &physics(kind), &[], &[Request { start, motion }]).swap_remove(0)
 }
 
-/// All joints go to and fro.
+/// Motion of all joints along sines of amplitude 0.6 rad.
 fn waves(robot: &Robot, duration: f64) -> Motion {
     let ticks = Targets::ticks(duration);
     let signal = |joint: usize| (0..ticks).map(|t| 0.6 * libm::sin(0.03 * t as f64 + joint as f64)).collect();
@@ -41,11 +41,11 @@ fn fail(tick: u32, joint: usize) -> Event {
 }
 
 #[test]
-fn failed_joint_keeps_the_angle_that_it_has() {
+fn failed_joint_keeps_its_angle() {
     let robot = robot();
     let start = robot.neutral();
     for kind in ENGINES {
-        // rapier holds a joint by impulses: it gives way by a hundredth of a radian.
+        // rapier holds a joint by impulses, so the joint moves by about 0.01 rad.
         let tolerance = if kind.0 == EngineKind::Lockstep { 0.0 } else { 0.02 };
         let rollout = run(kind, &robot, &start, &waves(&robot, 2.0).with_events(vec![fail(100, 1)]));
         assert_eq!(rollout.outcome, Outcome::Completed, "{kind:?}");
@@ -59,14 +59,14 @@ fn failed_joint_keeps_the_angle_that_it_has() {
         let others = |r: &Rollout, from: f32| {
             (at(from)..r.trace.len()).map(|i| r.trace.joints(i)[2]).fold(0.0, |most: f32, a| most.max(a.abs()))
         };
-        assert!(others(&rollout, 0.5) > 0.3, "{kind:?}: the other joints move");
+        assert!(others(&rollout, 0.5) > 0.3, "{kind:?}: the other joints must move");
         let spread = (at(0.5)..sound.trace.len()).map(|i| (sound.trace.joints(i)[1] - stuck).abs()).fold(0.0, f32::max);
-        assert!(spread > 0.3, "{kind:?}: a sound joint would have moved");
+        assert!(spread > 0.3, "{kind:?}: without the failure the joint must move");
     }
 }
 
 #[test]
-fn rollout_before_a_failure_is_that_without_it() {
+fn rollout_before_a_failure_equals_one_without_failure() {
     let robot = robot();
     let start = robot.neutral();
     for kind in ENGINES {
@@ -94,7 +94,7 @@ fn failure_in_one_rollout_changes_no_bit_of_another() {
     }
 }
 
-/// A joint locks from within: the robot's momentum does not change.
+/// The forces that lock a joint are internal, so the robot's momentum does not change.
 #[test]
 fn failure_in_flight_changes_no_momentum() {
     let robot = robot();
@@ -119,7 +119,7 @@ fn failure_in_flight_changes_no_momentum() {
 }
 
 #[test]
-fn events_that_no_engine_executes_refuse_the_rest_of_the_rollout() {
+fn unsupported_event_ends_the_rollout_as_refused() {
     let robot = robot();
     let start = robot.neutral();
     let changes = [
@@ -131,7 +131,7 @@ fn events_that_no_engine_executes_refuse_the_rest_of_the_rollout() {
     for kind in ENGINES {
         for change in changes {
             let reason = Unsupported::Event(change.name());
-            // Tick 81 is at 0.405 s, tick 80 at 0.4 s: a step of 5 ms begins at each.
+            // Tick 81 is at 0.405 s and tick 80 at 0.4 s. A step of 5 ms begins at each tick.
             let motion = waves(&robot, 1.0).with_events(vec![Event { tick: 81, change }, fail(20, 1)]);
             assert_eq!(engine(kind.0).supports(&robot, &[], &motion), Err(reason), "{kind:?}");
             let rollout = run(kind, &robot, &start, &motion);
@@ -145,16 +145,20 @@ fn events_that_no_engine_executes_refuse_the_rest_of_the_rollout() {
             assert_eq!(rollout.trace.state(last), rollout.end.clone().at_rest());
             assert_eq!(rollout.swept[rollout.swept.len() - 1].last, last);
             let shorter = run(kind, &robot, &start, &waves(&robot, 0.405).with_events(vec![fail(20, 1)]));
-            assert_eq!(shorter.end.joints, rollout.end.joints, "{kind:?}: everything before is simulated");
+            assert_eq!(
+                shorter.end.joints, rollout.end.joints,
+                "{kind:?}: everything before the event must be simulated"
+            );
             assert_eq!(shorter.end.pivot, rollout.end.pivot, "{kind:?}");
             assert!(rollout.outcome.to_string().contains(change.name()), "{}", rollout.outcome);
         }
     }
 }
 
-/// At 200 steps a second tick 0 is step 0; at 30 the first step at or after tick 7 (0.035 s) begins at 2/30 s.
+/// At 200 steps per second tick 0 is step 0. At 30 steps per second the first step at or after tick 7 (0.035 s) begins
+/// at 2/30 s.
 #[test]
-fn event_acts_at_the_first_step_at_or_after_its_tick() {
+fn event_acts_at_its_tick_or_next_step() {
     let (robot, kind) = (robot(), ENGINES[0]);
     let start = robot.neutral();
     let change = Change::Disconnect { faces: FACES };
@@ -174,7 +178,7 @@ fn event_acts_at_the_first_step_at_or_after_its_tick() {
 }
 
 #[test]
-fn failure_of_a_joint_that_is_not_there_is_refused() {
+fn failure_of_a_missing_joint_is_refused() {
     let robot = robot();
     let joints = robot.hinges.len();
     let reason = Unsupported::Joint { joint: joints, joints };
@@ -189,7 +193,7 @@ fn failure_of_a_joint_that_is_not_there_is_refused() {
 }
 
 #[test]
-fn start_with_connections_of_its_own_is_refused_at_once() {
+fn start_with_connections_is_refused_at_time_zero() {
     let robot = robot();
     let connection = Connection { faces: FACES, relative: Pose::IDENTITY };
     let start = State { connections: vec![connection], ..robot.neutral() };
@@ -203,7 +207,7 @@ fn start_with_connections_of_its_own_is_refused_at_once() {
 }
 
 #[test]
-fn lockstep_refuses_shapes_that_it_does_not_know_at_the_start() {
+fn lockstep_refuses_capsules_at_the_start() {
     let mut robot = robot();
     let capsule = sim_core::model::CollisionCapsule { ends: [Vector::ZERO, Vector::X], radius: 0.1 };
     robot.bodies[1].capsules.push(capsule);

@@ -1,4 +1,5 @@
-//! Laws of MJCF and URDF: what is written is read as the same robot, what can't be had is refused by name.
+//! Tests of MJCF and URDF: a robot that is written and read again is the same, and unsupported content is refused by
+//! name.
 
 use proptest::prelude::*;
 use sim_core::base::error::Invalid;
@@ -10,7 +11,7 @@ use sim_core::model::{HingeSpec, QUARTER_TURNS, Robot, RobotSpec, catalogue};
 use sim_core::physics::{EngineKind, Motion, Outcome, Physics, Request, Scale, Targets, settle};
 use sim_core::problem::Job;
 
-/// Reads a robot without its notes.
+/// Reads a robot and drops the notes of the import.
 fn read(text: &str) -> Result<RobotSpec, Invalid> {
     Ok(exchange::read(text)?.robot)
 }
@@ -19,7 +20,7 @@ fn physics() -> Physics {
     Physics::of_scale(Scale::Paper)
 }
 
-/// All robots that ship, whole and damaged.
+/// Every shipped robot: its variant E2, with two failed modules, and the whole robot.
 fn robots() -> Vec<(RobotSpec, Robot)> {
     let specs = catalogue::robots().iter().flat_map(|entry| {
         let spec: RobotSpec = toml::from_str(entry.toml).unwrap();
@@ -32,7 +33,7 @@ fn through(format: Format, robot: &Robot) -> Robot {
     let text = format.write(robot, &physics());
     let spec = read(&text).unwrap_or_else(|e| panic!("{}: {e}\n{text}", robot.name));
     let written: RobotSpec = toml::from_str(&toml::to_string(&spec).unwrap()).unwrap();
-    assert_eq!(written, spec, "the robot file holds all of it");
+    assert_eq!(written, spec, "a robot file must hold the whole robot");
     Robot::compile(&written).unwrap_or_else(|e| panic!("{}: {e}", robot.name))
 }
 
@@ -65,7 +66,7 @@ fn assert_near(a: &Robot, b: &Robot, tolerance: f32) {
 }
 
 #[test]
-fn a_robot_that_goes_through_mjcf_is_the_same_and_moves_the_same() {
+fn mjcf_round_trip_keeps_robot_and_motion() {
     for (_, robot) in robots() {
         let again = through(Format::Mjcf, &robot);
         assert_near(&robot, &again, 0.0);
@@ -81,15 +82,15 @@ fn a_robot_that_goes_through_mjcf_is_the_same_and_moves_the_same() {
 }
 
 #[test]
-fn a_robot_that_goes_through_urdf_is_the_same_but_for_rounding() {
+fn urdf_round_trip_keeps_robot_up_to_rounding() {
     for (_, robot) in robots() {
         assert_near(&robot, &through(Format::Urdf, &robot), 1e-6);
     }
 }
 
-/// Bodies joined by a hinge that is stuck have the mass, inertia and shapes that the modules of a damaged robot have.
+/// A stuck hinge joins two bodies into one. It has the mass, inertia and shapes of the body that a failed module makes.
 #[test]
-fn a_stuck_hinge_makes_one_body_of_two_as_a_failed_module_does() {
+fn stuck_hinge_joins_bodies_like_a_failed_module() {
     for (spec, damaged) in robots().into_iter().filter(|(spec, _)| !spec.failed.is_empty()) {
         let healthy = Robot::compile(&RobotSpec { failed: Vec::new(), ..spec.clone() }).unwrap();
         let imported = read(&Format::Mjcf.write(&healthy, &physics())).unwrap();
@@ -106,15 +107,15 @@ fn a_stuck_hinge_makes_one_body_of_two_as_a_failed_module_does() {
     }
 }
 
-/// What MuJoCo 4.0.1 makes of the same file: defaults, all spellings of orientations, welded bodies, density,
-/// capsules.
+/// The expected values are those of MuJoCo 4.0.1 for the same file. The file has defaults, all notations of
+/// orientations, welded bodies, density and capsules.
 #[test]
-fn mujoco_and_we_read_the_same_robot() {
+fn oracle_file_is_read_as_mujoco_reads_it() {
     let robot = Robot::compile(&read(include_str!("oracle.xml")).unwrap()).unwrap();
     let close = |a: &[f32], b: &[f32]| {
         a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() < 2e-6 * y.abs().max(1.0))
     };
-    // Mass, centre of mass, inertia xx yy zz xy xz yz, all about axes of the world.
+    // Name, mass, centre of mass, inertia (xx, yy, zz, xy, xz, yz), all along the axes of the world.
     let bodies: [(&str, f32, [f32; 3], [f32; 6]); 4] = [
         ("torso", 40.4, [0.0, 0.0, 0.0148515], [0.8331724, 1.4794224, 1.6735833, 0.0, -0.0108253, 0.0]),
         (
@@ -148,7 +149,7 @@ fn mujoco_and_we_read_the_same_robot() {
         assert!(close(&hinge.anchor.to_array(), &anchor), "{name}: {:?}", hinge.anchor);
         assert!(close(&hinge.axis.to_array(), &axis), "{name}: {:?}", hinge.axis);
     }
-    // The second box stands on the first, which it is welded to.
+    // The second box is welded to the first and stands on it.
     let mast = &robot.bodies[0].boxes[1].pose;
     assert!(close(&mast.translation.to_array(), &[0.0, 0.0, 0.3]));
     assert!(close(&(mast.rotation * Vector::Z).to_array(), &[0.5, 0.0, 0.8660254]));
@@ -201,7 +202,7 @@ const WORM: &str = r#"
     </robot>"#;
 
 #[test]
-fn capsules_lie_on_the_ground_by_their_radius() {
+fn robot_of_capsules_rests_at_their_radius() {
     let robot = Robot::compile(&read(WORM).unwrap()).unwrap();
     let (low, high) = robot.bounds(&robot.neutral());
     assert!((low - Vector::new(-1.6, -0.1, 0.0)).length() < 1e-5, "{low}");
@@ -215,9 +216,10 @@ fn capsules_lie_on_the_ground_by_their_radius() {
     assert!((rollout.end.joints[0] - 0.8).abs() < 0.05 && (rollout.end.joints[1] + 0.8).abs() < 0.05);
 }
 
-/// The tip of the last capsule is 1.6 mu from the robot's middle; the block's face moves across it.
+/// The tip of the last capsule is 1.6 mu from the robot's middle. The block's face is placed just beyond the tip, or
+/// just before it.
 #[test]
-fn a_capsule_touches_an_obstacle_where_its_round_end_does() {
+fn capsule_touches_an_obstacle_at_its_round_end() {
     let job = |face: f64| {
         let block = format!("center = [{}, 0.0], size = [1.0, 1.0], top = 1.0", face + 0.5);
         let text = format!(
@@ -242,11 +244,11 @@ fn a_capsule_touches_an_obstacle_where_its_round_end_does() {
     assert!(job(1.59).unwrap_err().to_string().contains("obstacle"));
     assert!(job(-1.59 - 1.0).unwrap_err().to_string().contains("obstacle"));
     let again = Job::from_toml(&free.to_toml()).unwrap();
-    assert_eq!(again.digest(), free.digest(), "a resolved job carries the robot in full");
+    assert_eq!(again.digest(), free.digest(), "a resolved job must contain the whole robot");
     assert!(free.to_toml().contains("[[robot.body.capsule]]"));
 }
 
-/// A root with one more body on it; `%` stands for what is put into that.
+/// A root with a second body that contains `more`. `sections` come before the world.
 fn mjcf(more: &str, sections: &str) -> String {
     format!(
         r#"<mujoco><compiler angle="radian"/>{sections}<worldbody>
@@ -259,7 +261,7 @@ const HINGE: &str = r#"<joint name="j" axis="0 0 1" range="-1.5708 1.5708"/>"#;
 const GEOM: &str = r#"<geom type="box" size=".1 .1 .1"/>"#;
 
 #[test]
-fn foreign_content_is_refused_by_line_and_reason() {
+fn unsupported_content_is_refused_by_line_and_reason() {
     let sound = format!("{HINGE}{GEOM}");
     Robot::compile(&read(&mjcf(&sound, "")).unwrap()).unwrap();
     let in_body = |more: &str| mjcf(more, "");
@@ -325,7 +327,7 @@ fn foreign_content_is_refused_by_line_and_reason() {
     insta::assert_snapshot!(told.join("\n"));
 }
 
-/// A robot whose second joint has limits, speed and torque of its own.
+/// A robot with own limits, speed and torque for its second joint.
 fn own_joint(limits: Option<[f64; 2]>) -> RobotSpec {
     let mut spec = read(WORM).unwrap();
     let hinge = spec.bodies[2].hinge.as_mut().unwrap();
@@ -334,7 +336,7 @@ fn own_joint(limits: Option<[f64; 2]>) -> RobotSpec {
 }
 
 #[test]
-fn own_limits_speed_and_torque_are_written_out_and_other_joints_have_the_jobs() {
+fn exported_joints_have_own_or_job_limits() {
     let spec = own_joint(Some([-0.25, 0.5]));
     assert_eq!(toml::from_str::<RobotSpec>(&toml::to_string(&spec).unwrap()).unwrap(), spec);
     let robot = Robot::compile(&spec).unwrap();
@@ -358,7 +360,7 @@ fn own_limits_speed_and_torque_are_written_out_and_other_joints_have_the_jobs() 
         let refused = read(text).unwrap_err().to_string();
         assert!(refused.contains("only joints from -90° to 90° are allowed"), "{refused}");
     }
-    // Efforts and speeds are passed over: the robot comes back with those of the job.
+    // Efforts and speeds are not imported: the robot that is read back has those of the job.
     let plain = Robot::compile(&own_joint(None)).unwrap();
     for format in [Format::Mjcf, Format::Urdf] {
         let again = through(format, &plain);
@@ -367,7 +369,7 @@ fn own_limits_speed_and_torque_are_written_out_and_other_joints_have_the_jobs() 
 }
 
 #[test]
-fn mechanics_tell_robots_apart_by_their_joints_own_numbers() {
+fn mechanics_digest_depends_on_joint_limits() {
     let mechanics = |spec: &RobotSpec| Robot::compile(spec).unwrap().mechanics();
     let plain = read(WORM).unwrap();
     let own = own_joint(Some([-0.25, 0.5]));
@@ -375,11 +377,11 @@ fn mechanics_tell_robots_apart_by_their_joints_own_numbers() {
     assert_ne!(mechanics(&own_joint(None)), mechanics(&own));
     let mut written = plain.clone();
     written.bodies[1].hinge.as_mut().unwrap().limits = Some(QUARTER_TURNS.map(f64::from));
-    assert_eq!(mechanics(&plain), mechanics(&written), "the default written out is the same robot");
+    assert_eq!(mechanics(&plain), mechanics(&written), "explicit default limits must not change the digest");
 }
 
 #[test]
-fn joints_that_can_not_be_are_refused_by_field() {
+fn invalid_joints_are_refused_by_field() {
     let refused = |change: fn(&mut HingeSpec)| {
         let mut spec = read(WORM).unwrap();
         change(spec.bodies[1].hinge.as_mut().unwrap());
@@ -397,7 +399,7 @@ fn joints_that_can_not_be_are_refused_by_field() {
 }
 
 #[test]
-fn bodies_that_can_not_be_are_refused_by_field() {
+fn invalid_bodies_are_refused_by_field() {
     let sound = read(WORM).unwrap();
     let change = |change: fn(&mut RobotSpec)| {
         let mut spec = sound.clone();
@@ -428,9 +430,9 @@ fn bodies_that_can_not_be_are_refused_by_field() {
 }
 
 proptest! {
-    /// Whatever a file holds, reading it ends with a robot or a sentence.
+    /// Reading a damaged file gives a robot or an error.
     #[test]
-    fn damaged_files_are_refused_not_crashed_on(
+    fn damaged_files_never_cause_a_panic(
         cuts in proptest::collection::vec((0usize..20_000, 0usize..40, "[-0-9a-z<>/\"= .]{0,6}"), 1..6),
         which in 0usize..4,
     ) {

@@ -1,4 +1,4 @@
-//! Laws of the finish's examinations.
+//! Tests of the examinations of a finish.
 
 use sim_core::base::score::mean;
 use sim_core::evaluate::evaluate;
@@ -40,18 +40,18 @@ fn bits(scores: &[Option<f64>]) -> Vec<Option<u64>> {
 }
 
 #[test]
-fn without_reuse_the_same_trees_are_grown_with_every_expansion_simulated() {
+fn audit_without_reuse_simulates_every_expansion() {
     let reuses = job(&format!("{PLANNER}\nfinish = {{ seeds = 2 }}"));
     let literal = job(&PLANNER.replace("repeats = 2", "repeats = 2, reuse_tolerance = 0.0"));
     let scored = candidate(&reuses, 1);
     let audit = ask(&reuses, Question::WithoutReuse, &scored);
-    assert_eq!(audit.scores.len(), 2, "as many trees as in the search");
+    assert_eq!(audit.scores.len(), 2, "the audit must grow as many trees as the search");
     assert_eq!(mean(&audit.scores).unwrap().to_bits(), candidate(&literal, 1).score.to_bits());
     assert!(audit.counts.rollouts > ask(&reuses, Question::Fresh, &scored).counts.rollouts);
 }
 
 #[test]
-fn a_lockstep_job_is_scored_on_rapier_in_its_finish_and_on_lockstep_on_fresh_seeds() {
+fn lockstep_job_is_finished_on_the_rapier_reference() {
     let on = |engine: &str| job(&format!("{PLANNER}\nfinish = {{ seeds = 2 }}\nphysics = {{ engine = \"{engine}\" }}"));
     let (lockstep, rapier) = (on("lockstep"), on("rapier"));
     let scored = candidate(&lockstep, 1);
@@ -68,7 +68,7 @@ fn a_lockstep_job_is_scored_on_rapier_in_its_finish_and_on_lockstep_on_fresh_see
 }
 
 #[test]
-fn the_reference_is_the_same_job_in_finer_steps_on_seeds_of_its_own() {
+fn reference_is_the_job_with_finer_steps() {
     let finish = "finish = { seeds = 3, steps_per_second = 60, substeps = 16 }";
     let coarse = job(&format!("{PLANNER}\n{finish}"));
     let fine = job(&format!("{PLANNER}\n{finish}\nphysics = {{ steps_per_second = 60, substeps = 16 }}"));
@@ -76,15 +76,19 @@ fn the_reference_is_the_same_job_in_finer_steps_on_seeds_of_its_own() {
     let reference = ask(&coarse, Question::Reference, &scored);
     assert_eq!(reference.scores.len(), 3);
     assert_eq!(bits(&reference.scores), bits(&ask(&fine, Question::Reference, &scored).scores));
-    assert_ne!(bits(&reference.scores), bits(&ask(&fine, Question::Fresh, &scored).scores), "other trees");
-    // Trees of other candidates grow on the same seeds: place and index of a candidate don't matter.
+    assert_ne!(
+        bits(&reference.scores),
+        bits(&ask(&fine, Question::Fresh, &scored).scores),
+        "fresh seeds must grow other trees"
+    );
+    // All candidates have the same seeds: they do not depend on a candidate's generation and index.
     let elsewhere = Scored { generation: 7, candidate: 3, ..scored.clone() };
     assert_eq!(reference, ask(&coarse, Question::Reference, &elsewhere));
     assert_eq!(ask(&coarse, Question::Fresh, &scored), ask(&coarse, Question::Fresh, &elsewhere));
 }
 
 #[test]
-fn friction_is_that_of_the_job_changed_by_a_tenth() {
+fn friction_questions_change_friction_by_ten_percent() {
     let finish = "finish = { seeds = 2, steps_per_second = 60, substeps = 8 }";
     let slippery = |friction: f64| job(&format!("{PLANNER}\n{finish}\nphysics = {{ friction = {friction} }}"));
     let base = slippery(0.8);
@@ -107,12 +111,12 @@ fn traces_hold_the_tree_that_the_search_scored() {
     assert_eq!(traces.gaits, sim_core::report::gaits(&job, &scored.genotype));
     let (tree, paths) = sim_core::report::plan(&job, &scored, &|| false).unwrap();
     assert_eq!((traces.tree, traces.paths), (tree, paths));
-    // There is no reference to ask about.
+    // A job without a finish has no reference, so the scores on it are missing.
     assert_eq!(ask(&job, Question::Reference, &scored).scores, [None; 20]);
 }
 
 #[test]
-fn an_examination_can_be_stopped() {
+fn examination_ends_when_it_is_stopped() {
     let job = job(PLANNER);
     let genotype = job.optimiser().ask().genotypes.remove(0);
     let scored = Scored { generation: 0, candidate: 0, score: 0.0, genotype };

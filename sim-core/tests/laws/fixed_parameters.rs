@@ -1,4 +1,4 @@
-//! Laws of bounds: equal ones keep a parameter at their value, whatever the optimiser.
+//! Tests of equal bounds: they keep a parameter at their value in every optimiser.
 
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::problem::Job;
@@ -53,7 +53,7 @@ fn fixed_parameters_keep_their_value_in_every_optimiser() {
             let free = (0..bounds_of.len()).find(|&i| !is_fixed(i)).unwrap();
             assert!(
                 seen.iter().any(|genotype| genotype.numbers()[free] != seen[0].numbers()[free]),
-                "the others are searched"
+                "parameters that are not fixed must vary"
             );
         }
     }

@@ -1,4 +1,4 @@
-//! docs/formats.md says what the code says: every key, and the defaults.
+//! Comparison of docs/formats.md with the code: every key, and the defaults.
 
 use sim_core::base::registry::Registered;
 use sim_core::objective::ObjectiveKind;
@@ -7,12 +7,12 @@ use sim_core::search::SearchKind;
 
 const PAGE: &str = include_str!("../../../docs/formats.md");
 
-/// The page's blocks of TOML.
+/// TOML blocks of the page.
 fn blocks() -> Vec<&'static str> {
     PAGE.split("```toml\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect()
 }
 
-/// A block as a file, its gaits written out.
+/// A block as a job file, with a gait set in place of the path to one.
 fn file(block: &str) -> String {
     let evolving = "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty\"\ngaits = { count = 3 }\n\
                     fitness = { kind = \"coverage\" }\noptimiser = { kind = \"pso\" }";
@@ -25,15 +25,15 @@ fn file(block: &str) -> String {
     block.lines().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// Whether a line gives a key.
+/// Returns true if a line sets a key.
 fn is_setting(line: &str) -> bool {
     line.contains(" = ") && !line.starts_with('#')
 }
 
 #[test]
-fn each_key_of_the_page_stands_with_its_default() {
+fn documented_keys_have_their_default_values() {
     let [evolve, plan, _, simulate, replan, _] = blocks()[..] else { panic!("{} blocks of TOML", blocks().len()) };
-    // A motion that is planned anew has one way.
+    // A motion that is replanned has only one way.
     let ways = simulate.lines().find(|line| line.starts_with("ways")).unwrap();
     let replanned = simulate.replace(ways, "") + replan;
     for block in [evolve, plan, simulate, &replanned] {
@@ -46,12 +46,12 @@ fn each_key_of_the_page_stands_with_its_default() {
             let without = without.join("\n");
             if line.contains("# needed") {
                 let key = line.split(" = ").next().unwrap();
-                // Where plans are made anew the first one may be, too.
+                // With [simulate.replan] the first plan may be left out, because it is made, too.
                 let spared = key == "procedure" || key == "steps" && block.contains("[simulate.replan]");
                 assert!(spared || Checked::from_toml(&without).is_err(), "{line}");
                 needed += 1;
             } else {
-                assert_eq!(digest(&without), expected, "this is not the default: {line}");
+                assert_eq!(digest(&without), expected, "the value of this line is not the default: {line}");
                 tried += 1;
             }
         }
@@ -60,7 +60,7 @@ fn each_key_of_the_page_stands_with_its_default() {
 }
 
 #[test]
-fn the_page_has_every_key() {
+fn page_documents_every_key() {
     let evolve = file(blocks()[0]);
     let plan = file(blocks()[1]);
     let simulate = file(blocks()[3]);
@@ -77,7 +77,7 @@ fn the_page_has_every_key() {
         (&simulate, "[simulate.vary]"),
         (&replan, "[simulate.replan]"),
     ] {
-        // The error about a key that there is not lists those that there are.
+        // The error about an unknown key lists the known keys.
         let wrong = match table {
             "" => format!("qqqqqqqq = 1\n{text}"),
             table => text.replace(&format!("{table}\n"), &format!("{table}\nqqqqqqqq = 1\n")),

@@ -1,10 +1,11 @@
-//! Imports that must not be silently wrong: each kind of fault that files of this field showed, and more of its kind.
+//! Tests of imports that must not be silently wrong: every kind of fault that was seen in robot files, with variations.
 
 use sim_core::base::math::Vector;
 use sim_core::exchange::{Import, read, read_in};
 use sim_core::model::{Robot, RobotSpec};
 
-/// A torso with two arms; `%a` stands in the first arm's geom, `%j` in its joint, `%top` before the worldbody, `%world` in it.
+/// A torso with two arms, after replacing text by `changes`. Marks to replace: `%top` before the worldbody, `%world` in
+/// it, `%j` in the first arm's joint, `%a` in its geom, `%end` after the worldbody.
 fn mjcf(changes: &[(&str, &str)]) -> String {
     let mut text = r#"<mujoco model="m">%top
 <worldbody><geom type="plane" size="5 5 .1"/>%world
@@ -23,7 +24,7 @@ fn mjcf(changes: &[(&str, &str)]) -> String {
     ["%top", "%world", "%j", "%a", "%end"].iter().fold(text, |text, mark| text.replace(mark, ""))
 }
 
-/// Two links and a joint.
+/// Two links and a joint, after replacing text by `changes`.
 fn urdf(changes: &[(&str, &str)]) -> String {
     let mut text = r#"<?xml version="1.0"?>
 <robot name="r">
@@ -47,7 +48,7 @@ fn robot(text: &str) -> RobotSpec {
     read(text).unwrap_or_else(|e| panic!("{e}\n{text}")).robot
 }
 
-/// Every change is refused with its line and the words.
+/// Asserts that every change is refused with an error that has the line and contains the words.
 fn refused(base: fn(&[(&str, &str)]) -> String, cases: &[(&str, &str, u32, &str)]) {
     read(&base(&[])).unwrap();
     for (from, to, line, words) in cases {
@@ -57,7 +58,7 @@ fn refused(base: fn(&[(&str, &str)]) -> String, cases: &[(&str, &str, u32, &str)
     }
 }
 
-/// Every change leaves the robot as it is without it, but for names.
+/// Asserts that no change alters the robot, apart from names.
 fn same(base: fn(&[(&str, &str)]) -> String, cases: &[(&str, &str)]) {
     let expected = Robot::compile(&robot(&base(&[]))).unwrap().mechanics();
     for (from, to) in cases {
@@ -67,7 +68,7 @@ fn same(base: fn(&[(&str, &str)]) -> String, cases: &[(&str, &str)]) {
 }
 
 #[test]
-fn own_orientation_wins_over_class_in_any_spelling() {
+fn own_orientation_overrides_class_in_every_notation() {
     let spellings = [
         ("quat", "0.9659258262890683 0 0 0.25881904510252074"),
         ("euler", "0 0 30"),
@@ -110,7 +111,7 @@ fn unknown_content_is_refused_with_its_line() {
         &[
             (" mass=\".5\"%a", " masss=\".5\"", 6, "mass may be meant"),
             ("%a", " dammping=\"1\"", 6, "no attribute of <geom>"),
-            ("%a/>", "><mass>3</mass></geom>", 6, "nothing may stand"),
+            ("%a/>", "><mass>3</mass></geom>", 6, "no content is allowed"),
             ("%j/>", ">0 1 0</joint>", 5, "the text \"0 1 0\""),
             ("%j", " rnage=\"0 1\"", 5, "range may be meant"),
             ("<geom name=\"t\"", "<gem name=\"t\"", 4, "<geom> may be meant"),
@@ -159,7 +160,7 @@ fn second_shapes_and_repeated_elements_are_refused() {
             ("<parent link=\"b\"/>", "<parent link=\"b\"/><parent link=\"c\"/>", 8, "a second <parent>"),
         ],
     );
-    // Several <collision> are what the format has for several shapes.
+    // A link with several shapes has several <collision> elements.
     let two = "<collision><geometry><box size=\".1 .1 .1\"/></geometry></collision></link>\n<link name=\"c\">";
     assert_eq!(robot(&urdf(&[("</link>\n<link name=\"c\">", two)])).bodies[0].boxes.len(), 2);
     let inertial = "<inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\"/>";
@@ -167,7 +168,7 @@ fn second_shapes_and_repeated_elements_are_refused() {
 }
 
 #[test]
-fn physics_that_no_job_has_is_refused() {
+fn unsupported_physics_is_refused() {
     refused(
         mjcf,
         &[
@@ -197,7 +198,7 @@ fn physics_that_no_job_has_is_refused() {
         ],
     );
     refused(urdf, &[("<axis", "<dynamics damping=\".1\"/><axis", 9, "only 0 is allowed")]);
-    // Torques and speeds have ranges of their own, which are a job's.
+    // Ranges of torques and speeds are ignored: the job sets them.
     let motors =
         "<actuator><motor joint=\"ja\" ctrlrange=\"-1 1\"/><velocity joint=\"jb\" ctrlrange=\"-2 2\"/></actuator>";
     same(
@@ -216,7 +217,7 @@ fn physics_that_no_job_has_is_refused() {
 const SERVOS_NARROW: &str = "<actuator><position joint=\"ja\" ctrlrange=\"-0.3 0.3\"/><position joint=\"jb\" ctrlrange=\"-0.3 0.3\"/></actuator>";
 
 #[test]
-fn hinge_without_range_takes_that_of_its_servo() {
+fn hinge_without_range_gets_that_of_its_servo() {
     let servos = |low: &str| {
         format!(
             "<actuator><position joint=\"ja\" ctrlrange=\"{low} 1.5708\"/><position joint=\"jb\" ctrlrange=\"-1.5708 \
@@ -241,7 +242,7 @@ fn hinge_without_range_takes_that_of_its_servo() {
 }
 
 #[test]
-fn frames_are_poses_and_nothing_else() {
+fn frames_add_their_pose_to_their_content() {
     let flat = robot(&mjcf(&[]));
     let framed = |frame: &str, body: &str| {
         robot(&mjcf(&[
@@ -256,7 +257,7 @@ fn frames_are_poses_and_nothing_else() {
     let hinge = |spec: &RobotSpec| spec.bodies[1].hinge.clone().unwrap();
     assert!(near(hinge(&turned).anchor, hinge(&flat).anchor) && near(hinge(&turned).axis, hinge(&flat).axis));
     assert!(near(turned.bodies[1].boxes[0].center, flat.bodies[1].boxes[0].center));
-    // A geom and a joint in a frame, and a class that the frame gives.
+    // A geom and a joint inside frames, and a class that comes from the frame.
     let inside = robot(&mjcf(&[
         ("%top", "<default><default class=\"c\"><geom size=\".3 .1 .1\" type=\"box\"/></default></default>"),
         (
@@ -311,7 +312,7 @@ fn level_planes_of_static_bodies_are_the_ground() {
 }
 
 #[test]
-fn names_of_other_formats_are_mapped_and_noted() {
+fn invalid_names_are_mapped_with_a_note() {
     let names = |changes: &[(&str, &str)]| {
         let Import { robot, notes } = read(&mjcf(changes)).unwrap();
         Robot::compile(&robot).unwrap();
@@ -325,7 +326,7 @@ fn names_of_other_formats_are_mapped_and_noted() {
     ]);
     assert_eq!((model.as_str(), bodies[1].as_str(), hinges[0].as_str()), ("MuJoCo_Model", "left_leg__", "j___1"));
     assert!(note.contains("\"left leg/ä\" is left_leg__"), "{note}");
-    // Mapped names stay apart, and a name that is allowed keeps it.
+    // Mapped names stay unique, and an allowed name is not changed.
     let (_, bodies, ..) = names(&[("name=\"a\"", "name=\"b/c\""), ("name=\"b\"", "name=\"b_c\"")]);
     assert_eq!(bodies, ["root", "b_c-2", "b_c"]);
     let (_, bodies, hinges, _) = names(&[("name=\"a\" ", ""), ("name=\"b\"", "name=\"body1\""), ("name=\"ja\" ", "")]);
@@ -337,14 +338,14 @@ fn names_of_other_formats_are_mapped_and_noted() {
     let (_, bodies, ..) = names(&[("name=\"a\"", &format!("name=\"{long}\""))]);
     assert_eq!(bodies[1], "x".repeat(64));
     assert_eq!(robot(&urdf(&[("name=\"r\"", "name=\"my robot v2\"")])).name, "my_robot_v2");
-    // Excluded pairs and actuators name bodies and joints as the file does.
+    // Excluded pairs and actuators refer to bodies and joints by their names in the file.
     let exclude = "<contact><exclude body1=\"left leg\" body2=\"root\"/></contact><actuator><motor joint=\"a/j\"/>\
                    <motor joint=\"jb\"/></actuator>";
     names(&[("name=\"a\"", "name=\"left leg\""), ("name=\"ja\"", "name=\"a/j\""), ("%end", exclude)]);
 }
 
 #[test]
-fn repeated_names_are_told_as_such() {
+fn repeated_names_are_refused_with_both_lines() {
     refused(
         mjcf,
         &[
@@ -355,12 +356,12 @@ fn repeated_names_are_told_as_such() {
     refused(urdf, &[("name=\"c\"", "name=\"b\"", 5, "\"b\" is used twice, first in line 3")]);
     let joint = "<joint name=\"j\" type=\"fixed\"><parent link=\"b\"/><child link=\"d\"/></joint></robot>";
     let link = format!("<link name=\"d\"/>\n{joint}");
-    // A fixed joint carries no name here; a second hinge of the name does.
+    // Names of fixed joints are not kept, so a fixed joint may have the name of a hinge.
     read(&urdf(&[("</robot>", &link)])).unwrap();
 }
 
 #[test]
-fn extensions_without_bodies_are_passed_over_and_noted() {
+fn extensions_without_bodies_are_ignored_with_a_note() {
     let cases = [
         (
             "</robot>",
@@ -393,7 +394,7 @@ fn extensions_without_bodies_are_passed_over_and_noted() {
 }
 
 #[test]
-fn what_is_no_robot_is_told_as_what_it_is() {
+fn files_that_hold_no_robot_are_refused() {
     for (text, words) in [
         ("", "the file is empty"),
         (" \n", "the file is empty"),
@@ -425,7 +426,7 @@ fn what_is_no_robot_is_told_as_what_it_is() {
 }
 
 #[test]
-fn all_faults_of_a_file_are_listed_up_to_ten() {
+fn at_most_ten_faults_per_file_are_listed() {
     let said = read(&urdf(&[
         ("<box size=\".6 .3 .2\"/>", "<sphere radius=\".1\"/>"),
         ("lower=\"-1.5708\"", "lower=\"-.785\""),
@@ -439,7 +440,7 @@ fn all_faults_of_a_file_are_listed_up_to_ten() {
     let said = read(&mjcf(&[("%world", &many)])).unwrap_err().to_string();
     assert!(said.starts_with("14 faults\n") && said.ends_with("and 4 more: at most 10 are listed"), "{said}");
     assert_eq!(said.lines().count(), 12);
-    // Numbers that only a whole robot shows have the line of their body.
+    // Numbers that are refused only when the robot is compiled have the line of their body.
     refused(
         mjcf,
         &[
@@ -450,7 +451,7 @@ fn all_faults_of_a_file_are_listed_up_to_ten() {
 }
 
 #[test]
-fn files_of_too_many_bodies_are_refused_by_the_limit() {
+fn files_with_too_many_bodies_are_refused() {
     let bodies = "<body/>".repeat(30_000);
     let said = read(&mjcf(&[("%world", ""), ("<body name=\"b\"", &format!("{bodies}<body name=\"b\""))])).unwrap_err();
     assert!(said.to_string().contains("more than 1024 bodies"), "{said}");
@@ -463,7 +464,7 @@ fn files_of_too_many_bodies_are_refused_by_the_limit() {
 }
 
 #[test]
-fn inertia_that_no_such_body_can_have_is_doubted() {
+fn implausible_inertia_is_reported_as_doubtful() {
     let doubts = |text: &str| Robot::compile(&robot(text)).unwrap().doubts();
     assert!(doubts(&urdf(&[])).is_empty() && doubts(&mjcf(&[])).is_empty());
     let absurd = [
@@ -478,7 +479,7 @@ fn inertia_that_no_such_body_can_have_is_doubted() {
 }
 
 #[test]
-fn robot_in_metres_is_offered_a_unit_and_scaled_by_it() {
+fn robot_in_metres_is_detected_and_scaled() {
     let small = urdf(&[
         ("<box size=\".6 .3 .2\"/>", "<box size=\".06 .03 .02\"/>"),
         ("<box size=\".6 .2 .2\"/>", "<box size=\".06 .02 .02\"/>"),

@@ -1,4 +1,4 @@
-//! Laws of job files: identity, round trips, and that everything that ships is sound.
+//! Tests of job files: identity, round trips, and validity of everything that ships.
 
 use sim_core::engines::{Why, engine_digest, engine_digests, engines_digest};
 use sim_core::job::{JobSpec, Reference};
@@ -21,7 +21,7 @@ fn text(more: &str) -> String {
 }
 
 #[test]
-fn everything_that_ships_is_valid_and_survives_being_written() {
+fn shipped_jobs_are_valid_and_survive_round_trips() {
     for entry in catalogue::jobs() {
         let job = Job::from_toml(entry.toml).unwrap_or_else(|e| panic!("{}: {e}", entry.name));
         let again = Job::from_toml(&job.to_toml()).unwrap();
@@ -36,7 +36,7 @@ fn everything_that_ships_is_valid_and_survives_being_written() {
 }
 
 #[test]
-fn a_distance_weighs_only_what_its_goal_has() {
+fn distance_weights_need_matching_goal_fields() {
     let job = |goal: &str, weights: &str| {
         let map = format!(
             "{{ name = \"map\", size = [20, 20], start = {{ x = 0, y = 0 }}, goal = {{ x = 3, y = 4{goal} }} }}"
@@ -62,7 +62,7 @@ fn a_distance_weighs_only_what_its_goal_has() {
 }
 
 #[test]
-fn every_robot_ships_with_one_and_two_failed_modules() {
+fn variants_e1_e2_fail_one_and_two_modules() {
     for entry in catalogue::robots() {
         let spec: RobotSpec = toml::from_str(entry.toml).unwrap();
         assert_eq!(spec.name, entry.name);
@@ -90,7 +90,7 @@ fn every_variant_of_every_robot_settles() {
 }
 
 #[test]
-fn names_and_descriptions_are_no_part_of_a_jobs_identity_but_settings_are() {
+fn job_digest_ignores_names_and_covers_settings() {
     let digest = |text: String| Job::from_toml(&text).unwrap().digest();
     let base = digest(text(""));
     assert_eq!(base, digest(text("").replace("name = \"a\"", "name = \"b\"\ndescription = \"other\"")));
@@ -121,7 +121,7 @@ fn names_and_descriptions_are_no_part_of_a_jobs_identity_but_settings_are() {
     assert_ne!(engines[0], engines[1]);
 }
 
-/// The lizard with a joint stuck that none of its variants has: no table knows it.
+/// The lizard with a failed joint that is not one of its variants, so the fidelity table has no row for it.
 fn unknown_robot(more: &str) -> Job {
     let mut spec: JobSpec = toml::from_str(&text(more)).unwrap();
     let lizard = catalogue::find(catalogue::robots(), "lizard").unwrap();
@@ -132,7 +132,7 @@ fn unknown_robot(more: &str) -> Job {
 }
 
 #[test]
-fn a_job_that_leaves_its_engine_open_says_which_it_got_and_resolves_to_itself() {
+fn automatic_engine_choice_is_recorded_in_resolved_job() {
     let job = unknown_robot("");
     assert_eq!((job.chosen().engine, job.chosen().why), (EngineKind::Rapier, Why::Unmeasured));
     assert_eq!(job.spec().physics.engine, EngineChoice::Rapier);
@@ -143,7 +143,7 @@ fn a_job_that_leaves_its_engine_open_says_which_it_got_and_resolves_to_itself() 
 }
 
 #[test]
-fn a_lockstep_job_has_steps_of_its_own_and_is_finished_on_rapier_s_reference() {
+fn lockstep_job_has_own_steps_and_rapier_reference() {
     for (scale, steps) in [("paper", 200), ("real", 600)] {
         let of = |engine: &str, more: &str| {
             Job::from_toml(&text(&format!("physics = {{ scale = \"{scale}\", engine = \"{engine}\" }}\n{more}")))
@@ -157,8 +157,8 @@ fn a_lockstep_job_has_steps_of_its_own_and_is_finished_on_rapier_s_reference() {
         let (a, b) = (lockstep.reference().unwrap(), rapier.reference().unwrap());
         assert_eq!((a.chosen().engine, a.physics()), (EngineKind::Rapier, b.physics()));
         assert_eq!(a.start(), b.start());
-        // A finish is rapier's, and a robot that trembles on rapier settles on lockstep: only a lockstep job without a finish
-        // needs one engine alone.
+        // A finish needs rapier, and a robot that trembles on rapier settles on lockstep. So only a lockstep job
+        // without a finish needs a single engine.
         let bare = of("lockstep", "finish = { kind = \"none\" }");
         assert_eq!(bare.engine_digest(), engine_digest(EngineKind::Lockstep));
         for job in [&rapier, &lockstep] {
@@ -172,7 +172,7 @@ fn a_lockstep_job_has_steps_of_its_own_and_is_finished_on_rapier_s_reference() {
 }
 
 #[test]
-fn a_job_on_stairs_gets_lockstep_if_it_asks_and_rapier_if_it_leaves_it_open() {
+fn job_on_stairs_uses_rapier_unless_set_otherwise() {
     let on_stairs = |engine: &str| {
         let text = text(&format!("physics = {{ engine = \"{engine}\" }}"));
         Job::from_toml(&text.replace("\"empty\"", "\"stairs\""))
@@ -184,7 +184,7 @@ fn a_job_on_stairs_gets_lockstep_if_it_asks_and_rapier_if_it_leaves_it_open() {
 }
 
 #[test]
-fn settings_that_are_not_given_are_written_out() {
+fn default_settings_are_written_out() {
     let job = Job::from_toml(&text("")).unwrap();
     let written: JobSpec = toml::from_str(&job.to_toml()).unwrap();
     assert_eq!(written.physics.steps_per_second, Some(job.physics().steps_per_second));
@@ -194,7 +194,7 @@ fn settings_that_are_not_given_are_written_out() {
 }
 
 #[test]
-fn the_kind_of_joint_survives_being_written_and_a_kind_that_is_none_is_refused() {
+fn joint_kind_round_trips_and_unknown_is_refused() {
     let job = Job::from_toml(&text("physics = { joints = \"multibody\" }")).unwrap();
     assert_eq!(job.physics().joints, JointKind::Multibody);
     let again = Job::from_toml(&job.to_toml()).unwrap();
@@ -206,11 +206,11 @@ fn the_kind_of_joint_survives_being_written_and_a_kind_that_is_none_is_refused()
 }
 
 #[test]
-fn a_finish_is_written_out_with_the_reference_of_its_scale() {
+fn finish_is_written_with_reference_of_its_scale() {
     for (scale, steps, substeps) in [("paper", 60, 16), ("real", 120, 32)] {
         let job = Job::from_toml(&text(&format!("physics = {{ scale = \"{scale}\" }}"))).unwrap();
         let written: JobSpec = toml::from_str(&job.to_toml()).unwrap();
-        let finish = written.finish.as_ref().expect("it is written out");
+        let finish = written.finish.as_ref().expect("the finish must be written out");
         assert_eq!((finish.archive, finish.seeds, finish.audit), (Some(20), Some(20), Some(true)));
         assert_eq!((finish.steps_per_second, finish.substeps), (Some(steps), Some(substeps)));
         let reference = job.reference().unwrap();
@@ -226,7 +226,7 @@ fn a_finish_is_written_out_with_the_reference_of_its_scale() {
 }
 
 #[test]
-fn a_finish_that_can_not_be_is_refused_with_the_field_and_what_is_allowed() {
+fn invalid_finish_is_refused_by_field_and_range() {
     for (finish, said) in [
         ("archive = 0", "finish.archive = 0 is out of range: allowed is 1 to 1000"),
         ("seeds = 1001", "finish.seeds = 1001 is out of range: allowed is 1 to 1000"),
@@ -239,14 +239,14 @@ fn a_finish_that_can_not_be_is_refused_with_the_field_and_what_is_allowed() {
         let error = Job::from_toml(&text(&format!("finish = {{ {finish} }}"))).unwrap_err().to_string();
         assert!(error.contains(said), "{finish}: {error}");
     }
-    // 30 steps a second divide gaits of 0.1 s, 64 do not.
+    // Gaits of 0.1 s are a whole number of steps at 30 steps per second, but not at 64.
     let short = text("finish = { steps_per_second = 64 }").replace("count = 2", "count = 2, duration = 0.1");
     let error = Job::from_toml(&short).unwrap_err().to_string();
     assert!(error.starts_with("finish.steps_per_second: 0.1 s is not a whole number"), "{error}");
 }
 
 #[test]
-fn a_number_of_variants_that_can_not_be_is_refused_by_name_value_and_limits() {
+fn invalid_number_of_variants_is_refused_with_limits() {
     for wrong in [0, 17] {
         let error = Job::from_toml(&text(&format!("planner = {{ variants = {wrong} }}"))).unwrap_err().to_string();
         assert_eq!(error, format!("planner.variants = {wrong} is out of range: allowed is 1 to 16"));

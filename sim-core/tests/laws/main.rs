@@ -1,7 +1,8 @@
-//! What holds of robots, rollouts, planners, searches and procedures, seen from outside the crate: closed forms, invariants and
-//! recorded bits. One program: each more would cost as long to link and optimise as all of its tests take to run.
+//! Tests of robots, rollouts, planners, searches and procedures through the crate's public API: closed forms,
+//! invariants and recorded bits. All are in one program, because linking and optimising a second one would take as
+//! long as its tests.
 //!
-//! No test here adds a component to a registry: some go through all that are registered.
+//! No test here adds a component to a registry, because some tests iterate over all registered components.
 
 mod budget;
 mod events;

@@ -1,4 +1,4 @@
-//! A name that is misspelt is refused with its line: elements and attributes of MJCF and URDF, keys of TOML.
+//! Tests that a misspelt name is refused with its line: elements and attributes of MJCF and URDF, keys of TOML.
 
 use sim_core::base::error::Invalid;
 use sim_core::base::random::{Purpose, Stream};
@@ -10,18 +10,18 @@ use sim_core::model::{Robot, RobotSpec, catalogue};
 use sim_core::physics::{Physics, Scale};
 use std::collections::BTreeSet;
 
-/// Misspelt names a format.
+/// Number of misspelt names tried per format.
 const EACH: usize = 100;
-/// Elements that are passed over with all that is in them.
+/// Elements that the import ignores with their whole content.
 const WHOLE: [&str; 5] = ["light", "camera", "site", "visual", "custom"];
 
-/// Where a name begins, everywhere it has to be changed with itself, and its length in bytes.
+/// Positions of a name that must be changed together (start tag and end tag), and its length, in bytes.
 struct Name {
     starts: Vec<usize>,
     length: usize,
 }
 
-/// A good file, how it is read, and its names.
+/// A valid file, the function that reads it, and its names.
 struct Good {
     text: String,
     read: fn(&str) -> Result<(), Invalid>,
@@ -47,7 +47,7 @@ fn xml(text: String) -> Good {
         if text[range.clone()].ends_with(&end) {
             starts.push(range.end - end.len() + 2);
         }
-        // Another root element is another format, not a misspelt one.
+        // Another root element is another format, so a misspelt root is left out.
         if element != document.root_element() {
             names.push(Name { starts, length: tag.len() });
         }
@@ -57,7 +57,7 @@ fn xml(text: String) -> Good {
     Good { text, read: |text| read(text).map(|_| ()), names }
 }
 
-/// Keys before "=", and names of tables. Names of a user's choice (variants) are no keys.
+/// Finds the names of a TOML file: keys before `=`, and tables. Names that a user chooses (variants) are left out.
 fn toml_file(text: String, read: fn(&str) -> Result<(), Invalid>) -> Good {
     let mut names = Vec::new();
     let (mut at, mut inside_text, mut chosen) = (0, false, false);
@@ -86,7 +86,7 @@ fn toml_file(text: String, read: fn(&str) -> Result<(), Invalid>) -> Good {
     Good { text, read, names }
 }
 
-/// A letter doubled, left out or replaced, or two neighbours exchanged.
+/// Doubles, removes or replaces a letter, or exchanges two neighbours.
 fn misspell(name: &str, stream: &mut Stream) -> String {
     let mut letters: Vec<char> = name.chars().collect();
     let at = pick(stream, letters.len());
@@ -103,7 +103,7 @@ fn pick(stream: &mut Stream, among: usize) -> usize {
     (stream.uniform(0.0, among as f64) as usize).min(among - 1)
 }
 
-/// Misspells one name in each of many files; all must be refused with the line.
+/// Misspells one name at a time, [`EACH`] times, and asserts that every file is refused with the line of the name.
 fn check(seed: u64, goods: &[Good]) {
     let mut stream = Stream::new(seed, Purpose::Sample, 0, 0, 0);
     let known: BTreeSet<&str> = goods.iter().flat_map(|g| g.names.iter().map(|n| g.written(n))).collect();
@@ -116,7 +116,7 @@ fn check(seed: u64, goods: &[Good]) {
         let place = &good.names[pick(&mut stream, good.names.len())];
         let name = good.written(place);
         let wrong = misspell(name, &mut stream);
-        // Another name of the format is another meaning: no misspelling that a reader could see.
+        // A misspelling that is another name of the format can't be detected.
         if known.contains(wrong.as_str()) || wrong.as_str() == name || wrong == "kd" {
             continue;
         }
@@ -126,7 +126,7 @@ fn check(seed: u64, goods: &[Good]) {
         }
         let line = good.text[..place.starts[0]].matches('\n').count() + 1;
         let said = match (good.read)(&text) {
-            Ok(()) => panic!("line {line}: {name} written as {wrong} is taken:\n{text}"),
+            Ok(()) => panic!("line {line}: {name} written as {wrong} is accepted:\n{text}"),
             Err(invalid) => invalid.to_string(),
         };
         let told = [format!("line {line}, "), format!("line {line}\n"), format!("line {line}:")];

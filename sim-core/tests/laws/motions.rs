@@ -1,9 +1,9 @@
-//! Laws of motions: what becomes of events, tracks and phases where motions follow each other.
+//! Tests of motions: events, tracks and end phases of chained motions.
 
 use sim_core::model::Phase;
 use sim_core::physics::{Change, Event, Motion, TICK, Targets, Track};
 
-/// A motion of two ticks with its joint at an angle, after which its controller is in a phase of its own.
+/// A motion of two ticks that holds its joint at `angle`, with an end phase that depends on the angle.
 fn motion(angle: f64, events: Vec<Event>, tracks: &[(&str, f32)]) -> Motion {
     let track = |&(name, value): &(&str, f32)| Track { name: name.into(), unit: "", samples: vec![value; 3] };
     Motion::from(Targets::new(&[vec![angle; 3]], 2.0 * TICK))
@@ -17,7 +17,7 @@ fn fail(tick: u32, joint: usize) -> Event {
 }
 
 #[test]
-fn plain_table_has_neither_events_nor_tracks_nor_phase() {
+fn plain_table_has_no_events_tracks_or_phase() {
     let plain = Motion::standing(3, 0.1);
     assert!(plain.events().is_empty() && plain.tracks().is_empty());
     assert_eq!(plain.end_phase(), &Phase::default());
@@ -25,7 +25,7 @@ fn plain_table_has_neither_events_nor_tracks_nor_phase() {
 }
 
 #[test]
-fn events_act_by_tick_and_at_one_tick_as_given() {
+fn events_are_sorted_stably_by_tick() {
     let motion = motion(0.0, vec![fail(2, 0), fail(1, 3), fail(0, 1), fail(1, 2)], &[]);
     assert_eq!(motion.events(), [fail(0, 1), fail(1, 3), fail(1, 2), fail(2, 0)]);
 }

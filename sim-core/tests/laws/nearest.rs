@@ -1,11 +1,11 @@
-//! The tree of places answers as a linear scan does: same index, same bits.
+//! Comparison of the k-d tree of places with a linear scan: same index, same bits.
 
 use proptest::prelude::*;
 use sim_core::model::Place;
 use sim_core::plan::{Metric, Nearest};
 use std::f64::consts::PI;
 
-/// The oracle: the nearest place, ties to the lowest index.
+/// Finds the nearest place by a linear scan, without place `but`. Ties go to the lowest index.
 fn scan(metric: &Metric, places: &[Place], q: &Place, but: Option<usize>) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
     for (i, p) in places.iter().enumerate().filter(|(i, _)| Some(*i) != but) {
@@ -21,7 +21,8 @@ fn bits(answer: Option<(usize, f64)>) -> Option<(usize, u64)> {
     answer.map(|(i, distance)| (i, distance.to_bits()))
 }
 
-/// Adds the places one by one and asks for all questions in between, with and without the last answer.
+/// Adds the places one by one. In between, compares the results of all queries with a linear scan, first among all
+/// places, then without the nearest one.
 fn assert_as_scanned(metric: Metric, places: &[Place], questions: &[Place]) {
     let mut tree = Nearest::new(metric);
     assert_eq!(tree.nearest(&Place::ORIGIN, None), None);
@@ -33,14 +34,18 @@ fn assert_as_scanned(metric: Metric, places: &[Place], questions: &[Place]) {
         }
         for q in questions.iter().chain(&places[n - 1..n]) {
             let expected = scan(&metric, &places[..n], q, None);
-            assert_eq!(bits(tree.nearest(q, None)), bits(expected), "of {n}, nearest to {q:?}");
+            assert_eq!(bits(tree.nearest(q, None)), bits(expected), "nearest of {n} places to {q:?}");
             let but = expected.map(|(i, _)| i);
-            assert_eq!(bits(tree.nearest(q, but)), bits(scan(&metric, &places[..n], q, but)), "but {but:?}, {q:?}");
+            assert_eq!(
+                bits(tree.nearest(q, but)),
+                bits(scan(&metric, &places[..n], q, but)),
+                "without {but:?}, nearest to {q:?}"
+            );
         }
     }
 }
 
-/// Headings anywhere, where the circle closes, on a few exact values, and a bit beyond ±π as a start may have it.
+/// Headings: anywhere, within a few ulps of ±π, at multiples of π/2, and beyond ±π, as a start may have them.
 fn yaw() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => -PI..PI,
@@ -53,7 +58,7 @@ fn yaw() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// Places all over the map, in tight clusters, on a coarse lattice (exact ties), far out.
+/// Places: all over the map, in tight clusters, on a coarse lattice (exact ties), and far outside.
 fn place() -> impl Strategy<Value = Place> {
     let anywhere = (-24.0..24.0f64, -13.5..13.5f64, 0.0..3.0f64);
     let cluster = (-2i32..=2, -2i32..=2, 0i32..=1, -1e-9..1e-9f64)
@@ -72,7 +77,7 @@ fn metric() -> impl Strategy<Value = Metric> {
 
 proptest! {
     #[test]
-    fn the_tree_answers_as_a_scan_does(
+    fn kd_tree_matches_linear_scan(
         metric in metric(),
         places in prop::collection::vec(place(), 1..400),
         questions in prop::collection::vec(place(), 1..12),
@@ -81,7 +86,7 @@ proptest! {
     }
 
     #[test]
-    fn so_it_does_where_places_repeat(
+    fn kd_tree_matches_linear_scan_with_duplicate_points(
         metric in metric(),
         few in prop::collection::vec(place(), 1..4),
         picks in prop::collection::vec(0usize..4, 1..300),
@@ -92,7 +97,7 @@ proptest! {
     }
 
     #[test]
-    fn so_it_does_where_numbers_are_broken(
+    fn kd_tree_matches_linear_scan_with_nonfinite_numbers(
         places in prop::collection::vec(place(), 1..60),
         at in 0usize..60,
         broken in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
@@ -107,7 +112,7 @@ proptest! {
 }
 
 #[test]
-fn places_along_a_line_or_on_one_spot_are_found_in_any_order() {
+fn kd_tree_matches_linear_scan_on_degenerate_sets() {
     let metric = Metric { yaw_weight: 0.5, z: 1.0, ..Metric::default() };
     let line = |i: i32| Place { x: f64::from(i) * 0.25, ..Place::ORIGIN };
     let questions: Vec<Place> = (-3..20).map(|i| Place { x: f64::from(i) * 50.125, ..Place::ORIGIN }).collect();

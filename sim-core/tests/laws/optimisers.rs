@@ -1,4 +1,4 @@
-//! The optimisers against functions whose optima are known, and the laws that every one of them keeps.
+//! Tests of the optimisers: functions with known optima, and invariants of all optimisers.
 
 use proptest::prelude::*;
 use sim_core::base::digest::Digest;
@@ -13,7 +13,7 @@ fn sphere(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum()
 }
 
-/// Σ 100 (xᵢ₊₁ − xᵢ²)² + (1 − xᵢ)². Minimum 0 at (1, …, 1), at the end of a bent valley; searched in ±2.048.
+/// Σ 100 (xᵢ₊₁ − xᵢ²)² + (1 − xᵢ)². Minimum 0 at (1, …, 1), at the end of a curved valley; searched in ±2.048.
 fn rosenbrock(x: &[f64]) -> f64 {
     let squared = |v: f64| v * v;
     x.windows(2).map(|x| 100.0 * squared(x[1] - x[0] * x[0]) + squared(1.0 - x[0])).sum()
@@ -35,7 +35,7 @@ fn cube(half: f64, dimensions: usize) -> Space {
     Space::of_reals(vec![(-half, half); dimensions])
 }
 
-/// All candidates of all generations, as they were asked for.
+/// Runs a search and returns the candidates of each generation.
 fn path(optimiser: &mut dyn Search, generations: u32, f: impl Fn(&[f64]) -> Option<f64>) -> Vec<Vec<Genotype>> {
     (0..generations)
         .map(|_| {
@@ -47,22 +47,22 @@ fn path(optimiser: &mut dyn Search, generations: u32, f: impl Fn(&[f64]) -> Opti
         .collect()
 }
 
-/// The least value that a search found.
+/// Returns the smallest value that a search found.
 fn least(spec: &OptimiserSpec, space: Space, generations: u32, seed: u64, f: impl Fn(&[f64]) -> f64) -> f64 {
     let mut optimiser = build(spec, space, Direction::Minimise, seed);
     let candidates = path(&mut *optimiser, generations, |x| Some(f(x)));
     candidates.iter().flatten().map(|x| f(x.numbers())).fold(f64::INFINITY, f64::min)
 }
 
-/// Median over nine seeds, so that no single lucky or unlucky run decides.
+/// Returns the median of [`least`] over nine seeds, so that a single run does not decide.
 fn median_least(spec: &OptimiserSpec, space: Space, generations: u32, f: impl Fn(&[f64]) -> f64) -> f64 {
     let mut found: Vec<f64> = (1..=9).map(|seed| least(spec, space.clone(), generations, seed, &f)).collect();
     found.sort_by(f64::total_cmp);
     found[4]
 }
 
-/// Values that a sound implementation reaches with room to spare, and a broken one (no social pull, no mutation, a bound
-/// that traps) does not.
+/// A correct implementation reaches these limits with a margin. A broken one (no social term, no mutation, candidates
+/// that stay at a bound) does not.
 #[test]
 fn known_optima_are_found() {
     let stated = [
@@ -78,12 +78,12 @@ fn known_optima_are_found() {
             ("Rosenbrock", median_least(&spec, cube(2.048, 3), 400, rosenbrock), rosenbrock_value),
             ("Rastrigin", median_least(&spec, cube(5.12, 3), 300, rastrigin), rastrigin_value),
         ] {
-            assert!(found < stated, "{kind} on {name}: {found:e}, stated {stated:e}");
+            assert!(found < stated, "{kind} on {name}: {found:e}, limit {stated:e}");
         }
     }
 }
 
-/// An optimum at a corner is reached exactly where positions are clamped, and nearly where they are reflected.
+/// Optimisers that clamp positions reach an optimum at a corner exactly. Those that reflect positions come near.
 #[test]
 fn optima_at_the_bounds_are_found() {
     let sum = |x: &[f64]| x.iter().sum::<f64>();
@@ -105,10 +105,10 @@ fn all_candidates_stay_within_the_bounds() {
 }
 
 #[test]
-fn a_restored_state_goes_on_with_the_same_bits() {
+fn restored_optimiser_continues_with_the_same_bits() {
     for kind in KINDS {
         for failures in [false, true] {
-            // With failures, particle states without a best are stored too.
+            // With failures, some particles have no best yet when the state is stored.
             let score = |x: &[f64]| (!failures || x[0] > 0.3).then(|| rastrigin(x));
             let make = || build(&spec(kind, 7), cube(5.12, 6), Direction::Minimise, 5);
             let mut first = make();
@@ -123,7 +123,7 @@ fn a_restored_state_goes_on_with_the_same_bits() {
 }
 
 #[test]
-fn asking_twice_gives_the_same_and_a_seed_gives_another() {
+fn candidates_are_repeatable_and_depend_on_the_seed() {
     for kind in KINDS {
         let one = build(&spec(kind, 7), cube(5.12, 6), Direction::Minimise, 5);
         assert_eq!(one.ask(), one.ask());
@@ -132,7 +132,7 @@ fn asking_twice_gives_the_same_and_a_seed_gives_another() {
 }
 
 #[test]
-fn states_that_do_not_fit_are_refused_and_change_nothing() {
+fn mismatched_states_are_refused_without_effect() {
     let make =
         |kind, size, dimensions, seed| build(&spec(kind, size), cube(1.0, dimensions), Direction::Maximise, seed);
     for kind in KINDS {
@@ -165,18 +165,19 @@ fn states_that_do_not_fit_are_refused_and_change_nothing() {
             (out_of_bounds, "out of its bounds"),
         ] {
             let error = optimiser.restore(&bad).unwrap_err().to_string();
-            assert!(error.contains(says), "{kind}: \"{error}\" should say \"{says}\"");
+            assert!(error.contains(says), "{kind}: \"{error}\" must contain \"{says}\"");
             assert_eq!(optimiser.save(), good);
         }
     }
 }
 
-/// A half of the space that always fails holds better values than the rest. Nothing may be drawn there for good.
+/// Evaluations in one part of the space always fail, although it has the better values. The search must not settle
+/// there.
 #[test]
-fn a_failed_evaluation_never_becomes_best() {
+fn failed_evaluation_never_becomes_the_best() {
     for kind in KINDS {
         for failed in [None, Some(f64::NAN)] {
-            // Maximise x₀, but everything above 0.5 fails: the search must settle below.
+            // Maximises x₀. Everything above 0.5 fails, so the search must settle below.
             let score = |x: &[f64]| if x[0] > 0.5 { failed } else { Some(x[0]) };
             let mut optimiser = build(&spec(kind, 30), cube(1.0, 2), Direction::Maximise, 2);
             let candidates = path(&mut *optimiser, 60, score);
@@ -188,19 +189,19 @@ fn a_failed_evaluation_never_becomes_best() {
         }
         let mut optimiser = build(&spec(kind, 4), cube(1.0, 2), Direction::Maximise, 2);
         path(&mut *optimiser, 3, |_| None);
-        assert_eq!(optimiser.generation(), 3, "{kind} goes on when all fail");
+        assert_eq!(optimiser.generation(), 3, "{kind} must continue if all evaluations fail");
     }
 }
 
 #[test]
 #[should_panic(expected = "one evaluation")]
-fn a_missing_evaluation_is_a_bug() {
+fn missing_evaluation_causes_a_panic() {
     build(&spec("pso", 4), cube(1.0, 2), Direction::Maximise, 2).tell(&[]);
 }
 
-/// What a stored or published run rests on. Only a change that is meant to change results may change these.
+/// Stored and published runs depend on these digests. Only a change that is meant to change results may change them.
 #[test]
-fn recorded_paths() {
+fn search_paths_have_their_recorded_digests() {
     let hash = |kind| {
         let mut optimiser = build(&spec(kind, 10), cube(5.12, 4), Direction::Minimise, 2016);
         Digest::of("optimiser path", &path(&mut *optimiser, 20, |x| Some(rastrigin(x)))).short()
@@ -246,8 +247,8 @@ fn settings_out_of_range_are_refused_by_name() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
-    /// Only the order of scores matters, so adding a constant changes nothing. Values on a grid of 1/1024 keep the
-    /// addition exact.
+    /// Optimisers use only the order of scores, so adding a constant changes nothing. Values on a grid of 1/1024 keep
+    /// the addition exact.
     #[test]
     fn translation_of_the_objective_changes_nothing(seed: u64, constant in -1_000_000i32..1_000_000, kind in 0usize..3) {
         let f = |x: &[f64]| (rastrigin(x) * 1024.0).round() / 1024.0;
@@ -258,7 +259,7 @@ proptest! {
         prop_assert_eq!(run(0.0), run(constant.into()));
     }
 
-    /// minimise(f) ≡ maximise(−f)
+    /// Minimising f is the same as maximising −f.
     #[test]
     fn minimising_is_maximising_the_negative(seed: u64, kind in 0usize..3) {
         let run = |direction, sign: f64| {

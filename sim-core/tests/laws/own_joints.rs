@@ -1,15 +1,16 @@
-//! Joints with limits, speed and torque of their own, against closed forms on every engine and kind of joint.
+//! Tests of joints with own limits, speed and torque: closed forms, on every engine and kind of joint.
 
 use sim_core::engines::engine;
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::physics::{EngineKind, JointKind, Outcome, Physics, Request, Scale, TICK, Targets};
 
-/// The arm: a cube of 0.5 kg and edge 0.48 mu, its centre 0.25 mu from the axis.
+/// Mass of the arm, a cube of edge 0.48 mu, kg.
 const MASS: f32 = 0.5;
+/// Distance of the arm's centre from the axis, mu.
 const LENGTH: f32 = 0.25;
 
-/// An arm that hangs down from the side of a heavy block on the ground, its axis along y. `own` are further keys of its
-/// hinge.
+/// An arm that hangs down from the side of a heavy block on the ground, with its axis along y. `own`: further keys of
+/// its hinge.
 fn swing(own: &str) -> Robot {
     let inertia = MASS * 0.48 * 0.48 / 6.0;
     let text = format!(
@@ -45,7 +46,7 @@ fn engines() -> [(EngineKind, Physics); 3] {
     ]
 }
 
-/// The joint's angle after the targets, rad, from an angle at rest.
+/// Returns the joint's angle after the motion, rad. The motion starts at rest at the angle `from`.
 fn reached(kind: EngineKind, physics: &Physics, robot: &Robot, from: f32, targets: &Targets) -> f32 {
     let mut start = robot.neutral();
     start.joints[0] = from;
@@ -60,7 +61,7 @@ fn constant(target: f64) -> Targets {
 }
 
 #[test]
-fn joint_that_is_pushed_beyond_its_limits_stops_at_them() {
+fn joint_driven_beyond_its_limits_stops_at_them() {
     let robot = swing(", limits = [-0.3, 0.5]");
     for (kind, physics) in engines() {
         for (target, expected) in [(-2.5, -0.3), (2.5, 0.5)] {
@@ -70,9 +71,10 @@ fn joint_that_is_pushed_beyond_its_limits_stops_at_them() {
     }
 }
 
-/// A motor too weak to lift the arm holds it where m g d sin θ is its torque; the job's own lifts it to the target.
+/// A motor that is too weak to lift the arm holds it at the angle θ where m g d sin θ equals its torque. The job's
+/// motor lifts the arm to the target.
 #[test]
-fn joint_of_little_torque_stalls_where_the_load_equals_it() {
+fn weak_joint_stalls_where_load_equals_torque() {
     for (kind, physics) in engines() {
         let stalled = 0.5;
         let torque = MASS * physics.gravity * LENGTH * libm::sinf(stalled);
@@ -83,7 +85,7 @@ fn joint_of_little_torque_stalls_where_the_load_equals_it() {
     }
 }
 
-/// A step of 1 rad at 0.8 rad/s is reached after 1.25 s; before that the joint is where speed times time is.
+/// At 0.8 rad/s a step of 1 rad takes 1.25 s. Until then the angle is speed times time.
 #[test]
 fn greatest_speed_turns_step_into_ramp() {
     let robot = swing(", speed = 0.8");
@@ -98,7 +100,7 @@ fn greatest_speed_turns_step_into_ramp() {
 }
 
 #[test]
-fn targets_within_limits_and_speed_are_left_to_the_bit() {
+fn targets_within_limits_keep_their_bits() {
     let robot = swing(", limits = [-1.0, 1.0], speed = 10.0");
     let signal: Vec<f64> = (0..Targets::ticks(2.0)).map(|t| 0.9 * libm::sin(4.0 * TICK * t as f64)).collect();
     let free = Targets::new(&[signal], 2.0);

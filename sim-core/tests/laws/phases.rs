@@ -1,4 +1,4 @@
-//! Controllers that go on from where an earlier motion left them.
+//! Tests of controllers that continue from the end phase of an earlier motion.
 
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::base::registry::Registered;
@@ -10,7 +10,7 @@ fn quadropod() -> RobotSpec {
     toml::from_str(catalogue::find(catalogue::robots(), "quadropod").unwrap().toml).unwrap()
 }
 
-/// The quadropod, with joints that may turn no faster than so many rad/s.
+/// The quadropod, with a greatest speed of all joints, rad/s.
 fn robot(speed: Option<f32>) -> Robot {
     let mut robot = Robot::compile(&quadropod()).unwrap();
     robot.hinges.iter_mut().for_each(|hinge| hinge.speed = speed);
@@ -23,19 +23,21 @@ fn gait(controller: &dyn Controller, joints: usize) -> Vec<f64> {
     (0..joints).flat_map(|_| each).map(|p| stream.uniform(p.bounds.0, p.bounds.1)).collect()
 }
 
-/// The targets of a motion at every tick from `first` on.
+/// Bits of a motion's targets at every tick from `first` on.
 fn rows(motion: &Motion, first: usize) -> Vec<Vec<u32>> {
     motion.targets().rows().skip(first).map(|row| row.iter().map(|target| target.to_bits()).collect()).collect()
 }
 
 #[test]
-fn a_motion_that_goes_on_from_a_phase_has_the_bits_of_the_unbroken_one() {
+fn motion_continued_from_a_phase_keeps_its_bits() {
     for controller in <dyn Controller>::registry().all() {
         for speed in [None, Some(1.5)] {
             let robot = robot(speed);
             let gait = gait(controller, robot.hinges.len());
             let run = |duration, from| {
-                controller.compile(&Run { from, ..Run::new(&robot, duration) }, &gait).expect("it has a motion")
+                controller
+                    .compile(&Run { from, ..Run::new(&robot, duration) }, &gait)
+                    .expect("the gait must have a motion")
             };
             let whole = run(3.0, None);
             let first = run(1.2, None);
@@ -47,7 +49,7 @@ fn a_motion_that_goes_on_from_a_phase_has_the_bits_of_the_unbroken_one() {
 }
 
 #[test]
-fn a_phase_of_another_gait_is_refused_and_nothing_panics() {
+fn phase_of_another_gait_is_refused() {
     let robot = robot(None);
     for controller in <dyn Controller>::registry().all() {
         let gait = gait(controller, robot.hinges.len());

@@ -1,5 +1,5 @@
-//! Laws of jobs that plan with given gaits: trees end at the goal, plans are ways through their tree, results are refused
-//! that can't be, and nothing depends on who computes what.
+//! Tests of jobs that plan with given gaits: trees end at the goal, plans are paths through their trees, impossible
+//! results are refused, and results do not depend on how tasks are distributed.
 
 use serde::de::DeserializeOwned;
 use sim_core::evaluate;
@@ -11,7 +11,7 @@ use sim_core::procedure::{self, Bench, Hooks, Step};
 use sim_core::report::{PathMode, end_of_plan};
 use std::sync::Arc;
 
-/// Nothing stops the work.
+/// Hooks that never stop the work.
 pub struct Never;
 
 impl Hooks for Never {
@@ -20,7 +20,7 @@ impl Hooks for Never {
     }
 }
 
-/// A table of gaits: the best of four sets of two drawn at random for a quadropod.
+/// Table of gaits for a quadropod: of four random sets of two gaits, the one with the best coverage.
 pub fn gaits() -> String {
     let evolving = Job::from_toml(
         "name = \"a\"\nseed = 4\nrobot = \"quadropod\"\nenvironment = \"empty\"\ngaits = { count = 2, duration = 4.0 }\n\
@@ -34,7 +34,7 @@ pub fn gaits() -> String {
     format!("joints = {:?}\ngenome = [{}]\n", evolving.robot().joint_names(), gaits.join(", "))
 }
 
-/// A job that plans with these gaits; `more` are keys of the plan, `planner` of the planner.
+/// Job file that plans with these gaits. `planner`: keys of the planner; `more`: keys of the plan.
 pub fn text(environment: &str, planner: &str, more: &str) -> String {
     format!(
         "name = \"plan\"\nprocedure = \"plan\"\nseed = 3\nrobot = \"quadropod\"\nenvironment = {environment}\n\
@@ -52,8 +52,8 @@ fn candidates(job: &Job) -> Vec<(u32, sim_core::genotype::Genotype)> {
 pub const NEAR: &str = r#"{ name = "near", size = [30, 20], start = { x = -5, y = 0 }, goal = { x = -3, y = 1, radius = 0.7 },
     obstacle = [{ center = [0, 3], size = [2, 1], top = 2 }] }"#;
 
-/// All rounds of a job, tasks handed out so many at a time, saved and loaded in between. The results of each round, and the
-/// report.
+/// Runs all rounds of a job with `at_once` tasks per batch, and saves and loads the procedure before each round.
+/// Returns the results of each round, and the report.
 pub fn run<R: DeserializeOwned>(text: &str, at_once: usize) -> (Vec<Vec<Vec<u8>>>, R) {
     let job = Checked::from_toml(text).unwrap();
     let bench = Bench::open(&job.to_toml()).unwrap();
@@ -88,7 +88,7 @@ fn tree(job: &Job, seed: u32) -> (Tree, bool) {
 }
 
 #[test]
-fn trees_and_plans_do_not_depend_on_batches_nor_on_what_is_saved_between() {
+fn plans_do_not_depend_on_batches_or_saving() {
     for engine in ["lockstep", "rapier"] {
         let text = text(NEAR, "iterations = 12", "seeds = 7") + &format!("[physics]\nengine = \"{engine}\"\n");
         let (all, report) = run::<PlanReport>(&text, 7);
@@ -101,7 +101,7 @@ fn trees_and_plans_do_not_depend_on_batches_nor_on_what_is_saved_between() {
 }
 
 #[test]
-fn plans_are_ways_through_their_trees_and_their_numbers_those_of_their_ends() {
+fn plans_are_paths_of_trees_with_matching_scores() {
     for algorithm in ["flood-fill", "original", "nearest-valid"] {
         let text = text(NEAR, &format!("iterations = 40, algorithm = \"{algorithm}\""), "seeds = 6");
         let job = Job::from_toml(&text).unwrap();
@@ -109,7 +109,7 @@ fn plans_are_ways_through_their_trees_and_their_numbers_those_of_their_ends() {
         let goal = job.environment().goal.unwrap();
         let mut reached = 0;
         for (seed, grown) in report.plans.iter().enumerate() {
-            let grown = grown.as_ref().expect("no budget is set");
+            let grown = grown.as_ref().expect("without a budget every tree must grow");
             let (tree, at_goal) = tree(&job, seed as u32);
             let mut at = 0;
             for step in &grown.plan {
@@ -119,30 +119,30 @@ fn plans_are_ways_through_their_trees_and_their_numbers_those_of_their_ends() {
                         tree.nodes[i].edge == Some((at, step.gait as usize))
                             && [place.x, place.y, place.z, place.yaw] == [step.x, step.y, step.z, step.yaw]
                     })
-                    .expect("each step is an edge of the tree");
+                    .expect("each step must be an edge of the tree");
             }
             assert_eq!(at, end_of_plan(job.environment(), &tree));
             let to_goal = |p: &Place| p.planar_distance(&Place { x: goal.x, y: goal.y, ..*p });
             let least = tree.nodes.iter().map(|node| to_goal(&node.place)).fold(f64::INFINITY, f64::min);
             assert_eq!(grown.distance, Some(least));
-            assert_eq!(grown.score, least, "without a fitness table it is the distance to the goal");
+            assert_eq!(grown.score, least, "without a fitness table the score must be the distance to the goal");
             assert_eq!((grown.reached, at_goal), (least <= goal.radius, least <= goal.radius));
             reached += usize::from(grown.reached);
             if at_goal && algorithm != "flood-fill" {
-                assert_eq!(at, tree.nodes.len() - 1, "growth ends with the node that reaches the goal");
+                assert_eq!(at, tree.nodes.len() - 1, "growth must end with the node that reaches the goal");
             }
         }
         assert!(reached > 0, "{algorithm}: the goal is too far for this test");
         let scores: Vec<f64> = report.plans.iter().map(|grown| grown.as_ref().unwrap().score).collect();
         let best = scores.iter().copied().fold(f64::INFINITY, f64::min);
         assert_eq!(scores.iter().position(|s| *s == best), Some(report.best as usize));
-        // The path as the tree has it ends where the tree says; simulated again from exact ends it stays near.
+        // The first path is that of the tree, so it has no end error.
         assert_eq!(report.paths[0].end_error, 0.0);
     }
 }
 
 #[test]
-fn whole_trees_go_on_beyond_the_goal() {
+fn whole_trees_grow_on_beyond_the_goal() {
     let stopping = text(NEAR, "iterations = 60, algorithm = \"original\"", "seeds = 3");
     let whole = text(NEAR, "iterations = 60, algorithm = \"original\", stop_at_goal = false", "seeds = 3");
     let (stopping, whole) = (Job::from_toml(&stopping).unwrap(), Job::from_toml(&whole).unwrap());
@@ -150,16 +150,16 @@ fn whole_trees_go_on_beyond_the_goal() {
     let ends = |job: &Job| (0..3).map(|seed| tree(job, seed)).collect::<Vec<_>>();
     let mut cut = 0;
     for ((a, at_goal), (b, never)) in ends(&stopping).into_iter().zip(ends(&whole)) {
-        assert!(!never && a.nodes[..] == b.nodes[..a.nodes.len()], "both grow the same tree up to the goal");
+        assert!(!never && a.nodes[..] == b.nodes[..a.nodes.len()], "both jobs must grow the same tree up to the goal");
         cut += usize::from(at_goal && a.nodes.len() < b.nodes.len());
     }
     assert!(cut > 0);
-    let [(first, _), (second, _), _] = &ends(&whole)[..] else { panic!("three trees") };
-    assert_ne!(first, second, "each tree has random numbers of its own");
+    let [(first, _), (second, _), _] = &ends(&whole)[..] else { panic!("there must be three trees") };
+    assert_ne!(first, second, "each tree must have its own random numbers");
 }
 
 #[test]
-fn without_a_goal_a_plan_leads_farthest_and_coverage_is_the_score() {
+fn job_without_a_goal_is_scored_by_coverage() {
     let text = text("\"empty\"", "iterations = 10", "seeds = 2");
     let (_, report) = run::<PlanReport>(&text, 2);
     let job = Job::from_toml(&text).unwrap();
@@ -171,7 +171,7 @@ fn without_a_goal_a_plan_leads_farthest_and_coverage_is_the_score() {
 }
 
 #[test]
-fn results_that_no_tree_has_are_refused() {
+fn impossible_results_of_a_tree_are_refused() {
     let text = text(NEAR, "iterations = 12", "seeds = 2");
     let job = Checked::from_toml(&text).unwrap();
     let bench = Bench::open(&job.to_toml()).unwrap();
@@ -184,7 +184,7 @@ fn results_that_no_tree_has_are_refused() {
     let sound = bench.run(1, &round.shared, &[(0, task)], &Never).unwrap().remove(0);
     procedure.check(0, &sound).unwrap();
     let TaskResult::Grown(Tried { grown: Some(grown), counts }) = TaskResult::decode(&sound).unwrap() else {
-        panic!("a tree")
+        panic!("the result must be a tree")
     };
     assert!(!grown.plan.is_empty());
     let with = |change: &dyn Fn(&mut Grown)| {
@@ -214,12 +214,14 @@ fn results_that_no_tree_has_are_refused() {
     let failed = TaskResult::Grown(Tried { grown: None, counts }).encode();
     procedure.check(0, &failed).unwrap();
     let failed: Arc<[u8]> = failed.into();
-    let Step::Failed(reason) = procedure.tell(&[failed.clone(), failed]).step else { panic!("there is no plan") };
+    let Step::Failed(reason) = procedure.tell(&[failed.clone(), failed]).step else {
+        panic!("the job must fail without a plan")
+    };
     assert!(reason.starts_with("all 2 trees failed"), "{reason}");
 }
 
 #[test]
-fn jobs_that_can_not_plan_are_refused_by_field() {
+fn invalid_planning_jobs_are_refused_by_field() {
     let good = text(NEAR, "iterations = 12", "seeds = 2");
     let job = Checked::from_toml(&good).unwrap();
     let again = Checked::from_toml(&job.to_toml()).unwrap();
@@ -261,7 +263,7 @@ fn jobs_that_can_not_plan_are_refused_by_field() {
 }
 
 #[test]
-fn gaits_out_of_the_job_s_bounds_are_refused_by_number() {
+fn gaits_outside_the_bounds_are_refused_by_index() {
     let good = text(NEAR, "iterations = 12", "seeds = 2");
     let bounded = good.replace("duration = 4.0 }", "duration = 4.0, bounds = { mu = [0.9, 0.90001] } }");
     let told = Checked::from_toml(&bounded).unwrap_err().to_string();
@@ -269,7 +271,7 @@ fn gaits_out_of_the_job_s_bounds_are_refused_by_number() {
 }
 
 #[test]
-fn a_job_without_given_gaits_ends_no_tree_at_the_goal_unless_it_says_so() {
+fn search_trees_stop_at_goal_only_if_set() {
     let job = |planner: &str| {
         Job::from_toml(&format!(
             "name = \"a\"\nrobot = \"quadropod\"\nenvironment = \"empty-goal\"\ngaits = {{ count = 2 }}\n\
@@ -280,7 +282,11 @@ fn a_job_without_given_gaits_ends_no_tree_at_the_goal_unless_it_says_so() {
     let (silent, no, yes) =
         (job(""), job("planner = { stop_at_goal = false }"), job("planner = { stop_at_goal = true }"));
     assert_eq!((silent.planner().stop_at, no.planner().stop_at), (None, None));
-    assert_eq!((silent.digest(), silent.to_toml()), (no.digest(), no.to_toml()), "what is neutral is not written");
+    assert_eq!(
+        (silent.digest(), silent.to_toml()),
+        (no.digest(), no.to_toml()),
+        "neutral settings must not be written"
+    );
     assert_eq!(yes.planner().stop_at, Some((3.0, 0.0, 1.0)));
     assert_ne!(yes.digest(), no.digest());
 }

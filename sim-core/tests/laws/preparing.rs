@@ -1,4 +1,4 @@
-//! Laws of round 0: what settling finds, keeps and may cost, and preparations that are refused.
+//! Tests of round 0: result and budget of settling, and results that are refused.
 
 use crate::procedure::{Batches, SMALL, StopAfter, assert_refused, evaluated, results_of, small};
 use sim_core::base::limits;
@@ -24,7 +24,7 @@ fn impossible_preparations_are_refused() {
     assert_eq!(*sound, *of(SMALL));
     assert!(procedure.show(&sound).starts_with("settled with its pivot at a height of "));
     let bare = SMALL.replace("finish = {", "finish = { kind = \"none\" }\n#");
-    // The bits of a settled start: its first number is the pivot's x.
+    // Replaces a number of the settled start; number 0 is the pivot's x.
     let altered = |at: usize, number: f32| {
         let mut bytes = sound.to_vec();
         bytes[2 + 4 * at..][..4].copy_from_slice(&number.to_le_bytes());
@@ -46,7 +46,7 @@ fn impossible_preparations_are_refused() {
 }
 
 #[test]
-fn preparation_keeps_its_bits() {
+fn encoded_preparation_keeps_its_bits() {
     for entry in sim_core::model::catalogue::robots() {
         let job = Checked::from_toml(&SMALL.replace("quadropod", entry.name)).unwrap();
         let preparation = job.prepare(&|| false).unwrap();
@@ -63,14 +63,14 @@ fn preparation_keeps_its_bits() {
     }
 }
 
-/// A mast with its mass beside its foot: under little gravity it falls longer than settling lasts.
+/// A mast with its mass beside its foot. Under little gravity its fall takes longer than settling lasts.
 const TIPPING: &str = r#"<mujoco model="mast"><worldbody><body name="root" pos="0 0 2"><freejoint/>
     <geom type="box" size="0.05 0.05 1" mass="0.1"/>
     <body name="a" pos="0.06 0 0.9"><joint name="j" axis="0 1 0" range="-90 90"/>
     <geom type="box" size="0.3 0.1 0.1" pos="0.35 0 0" mass="2"/></body></body></worldbody></mujoco>"#;
 
 #[test]
-fn robot_that_can_not_stand_fails_in_round_0() {
+fn robot_that_keeps_moving_fails_in_round_0() {
     let robot = toml::to_string(&sim_core::exchange::read(TIPPING).unwrap().robot).unwrap();
     let head = SMALL.replace("robot = \"quadropod\"\n", "").replace("engine =", "gravity = 0.05, engine =");
     let table = robot.lines().map(|line| match line.strip_prefix("[[").or(line.strip_prefix('[')) {

@@ -1,4 +1,4 @@
-//! Laws of procedures: golden jobs driven round by round, results that are refused, states that are saved and loaded.
+//! Tests of procedures: golden jobs run round by round, results that are refused, states that are saved and loaded.
 
 use sim_core::base::encoding;
 use sim_core::base::score::Counts;
@@ -14,7 +14,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Hooks that stop after so many questions.
+/// Hooks that stop the work at the n-th call of `stop`.
 pub struct StopAfter(pub Cell<u64>);
 
 impl Hooks for StopAfter {
@@ -28,14 +28,14 @@ fn never() -> StopAfter {
     StopAfter(Cell::new(u64::MAX))
 }
 
-/// How tasks of a round are handed out.
+/// Order and grouping of a round's tasks.
 #[derive(Clone, Copy)]
 pub enum Batches {
-    /// In order, as many as fit.
+    /// In order, with as many tasks as the round allows.
     Full,
-    /// The last first, each alone.
+    /// In reverse order, one by one.
     BackwardsAlone,
-    /// Those with an even index, then those with an odd one.
+    /// Tasks with an even index, then those with an odd one.
     EvenOdd,
 }
 
@@ -46,7 +46,7 @@ struct Ran {
     report: Report,
 }
 
-/// Results of a round's tasks, by index.
+/// Runs a round's tasks and returns their results by index.
 pub fn results_of(procedure: &dyn Procedure, bench: &Bench, batches: Batches) -> Vec<Arc<[u8]>> {
     let round = procedure.round();
     let all: Vec<(u32, Vec<u8>)> = (0..round.tasks).map(|i| (i, procedure.task(i))).collect();
@@ -68,7 +68,7 @@ pub fn results_of(procedure: &dyn Procedure, bench: &Bench, batches: Batches) ->
     results
 }
 
-/// Runs a job to its end, saved and loaded before every round.
+/// Runs a job to its end, and saves and loads the procedure before every round.
 fn run(job: &Checked, batches: Batches) -> Ran {
     let bench = Bench::open(&job.to_toml()).unwrap();
     let mut procedure = procedure::start(job).unwrap();
@@ -97,7 +97,7 @@ fn run(job: &Checked, batches: Batches) -> Ran {
     }
 }
 
-/// A recorded job and what came of it.
+/// A golden job and its recorded results.
 fn golden(name: &str) -> (Checked, serde_json::Value) {
     let file = |suffix: &str| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../tests/golden/{name}.{suffix}"));
@@ -185,7 +185,7 @@ fn batches_and_their_order_change_no_bit() {
     }
 }
 
-/// A procedure of the job at its first round of a phase, with made-up scores up to there.
+/// Returns the job's procedure at the first round of `phase`; the rounds before have made-up scores.
 fn at_phase(job: &Checked, bench: &Bench, phase: &str) -> Box<dyn Procedure> {
     let mut procedure = procedure::start(job).unwrap();
     while procedure.round().phase != phase {
@@ -202,7 +202,7 @@ fn at_phase(job: &Checked, bench: &Bench, phase: &str) -> Box<dyn Procedure> {
     procedure
 }
 
-/// A result that a task can have.
+/// Returns a made-up, valid result of a task.
 fn made_up(task: &[u8]) -> TaskResult {
     match Task::decode(task).unwrap() {
         Task::Evaluate { generation, candidate, .. } => evaluated(Some(f64::from(10 * generation + candidate))),
@@ -217,13 +217,13 @@ pub fn evaluated(score: Option<f64>) -> TaskResult {
     TaskResult::Evaluated { genotype: None, score, descriptors: Vec::new(), counts: Counts::default() }
 }
 
-/// Asserts that each of these results is refused for its reason, and that the procedure stays as it is.
+/// Asserts that each of these results is refused for its reason, and that the procedure does not change.
 pub fn assert_refused(procedure: &dyn Procedure, index: u32, results: Vec<(Vec<u8>, &str)>) {
     let before = procedure.save();
     for (result, reason) in results {
         let refused = procedure.check(index, &result).expect_err(reason).to_string();
         let subject = format!("the result of {} is refused: ", procedure.describe(index));
-        assert!(refused.starts_with(&subject) && refused.contains(reason), "{refused} has no \"{reason}\"");
+        assert!(refused.starts_with(&subject) && refused.contains(reason), "\"{refused}\" must contain \"{reason}\"");
     }
     assert_eq!(procedure.save(), before);
 }
@@ -309,7 +309,7 @@ fn impossible_traces_are_refused() {
     procedure.check(index, &result).unwrap();
     assert_eq!(procedure.show(&result), "traces");
     let Ok(TaskResult::Examined { scores, counts, traces: Some(traces) }) = TaskResult::decode(&result) else {
-        panic!("no traces")
+        panic!("the result must have traces")
     };
     let with = |change: &dyn Fn(&mut Traces)| {
         let mut traces = traces.clone();
@@ -350,7 +350,7 @@ fn search_without_a_success_fails_the_job() {
     let told = procedure.tell(&failed);
     assert_eq!(told.step, Step::Next);
     assert_eq!(told.row.unwrap().values[0].value, None);
-    let Step::Failed(reason) = procedure.tell(&failed).step else { panic!("it did not fail") };
+    let Step::Failed(reason) = procedure.tell(&failed).step else { panic!("the job must fail") };
     assert!(reason.starts_with("all 8 evaluations failed"), "{reason}");
 }
 
@@ -376,7 +376,7 @@ fn tasks_of_another_job_are_not_run() {
 }
 
 #[test]
-fn damaged_states_are_refused_or_what_they_say() {
+fn damaged_state_is_refused_or_loaded_exactly() {
     let job = small();
     let bench = Bench::open(&job.to_toml()).unwrap();
     for phase in ["preparing", "searching", "finishing", "reporting"] {
@@ -399,7 +399,7 @@ fn damaged_states_are_refused_or_what_they_say() {
 }
 
 #[test]
-pub fn results_of_each_kind_have_a_format_of_their_own() {
+pub fn results_of_each_kind_have_their_own_format() {
     let result = evaluated(Some(12.5));
     assert_eq!(result.to_string(), "score 12.5 (bits 4029000000000000)");
     assert_eq!(evaluated(None).to_string(), "failed");

@@ -1,11 +1,11 @@
-//! Trees as they were recorded: what makes the planner faster must not change a bit of them.
+//! Recorded digests of trees: a faster planner must not change a bit of them.
 
 use sim_core::base::digest::Digest;
 use sim_core::evaluate::{Trial, grow, search_streams};
 use sim_core::genotype::Genotype;
 use sim_core::problem::Job;
 
-/// Digest of the trees and counts of two candidates.
+/// Digest of the trees, scores and counts of two candidates.
 fn recorded(robot: &str, environment: &str, planner: &str, duration: f64) -> String {
     let job = Job::from_toml(&format!(
         r#"
@@ -45,7 +45,7 @@ const STAIRS: &str = r#"{ name = "near-stairs", size = [20, 10], start = { x = -
     { center = [0, 0], size = [4, 10], top = 0.3 } ] }"#;
 
 #[test]
-fn trees_are_those_recorded_bit_by_bit() {
+fn trees_have_their_recorded_digests() {
     for (robot, environment, planner, duration, expected) in [
         ("quadropod", "\"empty\"", "iterations = 150", 4.0, "4600fe153bc5"),
         ("quadropod", "\"empty\"", "iterations = 100, algorithm = \"original\", repeats = 3", 4.0, "bb89fbefe506"),

@@ -1,4 +1,4 @@
-//! Laws of transition reuse: what is simulated, how often, and what a node starts from.
+//! Tests of transition reuse: which transitions are simulated, how often, and the start of each node.
 
 use sim_core::base::math::{Pose, Vector, about_z};
 use sim_core::base::random::{Purpose, Stream};
@@ -36,7 +36,7 @@ fn trial(job: &Job, candidate: u32, tolerance: f64, variants: u32) -> Trial {
 }
 
 #[test]
-fn with_a_variant_for_every_configuration_the_tree_is_that_of_tolerance_zero() {
+fn unlimited_variants_give_the_tree_of_tolerance_zero() {
     let job = job("iterations = 15");
     for candidate in 0..3 {
         let plain = trial(&job, candidate, 0.0, 1);
@@ -49,13 +49,13 @@ fn with_a_variant_for_every_configuration_the_tree_is_that_of_tolerance_zero() {
         assert_ne!(
             trial(&job, candidate, 0.05, 1).tree(),
             plain.tree(),
-            "reuse changes nothing: this test shows little"
+            "reuse must change the tree, or this test shows nothing"
         );
     }
 }
 
 #[test]
-fn variants_are_members_of_their_local_state_and_no_more_than_asked_for() {
+fn variants_belong_to_their_local_state_within_limit() {
     let job = job("iterations = 60");
     let mut several = 0;
     for (candidate, variants) in [(0, 1), (0, 3), (1, 3), (2, 8)] {
@@ -66,7 +66,8 @@ fn variants_are_members_of_their_local_state_and_no_more_than_asked_for() {
             let reached = trial.table.get(growth.transition_to(node).unwrap()).unwrap();
             let start = trial.table.start_of_node(reached, node);
             let representative = reached.end_start.unwrap();
-            // A member ends where it says, to the bit; the others are within the tolerance of their representative.
+            // A node that became a member starts exactly at its rollout's end. Other nodes start within the tolerance
+            // of their representative.
             if let Some(member) = reached.end_member {
                 assert_eq!(start, member);
                 assert_eq!(trial.table.start(member).joints, reached.rollout.end.joints);
@@ -92,7 +93,7 @@ fn variants_are_members_of_their_local_state_and_no_more_than_asked_for() {
 }
 
 #[test]
-fn variants_do_not_depend_on_who_shares_a_batch() {
+fn variants_do_not_depend_on_the_batch() {
     let job = job("iterations = 30, variants = 4, repeats = 2");
     let candidates: Vec<(u32, Genotype)> = (0..).zip(job.optimiser().ask().genotypes).collect();
     let together = evaluate(&job, 0, &candidates, &|| false).unwrap();
@@ -102,14 +103,14 @@ fn variants_do_not_depend_on_who_shares_a_batch() {
 }
 
 #[test]
-fn an_expanded_node_is_never_asked_for_again_nor_simulated_twice() {
+fn node_is_expanded_and_simulated_only_once() {
     for algorithm in ["flood-fill", "original", "nearest-valid"] {
         let own = job(&format!("algorithm = \"{algorithm}\"")).planner();
         let settings = PlannerSettings { iterations: 2000, map: [12.0, 12.0], ..own };
         let mut rrt = settings.start(Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
         let mut asked = BTreeSet::new();
         while let Ask::Expand(node) = rrt.ask(&|_, _| 0.0) {
-            assert!(asked.insert(node), "{algorithm:?} asks for node {node} twice");
+            assert!(asked.insert(node), "{algorithm:?} expands node {node} twice");
             let from = rrt.tree().nodes[node].place;
             let step = |x: f64, y: f64| {
                 let to = from.then(&Place { x, y, ..Place::ORIGIN });
@@ -134,7 +135,8 @@ fn an_expanded_node_is_never_asked_for_again_nor_simulated_twice() {
     }
 }
 
-/// The way of a robot that steps 1 mu and turns, again and again, by an angle that depends chaotically on its first joint.
+/// Path of a robot that repeats a step of 1 mu and a turn. The angle of the turn depends chaotically on its first
+/// joint.
 fn staggered(reuse: Reuse) -> Vec<Place> {
     let job = job("");
     let mut table = Transitions::new(1, reuse, job.start());
@@ -168,13 +170,14 @@ fn staggered(reuse: Reuse) -> Vec<Place> {
 }
 
 #[test]
-fn variants_lead_a_robot_off_the_polygon_that_one_transition_repeated_walks() {
+fn variants_break_the_polygon_of_a_repeated_transition() {
     let farthest = |tolerance, variants| {
         let way = staggered(Reuse { tolerance, variants });
         way.iter().map(|p| p.planar_distance(&Place::ORIGIN)).fold(0.0, f64::max)
     };
     let (plain, frozen, varied) = (farthest(0.0, 1), farthest(0.05, 1), farthest(0.05, 16));
-    // The first transition turns by 1.6 (0.37 − 0.5) + 0.4 rad: a polygon in a circle of diameter 1 / sin(0.096).
+    // The first transition turns by 1.6 (0.37 − 0.5) + 0.4 = 0.192 rad. Its repetition gives a polygon in a circle of
+    // diameter 1 / sin(0.096) mu.
     assert!(frozen <= 1.0 / libm::sin(0.096) + 1e-3, "{frozen}");
     assert!(plain > 2.0 * frozen && varied > 2.0 * frozen, "plain {plain}, 1 variant {frozen}, 16 variants {varied}");
 }

@@ -1,5 +1,5 @@
-//! Laws of jobs that simulate a given motion: the work of motors is the energy they gave, a plan replays with the bits of its
-//! tree, each repeat draws by itself, and nothing depends on who computes what.
+//! Tests of jobs that simulate a given motion: the work of motors is the energy that they gave, a plan replays with the
+//! bits of its tree, each repeat has its own random numbers, and results do not depend on how tasks are distributed.
 
 use crate::planning::{NEAR, Never, gaits, run, text as planning_text};
 use sim_core::base::math::{Pose, Rotation, Vector};
@@ -12,7 +12,7 @@ use sim_core::procedure::plan::PlanReport;
 use sim_core::procedure::simulate::{Drawn, Ended, Run, SimulationReport, Task, TaskResult};
 use sim_core::procedure::{self, Bench, Hooks, Step};
 
-/// A quadropod that executes two random gaits: `simulate` are the keys of its table, `more` other tables.
+/// Job file of a quadropod that executes two random gaits. `simulate`: keys of that table; `more`: other tables.
 fn text(environment: &str, simulate: &str, more: &str) -> String {
     format!(
         "name = \"simulation\"\nprocedure = \"simulate\"\nseed = 3\nrobot = \"quadropod\"\nenvironment = {environment}\n\
@@ -27,9 +27,9 @@ fn simulated(text: &str) -> SimulationReport {
     run::<SimulationReport>(text, 3).1
 }
 
-/// In free flight without gravity all kinetic energy is what the motor gave; the motor stops while the axle still turns.
+/// In free flight without gravity all kinetic energy comes from the motor. The rollouts end while the axle still turns.
 #[test]
-fn work_of_motors_in_free_flight_is_the_kinetic_energy() {
+fn work_of_motors_in_flight_is_kinetic_energy() {
     let robot: RobotSpec = toml::from_str(
         "name = \"axle\"\npivot = \"block\"\n[[body]]\nname = \"block\"\nmass = 4.0\ninertia = [0.7, 0.9, 0.9, 0, 0, 0]\n\
          [[body.box]]\nhalf = [0.5, 0.5, 0.5]\n[[body]]\nname = \"rotor\"\nmass = 1.0\ncenter_of_mass = [0.3, 0, 0]\n\
@@ -50,7 +50,7 @@ fn work_of_motors_in_free_flight_is_the_kinetic_energy() {
         let paper = Physics::of_scale(Scale::Paper);
         let physics = Physics { gravity: 0.0, steps_per_second: 1000, substeps, joints, ..paper };
         for (target, seconds) in [(0.6, 0.05), (0.6, 0.1), (-0.4, 0.15)] {
-            // A target that moves evenly, then stands.
+            // A target that moves at constant speed for 0.12 s, then stands.
             let ramp: Vec<f64> = (0..=40).map(|tick| target * (f64::from(tick) * TICK / 0.12).min(1.0)).collect();
             let motion = Motion::from(Targets::new(&[ramp], seconds));
             let rollout =
@@ -60,7 +60,7 @@ fn work_of_motors_in_free_flight_is_the_kinetic_energy() {
             let (block, rate) = (f64::from(velocities.pivot.angular.x), f64::from(velocities.rates[0]));
             let kinetic = 0.5 * (0.7 * block * block + 0.1 * (block + rate) * (block + rate));
             let work = rollout.effort.work;
-            // rapier tells no torques: there they are estimated.
+            // rapier does not report torques, so they are estimated there.
             let tolerance = if kind == EngineKind::Lockstep { 1e-4 } else { 0.1 };
             assert!(kinetic > 0.1, "{kind} {joints:?}: {kinetic}");
             assert!((work - kinetic).abs() < tolerance * kinetic, "{kind} {joints:?}: {work}, {kinetic}");
@@ -70,7 +70,7 @@ fn work_of_motors_in_free_flight_is_the_kinetic_energy() {
 }
 
 #[test]
-fn runs_do_not_depend_on_batches_nor_on_what_is_saved_between() {
+fn runs_do_not_depend_on_batches_or_saving() {
     for engine in ["lockstep", "rapier"] {
         let vary =
             "steps = [1, 2, 1]\nrepeats = 5\nvary = { friction = [0.6, 1.0], x = [-0.2, 0.2], target_noise = 0.05 }";
@@ -81,7 +81,7 @@ fn runs_do_not_depend_on_batches_nor_on_what_is_saved_between() {
         assert_eq!((report.repeats.len(), report.unvaried.len(), report.bodies.len()), (5, 2, 9));
         for runs in &report.repeats {
             assert_eq!(runs.iter().map(|run| run.way).collect::<Vec<_>>(), [Way::Resimulated, Way::Continuous]);
-            assert_eq!(runs[0].drawn, runs[1].drawn, "both ways of a repeat draw the same");
+            assert_eq!(runs[0].drawn, runs[1].drawn, "both ways of a repeat must have the same draws");
             assert_eq!(runs[0].gaits, [0, 1, 0]);
             assert_ne!(runs[0].end, runs[1].end);
         }
@@ -91,7 +91,7 @@ fn runs_do_not_depend_on_batches_nor_on_what_is_saved_between() {
 }
 
 #[test]
-fn draws_lie_in_their_ranges_and_one_more_range_changes_no_other() {
+fn draws_lie_in_their_ranges_and_are_independent() {
     let drawn = |vary: &str, repeat: u32| {
         let job = Checked::from_toml(&text(OPEN, &format!("steps = [1]\nvary = {{ {vary} }}"), "")).unwrap();
         Drawn::of(&job, Some(repeat))
@@ -108,14 +108,14 @@ fn draws_lie_in_their_ranges_and_one_more_range_changes_no_other() {
         assert_eq!((alone.friction, alone.start), (friction, [-1.0, 2.0, 0.5]));
         assert_eq!((alone.motor_strength, alone.dead), (1.0, Vec::new()));
     }
-    assert_eq!(seen.len(), 8, "every joint dies now and then");
+    assert_eq!(seen.len(), 8, "every joint must be drawn as dead at least once");
     let fixed = drawn("friction = [0.7, 0.7], yaw = [0.2, 0.2]", 9);
     assert_eq!((fixed.friction, fixed.start[2]), (0.7, 0.7));
 }
 
-/// Without reuse a tree's transitions are those of exact ends, which is what the resimulated way is.
+/// Without reuse every transition of a tree starts at its parent's exact end, as in the resimulated way.
 #[test]
-fn plan_of_a_tree_without_reuse_replays_with_its_bits() {
+fn plan_without_reuse_replays_with_its_bits() {
     for (algorithm, engine) in [("original", "lockstep"), ("flood-fill", "lockstep"), ("original", "rapier")] {
         let planner = format!("iterations = 60, algorithm = \"{algorithm}\", reuse_tolerance = 0.0");
         let physics = format!("physics = {{ engine = \"{engine}\" }}");
@@ -136,13 +136,13 @@ fn plan_of_a_tree_without_reuse_replays_with_its_bits() {
                 "{algorithm} on {engine}"
             );
             assert_eq!(run.distance(&job), grown.distance);
-            assert!(run.succeeded(&job), "the plan ends within the goal's radius and touches nothing");
+            assert!(run.succeeded(&job), "the plan must end within the goal's radius and touch nothing");
         }
     }
 }
 
 #[test]
-fn displaced_start_displaces_all_of_a_run_on_flat_ground() {
+fn displaced_start_displaces_the_whole_run() {
     let report =
         simulated(&text(OPEN, "steps = [2]\nrepeats = 6\nvary = { x = [-3, 3], y = [-3, 3], yaw = [-2, 2] }", ""));
     let unvaried = report.unvaried[0].run.displacement();
@@ -157,13 +157,13 @@ fn displaced_start_displaces_all_of_a_run_on_flat_ground() {
 }
 
 #[test]
-fn what_varies_acts() {
+fn varied_quantities_change_the_run() {
     let of = |vary: &str| {
         let report = simulated(&text(OPEN, &format!("steps = [1]\nrepeats = 2\nvary = {{ {vary} }}"), ""));
         (report.unvaried[0].run.clone(), report.repeats[0][0].clone())
     };
     let (unvaried, same) = of("friction = [0.8, 0.8]");
-    assert_eq!((same.end, same.work), (unvaried.end, unvaried.work), "0.8 is the friction of the scale");
+    assert_eq!((same.end, same.work), (unvaried.end, unvaried.work), "0.8 is the default friction of the scale");
     assert!(unvaried.travelled > 0.5 && unvaried.turnover > 1.0, "{unvaried:?}");
     let (_, dead) = of("dead_joints = 8");
     assert!(dead.travelled < 0.05 && dead.turnover < 0.1, "{dead:?}");
@@ -175,7 +175,7 @@ fn what_varies_acts() {
 }
 
 #[test]
-fn tables_of_targets_move_as_the_gait_that_they_are_of() {
+fn target_table_moves_like_its_gait() {
     let gait = text(OPEN, "steps = [2]", "");
     let job = Job::from_toml(&gait).unwrap();
     let genes: Vec<f64> = job.given_gaits().unwrap().gaits(2).nth(1).unwrap().to_vec();
@@ -198,7 +198,7 @@ fn tables_of_targets_move_as_the_gait_that_they_are_of() {
 }
 
 #[test]
-fn robot_that_stands_stays_where_it_is() {
+fn standing_robot_stays_in_place() {
     for robot in ["quadropod", "lizard"] {
         let text = format!(
             "name = \"stand\"\nprocedure = \"simulate\"\nrobot = \"{robot}\"\nenvironment = \"empty\"\nsimulate = {{ stand = 1.03 }}\n"
@@ -206,14 +206,14 @@ fn robot_that_stands_stays_where_it_is() {
         let report = simulated(&text);
         let run = &report.unvaried[0].run;
         assert!(run.travelled < 1e-3 && run.turnover < 1e-2, "{run:?}");
-        // It ends with a step and a tick.
+        // The duration is rounded up to whole steps and ticks.
         assert!(run.seconds >= 1.03 && run.seconds < 1.2, "{} s", run.seconds);
         assert!(run.contact.contains(&1.0));
     }
 }
 
 #[test]
-fn plans_are_made_anew_until_the_goal_is_reached() {
+fn robot_replans_until_the_goal_is_reached() {
     let planner = "planner = { iterations = 60, reuse_tolerance = 0.0 }";
     let replan = |keys: &str| {
         text(NEAR, &format!("repeats = 3\nvary = {{ friction = [0.5, 1.1] }}\nreplan = {{ {keys} }}"), planner)
@@ -223,30 +223,30 @@ fn plans_are_made_anew_until_the_goal_is_reached() {
     for run in report.repeats.iter().flatten().chain(report.unvaried.iter().map(|recorded| &recorded.run)) {
         assert!(run.succeeded(&job) && run.replans >= 1 && !run.gaits.is_empty(), "{run:?}");
     }
-    // On the physics that it was made on the first plan leads there; no deviation is allowed, and none is.
+    // With the physics that it was planned with, the first plan reaches the goal without any deviation.
     assert_eq!(report.unvaried[0].run.replans, 1);
     assert_eq!(simulated(&replan("deviation = 0.0")).unvaried, report.unvaried);
-    // A single plan is carried out to its end where friction is another.
+    // With `most = 1` the first plan is executed to its end, also with another friction.
     let one = simulated(&replan("deviation = 0.0, most = 1"));
     assert!(one.repeats.iter().flatten().all(|run| run.replans == 1));
 }
 
-/// The plan says that its steps lead elsewhere than they do: it is made anew after the first of them.
+/// The places of the plan are wrong, so the robot replans after the first step.
 #[test]
-fn a_plan_that_leads_elsewhere_is_made_anew_at_once() {
+fn wrong_plan_is_replaced_after_its_first_step() {
     let planner = "planner = { iterations = 60, reuse_tolerance = 0.0 }";
     let replan = |keys: &str| {
         let steps = "steps = [1, 1, 1]\nplaces = [[9, 9, 0, 0], [9, 9, 0, 0], [9, 9, 0, 0]]";
         simulated(&text(NEAR, &format!("{steps}\nreplan = {{ {keys} }}"), planner)).unvaried[0].run.clone()
     };
-    assert_eq!(replan("").gaits[0], 0, "the first step is carried out as it is given");
+    assert_eq!(replan("").gaits[0], 0, "the first step must be executed as given");
     assert!(replan("").replans >= 1);
     let patient = replan("deviation = 50.0, most = 1");
-    assert_eq!(patient.gaits[..3], [0, 0, 0], "no step is 50 mu from where the plan says");
+    assert_eq!(patient.gaits[..3], [0, 0, 0], "no step ends 50 mu from its place in the plan");
 }
 
 #[test]
-fn start_that_is_blocked_is_told_and_its_run_is_no_success() {
+fn blocked_start_is_reported_and_its_run_fails() {
     let vary = "steps = [1]\nrepeats = 4\nvary = { x = [5.0, 5.0], y = [3.0, 3.0] }";
     let report = simulated(&text(NEAR, vary, ""));
     let job = Checked::from_toml(&text(NEAR, vary, "")).unwrap();
@@ -262,7 +262,7 @@ fn start_that_is_blocked_is_told_and_its_run_is_no_success() {
 }
 
 #[test]
-fn runs_that_no_motion_has_are_refused() {
+fn impossible_results_of_a_run_are_refused() {
     let text = text(NEAR, "steps = [1, 2]\nrepeats = 2\nvary = { friction = [0.6, 1.0] }", "");
     let job = Checked::from_toml(&text).unwrap();
     let bench = Bench::open(&job.to_toml()).unwrap();
@@ -275,7 +275,9 @@ fn runs_that_no_motion_has_are_refused() {
     assert_eq!(Task::decode(&procedure.task(2)), Ok(Task::Unvaried));
     procedure.check(0, &repeat).unwrap();
     procedure.check(2, &unvaried).unwrap();
-    let TaskResult::Repeated(runs, counts) = TaskResult::decode(&repeat).unwrap() else { panic!("a repeat") };
+    let TaskResult::Repeated(runs, counts) = TaskResult::decode(&repeat).unwrap() else {
+        panic!("the result must be that of a repeat")
+    };
     let with = |change: &dyn Fn(&mut Run)| {
         let mut runs = runs.clone();
         change(&mut runs[1]);
@@ -304,14 +306,16 @@ fn runs_that_no_motion_has_are_refused() {
         let said = procedure.check(0, &result).expect_err(reason).to_string();
         assert!(said.starts_with("the result of repeat 0 is refused") && said.contains(reason), "{said}");
     }
-    let TaskResult::Unvaried(mut recorded, counts) = TaskResult::decode(&unvaried).unwrap() else { panic!("samples") };
+    let TaskResult::Unvaried(mut recorded, counts) = TaskResult::decode(&unvaried).unwrap() else {
+        panic!("the result must be that of the unvaried runs")
+    };
     recorded[0].touching[0].pop();
     let said = procedure.check(2, &TaskResult::Unvaried(recorded, counts).encode()).unwrap_err().to_string();
     assert!(said.contains("the contacts of each body"), "{said}");
 }
 
 #[test]
-fn jobs_that_can_not_simulate_are_refused_by_field() {
+fn invalid_simulation_jobs_are_refused_by_field() {
     let good = text(NEAR, "steps = [1, 2]\nrepeats = 2\nvary = { friction = [0.6, 1.0] }", "");
     let job = Checked::from_toml(&good).unwrap();
     let again = Checked::from_toml(&job.to_toml()).unwrap();

@@ -1,4 +1,4 @@
-//! Laws of starts and goals: on flat ground and on terrain, and what a robot scores that stays where it starts.
+//! Tests of starts and goals, on flat ground and on terrain, and of the score of a robot that stays at its start.
 
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::evaluate;
@@ -11,7 +11,7 @@ use sim_core::problem::Job;
 
 const COVERAGE: &str = "{ kind = \"coverage\" }";
 
-/// A small job of a shipped robot in an environment given as a file.
+/// Small job of a shipped robot. `environment`: text of an environment file.
 fn job(robot: &str, environment: &str, fitness: &str, more: &str) -> Result<Job, String> {
     let text = format!(
         "name = \"a\"\nrobot = \"{robot}\"\nenvironment = \"empty\"\ngaits = {{ count = 2, duration = 2.0 }}\n\
@@ -23,7 +23,7 @@ fn job(robot: &str, environment: &str, fitness: &str, more: &str) -> Result<Job,
     Job::new(JobSpec { environment: Reference::Inline(Box::new(environment)), ..spec }).map_err(|e| e.to_string())
 }
 
-/// A map with the start at (−10, 0) and these blocks.
+/// Environment file of a map with the start at (−10, 0) and these blocks.
 fn map(blocks: &str) -> String {
     format!("name = \"map\"\nsize = [40.0, 20.0]\nstart = {{ x = -10.0, y = 0.0, yaw = 0.3 }}\n{blocks}")
 }
@@ -32,7 +32,7 @@ fn terrain(center: [f64; 2], size: [f64; 2], top: f64) -> String {
     format!("[[terrain]]\ncenter = {center:?}\nsize = {size:?}\ntop = {top:?}\n")
 }
 
-/// Height of the pivot above the ground of the map at the start.
+/// Height of the pivot at the start above the ground of the map, mu.
 fn height(job: &Job) -> f64 {
     job.root().z
 }
@@ -55,7 +55,7 @@ fn start_on_terrain_is_as_high_as_the_terrain() {
 
 #[test]
 fn robot_with_still_gaits_stays_on_its_plateau() {
-    // Joints that keep to 0: μ = 0 is a cycle without amplitude.
+    // All joints stay at 0, because μ = 0 gives a limit cycle of amplitude 0.
     let plateau = map(&terrain([-10.0, 0.0], [10.0, 10.0], 0.3));
     let stairs = map(&(terrain([-10.0, 0.0], [10.0, 20.0], 0.3) + &terrain([0.0, 0.0], [10.0, 20.0], 0.6)));
     for (map, engine) in [(&plateau, "rapier"), (&stairs, "rapier"), (&stairs, "lockstep")] {
@@ -129,7 +129,7 @@ fn every_robot_fits_at_every_shipped_goal() {
         let Some(goal) = environment.goal else { continue };
         goals += 1;
         for robot in catalogue::robots() {
-            // A start at the goal is refused where the robot touches an obstacle there.
+            // A start at the goal is refused if the robot touches an obstacle there.
             for heading in 0..24 {
                 let mut there = environment.clone();
                 there.start.x = goal.x;
@@ -156,7 +156,7 @@ fn every_robot_fits_at_every_shipped_goal() {
 }
 
 #[test]
-fn goal_that_the_robot_can_not_stand_at_names_its_obstacle() {
+fn blocked_goal_names_its_obstacle() {
     let block =
         |x: f64, size: f64| format!("[[obstacle]]\ncenter = [{x:?}, 0.0]\nsize = [{size:?}, {size:?}]\ntop = 4.0\n");
     let far = block(-18.0, 1.0);

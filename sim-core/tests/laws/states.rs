@@ -1,5 +1,5 @@
-//! Laws of states with velocities, on both engines: what flies keeps its momenta, what continues is near what never stopped,
-//! and the same numbers give the same bits.
+//! Tests of states with velocities, on both engines: free flight keeps its momenta, a continued rollout stays near the
+//! unbroken one, and the same numbers give the same bits.
 
 use sim_core::base::math::{Pose, Rotation, Vector, about, angle_between};
 use sim_core::base::random::{Purpose, Stream};
@@ -7,19 +7,19 @@ use sim_core::engines::engine;
 use sim_core::model::{Phase, Robot, RobotSpec, State, Twist, Velocities, catalogue};
 use sim_core::physics::{EngineKind, JointKind, Motion, Outcome, Physics, Request, Rollout, Scale, TICK, Targets};
 
-/// Both engines, rapier with either kind of joint.
+/// Both engines; rapier with both kinds of joints.
 const ENGINES: [(EngineKind, JointKind); 3] = [
     (EngineKind::Rapier, JointKind::Impulse),
     (EngineKind::Rapier, JointKind::Multibody),
     (EngineKind::Lockstep, JointKind::Impulse),
 ];
 
-/// Neither gravity nor motors.
+/// Physics without gravity and motors.
 fn free(kind: (EngineKind, JointKind)) -> Physics {
     Physics { gravity: 0.0, stiffness: 0.0, damping: 0.0, max_torque: 0.0, ..fine(kind) }
 }
 
-/// Steps of 1/400 s, half a tick.
+/// Physics with steps of 1/400 s, half a tick.
 fn fine((engine, joints): (EngineKind, JointKind)) -> Physics {
     let substeps = if engine == EngineKind::Lockstep { 2 } else { 8 };
     Physics { steps_per_second: 400, substeps, joints, ..Physics::of_scale(Scale::Paper) }
@@ -39,7 +39,7 @@ fn compile(text: &str) -> Robot {
     Robot::compile(&toml::from_str::<RobotSpec>(text).unwrap()).unwrap()
 }
 
-/// A block and a rotor on one axis, x, through both centres of mass.
+/// A block and a rotor. The axis, x, goes through both centres of mass.
 fn axle() -> Robot {
     compile(
         r#"
@@ -64,7 +64,7 @@ fn axle() -> Robot {
     )
 }
 
-/// A crooked robot of three bodies. `center`: of the pivot's mass.
+/// An asymmetric robot of three bodies. `center`: the pivot's centre of mass.
 fn crooked(center: [f32; 3]) -> Robot {
     compile(&format!(
         r#"
@@ -99,13 +99,13 @@ fn crooked(center: [f32; 3]) -> Robot {
     ))
 }
 
-/// A robot for an engine: rapier moves the root of a multibody by the velocity of its centre of mass, so there that is its
-/// origin, as it is for all modules.
+/// The asymmetric robot for an engine. rapier moves the root of a multibody by the velocity of its centre of mass. So
+/// with multibody joints the pivot's centre of mass is at its origin, as it is for all modules.
 fn crooked_for((_, joints): (EngineKind, JointKind)) -> Robot {
     crooked(if joints == JointKind::Multibody { [0.0; 3] } else { [0.1, -0.2, 0.15] })
 }
 
-/// High above the ground, turned, in motion.
+/// State high above the ground, turned and moving.
 fn flying(robot: &Robot, seed: u64) -> State {
     let mut stream = Stream::new(seed, Purpose::Sample, 0, 0, 0);
     let mut draw = |spread: f64| stream.uniform(-spread, spread) as f32;
@@ -118,10 +118,10 @@ fn flying(robot: &Robot, seed: u64) -> State {
     State { velocities: Some(Velocities { pivot, rates }), ..State::new(pose, joints) }
 }
 
-/// Linear momentum, moment of momentum about the centre of mass, and kinetic energy, body by body.
+/// Linear momentum, angular momentum about the centre of mass, and kinetic energy, summed over the bodies.
 fn momenta(robot: &Robot, state: &State) -> (Vector, Vector, f32) {
     let poses = robot.body_poses(state);
-    let twists = robot.body_twists(state, &poses).expect("it moves");
+    let twists = robot.body_twists(state, &poses).expect("the state must have velocities");
     let mass: f32 = robot.bodies.iter().map(|b| b.mass).sum();
     let centers: Vec<Vector> = robot.bodies.iter().zip(&poses).map(|(b, p)| *p * b.center_of_mass).collect();
     let center = robot.bodies.iter().zip(&centers).map(|(b, c)| *c * b.mass).sum::<Vector>() / mass;
@@ -139,9 +139,9 @@ fn momenta(robot: &Robot, state: &State) -> (Vector, Vector, f32) {
     (linear, angular, energy)
 }
 
-/// p = p₀ + v t, R = R(ω t) R₀, θ = θ₀ + θ̇ t: nothing acts on two bodies that spin about their common axis.
+/// No force acts on two bodies that spin about their common axis: p = p₀ + v t, R = R(ω t) R₀, θ = θ₀ + θ̇ t.
 #[test]
-fn spinning_free_flight_is_the_closed_form() {
+fn spinning_free_flight_follows_the_closed_form() {
     let robot = axle();
     for kind in ENGINES {
         let mut start = flying(&robot, 1);
@@ -155,7 +155,7 @@ fn spinning_free_flight_is_the_closed_form() {
         let place = start.pivot.translation + linear;
         assert!((end.pivot.translation - place).length() < 2e-3, "{kind:?}: {} against {place}", end.pivot.translation);
         let turned = angle_between(end.pivot.rotation, about(axis, 1.2) * start.pivot.rotation);
-        assert!(turned < 2e-3, "{kind:?}: off by {turned} rad");
+        assert!(turned < 2e-3, "{kind:?}: rotation differs by {turned} rad");
         assert!((end.joints[0] - 1.0).abs() < 2e-3, "{kind:?}: {} rad", end.joints[0]);
         let moves = end.velocities.as_ref().expect("velocities at the end");
         assert!((moves.pivot.linear - linear).length() < 2e-3, "{kind:?}: {moves:?}");
@@ -164,7 +164,7 @@ fn spinning_free_flight_is_the_closed_form() {
     }
 }
 
-/// Whatever moves how: the engine starts with the momenta and the energy that the state says, keeps them, and returns them.
+/// For random velocities, momenta and energy at the end of a rollout are those of its start.
 #[test]
 fn free_flight_from_a_state_keeps_momenta_and_energy() {
     for kind in ENGINES {
@@ -174,7 +174,7 @@ fn free_flight_from_a_state_keeps_momenta_and_energy() {
             let rollout = run(kind, &robot, &free(kind), &start, &Motion::standing(2, 0.5));
             let ((p, l, e), (p1, l1, e1)) = (momenta(&robot, &start), momenta(&robot, &rollout.end));
             assert!((p1 - p).length() < 0.01 * p.length(), "{kind:?}: momentum {p}, then {p1}");
-            assert!((l1 - l).length() < 0.02 * l.length(), "{kind:?}: moment {l}, then {l1}");
+            assert!((l1 - l).length() < 0.02 * l.length(), "{kind:?}: angular momentum {l}, then {l1}");
             assert!((e1 - e).abs() < 0.02 * e, "{kind:?}: energy {e}, then {e1}");
         }
     }
@@ -223,18 +223,18 @@ fn split_flight_stays_near_the_unbroken_one() {
         assert!(apart < 0.01 && turned < 0.01 && bent < 0.01, "{kind:?}: {apart} mu, {turned} rad, {bent} rad");
         let ((p, l, e), (p1, l1, e1)) = (momenta(&robot, &whole), momenta(&robot, &split));
         assert!((p1 - p).length() < 0.01 * p.length(), "{kind:?}: momentum {p} and {p1}");
-        assert!((l1 - l).length() < 0.02 * l.length(), "{kind:?}: moment {l} and {l1}");
+        assert!((l1 - l).length() < 0.02 * l.length(), "{kind:?}: angular momentum {l} and {l1}");
         assert!((e1 - e).abs() < 0.02 * e, "{kind:?}: energy {e} and {e1}");
     }
 }
 
-/// Base twist and joint rates are lockstep's own coordinates, and its contacts remember nothing: it goes on as if it had
-/// never stopped, on the ground too.
+/// A state's velocities, base twist and joint rates, are lockstep's own coordinates, and its contacts have no memory.
+/// So a continued rollout has the bits of the unbroken one, on the ground too.
 #[test]
 fn lockstep_continues_on_the_ground_with_the_same_bits() {
     let robot = compile(catalogue::robots()[0].toml);
     let kind = (EngineKind::Lockstep, JointKind::Impulse);
-    // Powers of two, so that targets at a step are the same numbers in the halves and in the whole.
+    // 128 and 2 are powers of two, so targets at a step are the same numbers in the halves and in the whole.
     let physics = Physics { steps_per_second: 128, substeps: 2, ..Physics::of_scale(Scale::Paper) };
     let held = |value: f64, duration: f64| {
         let signals = vec![vec![value; Targets::ticks(duration)]; robot.hinges.len()];
@@ -243,12 +243,15 @@ fn lockstep_continues_on_the_ground_with_the_same_bits() {
     let start = robot.neutral();
     let whole = run(kind, &robot, &physics, &start, &held(0.6, 1.0)).end;
     let half = run(kind, &robot, &physics, &start, &held(0.6, 0.5)).end;
-    assert!(half.velocities.as_ref().unwrap().rates.iter().any(|rate| rate.abs() > 1e-3), "it moves: {half:?}");
+    assert!(
+        half.velocities.as_ref().unwrap().rates.iter().any(|rate| rate.abs() > 1e-3),
+        "the robot must move: {half:?}"
+    );
     assert_eq!(format!("{:?}", run(kind, &robot, &physics, &half, &held(0.6, 0.5)).end), format!("{whole:?}"));
 }
 
 #[test]
-fn same_state_continues_with_the_same_bits_in_any_company() {
+fn state_continues_with_same_bits_in_every_batch() {
     for kind in ENGINES {
         let (robot, physics) = (crooked_for(kind), fine(kind));
         let motion = waves(&robot, 0.0, 0.5);

@@ -1,4 +1,4 @@
-//! Laws of RRT-MP's trees and of evaluations.
+//! Tests of RRT-MP's trees and of evaluations.
 
 use sim_core::base::random::{Purpose, Stream};
 use sim_core::evaluate::{Trial, evaluate, grow, search_streams};
@@ -8,7 +8,7 @@ use sim_core::physics::{Change, Event, Request};
 use sim_core::plan::{Arrival, Ask, Planner, PlannerSettings, Posture, Root};
 use sim_core::problem::{Checked, Job};
 
-/// A small job on short gaits; `more` replaces or adds settings of the planner.
+/// Small job with short gaits. `planner`: keys of the planner.
 fn job(environment: &str, planner: &str) -> Job {
     Job::from_toml(&text(environment, planner)).unwrap()
 }
@@ -38,11 +38,12 @@ fn trial(job: &Job, candidate: u32) -> Trial {
     trial
 }
 
-/// Runs every edge of the tree again, from its parent's representative, and lays it out from the parent.
+/// Asserts that every edge of the tree can be reproduced: simulates it again from its parent's representative, and
+/// places the result at the parent.
 fn assert_edges_are_reproduced(job: &Job, trial: &Trial) {
     let growth = &trial.growths[0];
     let nodes = &growth.tree().nodes;
-    assert!(nodes.len() > 3, "a tree of {} nodes shows nothing", nodes.len());
+    assert!(nodes.len() > 3, "a tree of {} nodes is too small for this test", nodes.len());
     for (i, node) in nodes.iter().enumerate().skip(1) {
         let (parent, gait) = node.edge.unwrap();
         let key = growth.transition_to(i).unwrap();
@@ -58,7 +59,7 @@ fn assert_edges_are_reproduced(job: &Job, trial: &Trial) {
     }
 }
 
-/// A gait that the engine refuses on the way leads nowhere, and each of its rollouts is counted.
+/// A gait that the engine refuses during the rollout adds no node, and each of its rollouts is counted.
 #[test]
 fn refused_rollouts_are_rejected_edges() {
     let job = job("empty", "iterations = 20");
@@ -76,7 +77,7 @@ fn refused_rollouts_are_rejected_edges() {
 }
 
 #[test]
-fn every_edge_is_its_gait_from_its_parents_representative() {
+fn edges_start_at_their_parents_representative() {
     let job = job("empty", "iterations = 40");
     let trial = trial(&job, 0);
     assert_edges_are_reproduced(&job, &trial);
@@ -84,11 +85,11 @@ fn every_edge_is_its_gait_from_its_parents_representative() {
 }
 
 #[test]
-fn at_tolerance_zero_every_edge_starts_exactly_at_its_parent() {
+fn edges_start_exactly_at_parents_at_tolerance_zero() {
     let job = job("empty", "iterations = 15\nreuse_tolerance = 0.0");
     let trial = trial(&job, 0);
     assert_edges_are_reproduced(&job, &trial);
-    assert_eq!(trial.counts().rollouts, trial.counts().edges, "every expansion is simulated");
+    assert_eq!(trial.counts().rollouts, trial.counts().edges, "every expansion must be simulated");
     let growth = &trial.growths[0];
     for i in 1..growth.tree().nodes.len() {
         let (parent, _) = growth.tree().nodes[i].edge.unwrap();
@@ -128,7 +129,7 @@ fn edges_on_stairs_are_reproduced_in_place() {
 }
 
 #[test]
-fn no_node_was_nearer_to_another_than_to_its_parent_when_added() {
+fn added_nodes_are_nearest_to_their_parent() {
     for algorithm in ["flood-fill", "original", "nearest-valid"] {
         let job = job("empty", &format!("iterations = 60\nalgorithm = \"{algorithm}\""));
         let metric = job.planner().metric;
@@ -151,7 +152,7 @@ fn no_node_was_nearer_to_another_than_to_its_parent_when_added() {
 }
 
 #[test]
-fn nothing_of_the_tree_leaves_the_map_or_enters_the_column() {
+fn trees_stay_on_the_map_outside_obstacles() {
     let job = Job::from_toml(
         r#"
         name = "tight"
@@ -188,7 +189,7 @@ fn nothing_of_the_tree_leaves_the_map_or_enters_the_column() {
     assert!(rejected > 0, "no motion was rejected: the map is too wide for this test");
 }
 
-/// No corner of any of the robot's boxes lies inside the obstacle: an oracle that knows nothing of swept boxes.
+/// Asserts that no corner of the robot's boxes lies inside the obstacle. This check does not use swept boxes.
 fn assert_clear(job: &Job, frame: &Place, state: &sim_core::model::State) {
     let block = &job.environment().obstacles[0];
     for (pose, body) in job.robot().body_poses(state).iter().zip(&job.robot().bodies) {
@@ -205,7 +206,7 @@ fn assert_clear(job: &Job, frame: &Place, state: &sim_core::model::State) {
 }
 
 #[test]
-fn same_seed_same_tree_and_another_seed_another_tree() {
+fn tree_is_reproducible_and_depends_on_the_seed() {
     let job = job("empty", "iterations = 30");
     assert_eq!(trial(&job, 2).tree(), trial(&job, 2).tree());
     let other = Job::from_toml(&job.to_toml().replace("seed = 5", "seed = 6")).unwrap();
@@ -216,7 +217,7 @@ fn same_seed_same_tree_and_another_seed_another_tree() {
 }
 
 #[test]
-fn a_candidates_score_does_not_depend_on_who_shares_its_batch() {
+fn score_does_not_depend_on_batch_or_order() {
     let job = job("column", "iterations = 20\nrepeats = 2");
     let candidates: Vec<(u32, Genotype)> =
         job.optimiser().ask().genotypes.into_iter().zip(0..).map(|(g, i)| (i, g)).collect();
@@ -238,7 +239,7 @@ fn evaluation_stops_when_asked() {
     assert!(evaluate(&job, 0, &candidates, &|| true).is_err());
 }
 
-/// A robot that steps 1 mu along x or y, exactly: the planner alone, without physics.
+/// Grows a tree of a robot that steps exactly 1 mu along x or y: the planner alone, without physics.
 fn stepper(stop_at: Option<(f64, f64, f64)>) -> Box<dyn Planner> {
     let own = job("empty", "iterations = 1").planner();
     let settings = PlannerSettings { map: [20.0, 20.0], iterations: 400, stop_at, ..own };
@@ -252,14 +253,14 @@ fn stepper(stop_at: Option<(f64, f64, f64)>) -> Box<dyn Planner> {
 }
 
 #[test]
-fn a_planning_job_ends_at_its_goal_and_a_scored_tree_does_not() {
+fn tree_ends_at_the_goal_only_if_set() {
     let to_goal = |p: &Place| p.planar_distance(&Place { x: 5.0, y: 2.0, ..*p });
     let whole = stepper(None);
     let stopped = stepper(Some((5.0, 2.0, 0.25)));
     assert!(stopped.at_goal() && !whole.at_goal());
     let end = stopped.tree().least(to_goal);
     assert!(to_goal(&stopped.tree().nodes[end].place) <= 0.25);
-    // Up to the end both grow the same tree, and only the expansion that reached the goal is finished after it.
+    // Both trees are the same up to the goal. The expansion that reaches the goal is completed, then growth ends.
     assert!(stopped.tree().nodes.len() < whole.tree().nodes.len());
     assert_eq!(stopped.tree().nodes[..], whole.tree().nodes[..stopped.tree().nodes.len()]);
     assert_eq!(stopped.tree().nodes.last().unwrap().edge.unwrap().0, stopped.tree().nodes[end].edge.unwrap().0);
@@ -268,9 +269,9 @@ fn a_planning_job_ends_at_its_goal_and_a_scored_tree_does_not() {
     assert_eq!(unreachable.tree(), whole.tree());
 }
 
-/// Two gaits lead to one place, with the only joint at 0 and at 1 rad, where it is at the root.
+/// Two gaits lead to the same place. They end with the only joint at 0 rad and at 1 rad; at the root it is at 1 rad.
 #[test]
-fn postures_count_as_far_as_the_metric_weighs_them() {
+fn postures_count_by_their_weight_in_the_metric() {
     let nodes = |joints: f64| {
         let own = job("empty", &format!("iterations = 1\nmetric = {{ joints = {joints:?} }}")).planner();
         let posture = |angle: f64| Posture { tilt: [0.0; 2], joints: vec![angle] };
@@ -281,12 +282,12 @@ fn postures_count_as_far_as_the_metric_weighs_them() {
         rrt.tell(vec![Arrival::Free(Place { x: 1.0, ..Place::ORIGIN }); 2]);
         rrt.tree().nodes.len()
     };
-    // The second is 1 mu from its parent, and as far as the weight from the first.
+    // The second node is 1 mu from its parent. Its distance to the first node is the weight.
     assert_eq!([0.0, 0.5, 0.9, 1.1, 2.0].map(nodes), [2, 2, 2, 3, 3]);
 }
 
 #[test]
-fn trees_in_a_metric_of_postures_are_the_job_s_own() {
+fn posture_weights_change_tree_and_digest() {
     let grown = |planner: &str| {
         let job = job("empty", planner);
         let genotype = job.optimiser().ask().genotypes[0].clone();
@@ -307,7 +308,7 @@ fn trees_in_a_metric_of_postures_are_the_job_s_own() {
 }
 
 #[test]
-fn the_original_planner_chooses_before_it_looks_for_obstacles() {
+fn original_planner_chooses_before_it_checks_obstacles() {
     let nodes = |algorithm: &str, arrivals: [Arrival; 3]| {
         let own = job("empty", &format!("iterations = 1\nalgorithm = \"{algorithm}\"")).planner();
         let mut rrt = own.start(Place::ORIGIN, Stream::new(1, Purpose::Planner, 0, 0, 0));
@@ -318,10 +319,10 @@ fn the_original_planner_chooses_before_it_looks_for_obstacles() {
     };
     let at = |x: f64| Place { x, ..Place::ORIGIN };
     let free = [Arrival::Free(at(-1.0)), Arrival::Lost, Arrival::Free(at(1.0))];
-    let [chosen] = nodes("original", free)[..] else { panic!("one is added") };
-    assert_eq!(nodes("nearest-valid", free), [chosen], "where all are free both are the same");
+    let [chosen] = nodes("original", free)[..] else { panic!("one node must be added") };
+    assert_eq!(nodes("nearest-valid", free), [chosen], "both must add the same node if all places are free");
     let mut blocked = free;
     blocked[chosen] = Arrival::Blocked(at(chosen as f64 - 1.0));
-    assert!(nodes("original", blocked).is_empty(), "what it chose can't be reached, so nothing is added");
-    assert_eq!(nodes("nearest-valid", blocked), [2 - chosen], "the other one is added");
+    assert!(nodes("original", blocked).is_empty(), "its choice is blocked, so no node must be added");
+    assert_eq!(nodes("nearest-valid", blocked), [2 - chosen], "the other place must be added");
 }

@@ -1,4 +1,4 @@
-//! What results depend on, and what sim-core must never depend on.
+//! Tests of the dependencies: the numeric crates that results depend on, and crates that sim-core must never depend on.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,15 +8,18 @@ fn locked() -> Vec<toml::Table> {
 }
 
 #[test]
-fn the_engine_digest_names_the_versions_that_are_locked() {
+fn engine_digest_names_the_locked_versions() {
     for (name, version) in sim_core::engines::NUMERIC_CRATES {
         let found = locked().iter().any(|p| p["name"].as_str() == Some(name) && p["version"].as_str() == Some(version));
-        assert!(found, "{name} {version} is not what Cargo.lock holds: update the list, and with it every result");
+        assert!(
+            found,
+            "{name} {version} is not in Cargo.lock: update NUMERIC_CRATES, which changes the engine digest of all results"
+        );
     }
 }
 
 #[test]
-fn sim_core_knows_no_network_no_database_and_no_runtime() {
+fn sim_core_depends_on_no_network_or_database() {
     let mut uses: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for package in locked() {
         let dependencies = package.get("dependencies").and_then(|d| d.as_array().cloned()).unwrap_or_default();

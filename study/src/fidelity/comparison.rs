@@ -1,4 +1,4 @@
-//! Engine settings compared with a reference on the same gaits.
+//! Comparison of engine settings with a reference on the same gaits.
 
 use super::{Fidelity, arrival, compare, disturbed};
 use crate::clock::Spent;
@@ -12,36 +12,36 @@ use sim_core::model::{Place, State};
 use sim_core::physics::{Engine, Motion, Physics, Request, Rollout};
 use sim_core::problem::Job;
 
-/// The settings that a study compares.
+/// Settings that a study compares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// The reference.
+    /// Setting that all others are compared with.
     pub reference: Setting,
-    /// The reference with half its substep, and with half its step.
+    /// Reference with half its substep, and reference with half its step.
     pub halved: [Setting; 2],
-    /// The settings to judge.
+    /// Settings to compare with the reference.
     pub settings: Vec<Setting>,
 }
 
-/// All results with one kind of gaits.
+/// Results of a comparison on gaits of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Set {
-    /// "random" or "evolved".
+    /// Kind of the gaits: "random" or "evolved".
     pub gaits: &'static str,
-    /// Simulated s per CPU s.
+    /// Speed of the reference, simulated s per CPU s.
     pub reference_speed: Estimate,
-    /// The settings against the reference.
+    /// Results of each setting compared with the reference.
     pub settings: Vec<Row>,
-    /// Half the reference's step against the reference.
+    /// Results of the reference with half its step or substep, compared with the reference.
     pub halved: Vec<Halved>,
-    /// The reference against itself.
+    /// Results of the reference from disturbed starts, compared with the reference.
     pub ceiling: Ceiling,
 }
 
-/// One setting against the reference.
+/// Results of one setting compared with the reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The setting.
+    /// Engine setting.
     pub setting: Setting,
     /// Its speed and fidelity.
     #[serde(flatten)]
@@ -51,28 +51,28 @@ pub struct Row {
 /// Speed, and fidelity to the reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Against {
-    /// Simulated s per CPU s.
+    /// Speed, simulated s per CPU s.
     #[serde(rename = "simulated_per_cpu")]
     pub speed: Estimate,
-    /// `null` if no gait completed with both.
+    /// Agreement with the reference; `null` if no gait completed with both settings.
     pub fidelity: Option<Fidelity>,
 }
 
-/// The reference against itself, from starts whose joint angles are off by a millionth rad.
+/// Results of the reference from starts with joint angles disturbed by 1e-6 rad, compared with the reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ceiling {
-    /// Speed and fidelity from these starts.
+    /// Speed and fidelity from the disturbed starts.
     #[serde(flatten)]
     pub against: Against,
 }
 
-/// Half the reference's step against the reference.
+/// Results of the reference with half its step or substep, compared with the reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Halved {
-    /// The setting.
+    /// Engine setting.
     pub setting: Setting,
-    /// True if halving changes no more than the ceiling allows: the interval of the median position error begins no
-    /// higher than the ceiling's ends.
+    /// True if halving changes the results no more than the disturbed starts do: the lower end of the interval of the
+    /// median position error is at most the upper end of the ceiling's interval.
     pub within_ceiling: bool,
     /// Its speed and fidelity.
     #[serde(flatten)]
@@ -89,17 +89,17 @@ impl Halved {
     }
 }
 
-/// One way to simulate every gait.
+/// Engine, physics and start with which every gait is simulated.
 struct Variant {
     engine: &'static dyn Engine,
     physics: Physics,
     disturbed: bool,
 }
 
-/// The end of a gait with a variant, and the time it took.
+/// Final place of a gait simulated with a variant, and the time spent.
 struct Run {
     end: Option<Place>,
-    /// s.
+    /// Simulated time, s.
     simulated: f64,
     spent: Spent,
 }
@@ -131,7 +131,8 @@ impl Comparison {
         Set { gaits: name, reference_speed: speed(0), settings, halved, ceiling }
     }
 
-    /// The reference, the same from disturbed starts, those with half its step, then the settings.
+    /// Returns the variants in this order: reference, reference from disturbed starts, reference with half its substep
+    /// and step, settings.
     fn variants(&self, job: &Job) -> Vec<Variant> {
         let variant =
             |s: &Setting, disturbed| Variant { engine: engine(s.engine), physics: s.apply(job.physics()), disturbed };
@@ -141,8 +142,8 @@ impl Comparison {
     }
 }
 
-/// Simulates every gait with every variant, by turns, so that all variants see the same machine. By variant, then by
-/// gait.
+/// Simulates every gait with every variant. The variants take turns, so that a change of the machine's load affects all
+/// alike. Results are ordered by variant, then by gait.
 fn simulate(
     job: &Job,
     variants: &[Variant],
@@ -167,7 +168,7 @@ fn simulate(
     runs
 }
 
-/// Simulates some gaits with one variant, each from the start or from its disturbed one.
+/// Simulates some gaits with one variant, each from the start or, if the variant asks for it, from a disturbed start.
 fn all(
     job: &Job,
     variant: &Variant,

@@ -1,4 +1,5 @@
-//! Results as rows of the fidelity table that ships ([`sim_core::engines::known`]).
+//! Results of a comparison as rows of the fidelity table that is shipped with the program
+//! ([`sim_core::engines::known`]).
 
 use super::comparison::{Comparison, Set};
 use crate::setting::Setting;
@@ -7,20 +8,20 @@ use sim_core::physics::{EngineKind, Scale, lockstep};
 use sim_core::problem::Job;
 use std::fmt;
 
-/// The reason why a comparison gives no rows.
+/// Reason why a comparison gives no rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unfit {
-    /// The reference is one of another engine.
+    /// The reference is a setting of another engine than lockstep.
     Reference(Setting),
-    /// No setting is one of the lockstep engine.
+    /// All settings are of another engine than lockstep.
     Settings,
     /// Fewer than two random or two evolved gaits.
     Gaits,
     /// Too few gaits of a kind completed for a rank correlation.
     Unstable {
-        /// "random" or "evolved".
+        /// Kind of the gaits: "random" or "evolved".
         gaits: &'static str,
-        /// The setting.
+        /// Setting compared with the reference.
         setting: Setting,
     },
 }
@@ -28,11 +29,20 @@ pub enum Unfit {
 impl fmt::Display for Unfit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Reference(reference) => write!(f, "the reference {reference} is not one of the lockstep engine"),
-            Self::Settings => f.write_str("none of the settings compared is one of the lockstep engine"),
-            Self::Gaits => f.write_str("a row needs at least two random and two evolved gaits"),
+            Self::Reference(reference) => write!(
+                f,
+                "the reference {reference} is not a setting of the lockstep engine: choose one that ends with -lockstep"
+            ),
+            Self::Settings => {
+                f.write_str("none of the settings is of the lockstep engine: add one that ends with -lockstep")
+            }
+            Self::Gaits => f.write_str("too few gaits: a row needs at least 2 random and 2 evolved gaits"),
             Self::Unstable { gaits, setting } => {
-                write!(f, "too few {gaits} gaits completed with {setting} and with the reference")
+                write!(
+                    f,
+                    "too few {gaits} gaits completed with both {setting} and the reference for a rank correlation: \
+                     use more gaits"
+                )
             }
         }
     }
@@ -40,8 +50,10 @@ impl fmt::Display for Unfit {
 
 impl std::error::Error for Unfit {}
 
-/// Refuses, before anything is measured, a comparison that could not make a row. `gaits`: numbers of random and of
-/// evolved gaits.
+/// Checks, before the measurement, that a comparison can give rows. `gaits`: numbers of random and of evolved gaits.
+///
+/// # Errors
+/// If the reference or all settings are of another engine than lockstep, or there are fewer than 2 gaits of a kind.
 pub fn check(comparison: &Comparison, gaits: [u32; 2]) -> Result<(), Unfit> {
     if comparison.reference.engine != EngineKind::Lockstep {
         return Err(Unfit::Reference(comparison.reference));
@@ -55,18 +67,18 @@ pub fn check(comparison: &Comparison, gaits: [u32; 2]) -> Result<(), Unfit> {
     Ok(())
 }
 
-/// The settings that the table has by default: the scale's own setting, and finer ones for robots that it is too coarse
-/// for.
+/// Returns the table's default settings: the default setting of the lockstep engine at this scale, and the same with 2,
+/// 4 and 8 times as many steps per second for robots that need finer steps.
 pub fn settings(scale: Scale) -> Vec<Setting> {
     let own = Setting::own(EngineKind::Lockstep, scale);
     [1, 2, 4, 8].map(|finer| Setting { steps_per_second: finer * own.steps_per_second, ..own }).to_vec()
 }
 
-/// The rows of the lockstep engine's settings. `variant`: name of the robot's variant, if any; `sets`: results with
-/// random and with evolved gaits.
+/// Returns one row for each setting of the lockstep engine. `variant`: name of the robot's variant, if any; `sets`:
+/// results with random and with evolved gaits.
 ///
 /// # Errors
-/// If a rank correlation is missing.
+/// If a setting has no rank correlation with the reference.
 pub fn rows(
     job: &Job,
     variant: Option<&str>,
@@ -105,14 +117,14 @@ fn agreement(set: &Set, setting: Setting) -> Option<Agreement> {
     Some(Agreement { gaits: row.gaits as u32, spearman: rounded(row.spearman?.value), ceiling: rounded(ceiling) })
 }
 
-/// Rounds to four digits: more would be noise.
+/// Rounds to four decimal places, as further digits are not significant.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
 
-/// Puts rows of one robot into a table, in the place of all rows that the table has of it.
+/// Replaces all rows of a robot in the table with new ones.
 pub fn merge(known: &mut Known, rows: Vec<Row>) {
-    // A robot that changed leaves no row behind.
+    // If a robot's mechanics have changed, its old rows are found by name.
     let same_name = |r: &Row, row: &Row| (&r.robot, &r.variant, r.scale) == (&row.robot, &row.variant, row.scale);
     known.rows.retain(|r| !rows.iter().any(|row| row.replaces(r) || same_name(r, row)));
     known.rows.extend(rows);
@@ -131,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn comparison_that_gives_no_row_is_refused() {
+    fn comparison_without_possible_rows_is_refused() {
         let fit = comparison("1600x4-lockstep", &["30x8", "200x2-lockstep"]);
         assert_eq!(check(&fit, [2, 2]), Ok(()));
         assert_eq!(check(&fit, [2, 1]), Err(Unfit::Gaits));

@@ -1,4 +1,4 @@
-//! Genotypes scored with every setting of a study.
+//! Comparison of engine settings on the scores of genotypes.
 
 use super::{Agreement, Measured, compare, measure};
 use crate::clock::{Spent, timed};
@@ -11,10 +11,10 @@ use sim_core::genotype::Genotype;
 use sim_core::problem::Job;
 use std::ops::Range;
 
-/// Genotypes that an engine with lanes gets at once, as a slot does in a search.
+/// Number of genotypes that an engine with lanes gets at once, similar to a slot in a search.
 const TOGETHER: usize = 20;
 
-/// One way to score every genotype.
+/// Setting and start with which every genotype is scored.
 #[derive(Clone, Debug)]
 pub struct Column {
     setting: Setting,
@@ -25,45 +25,45 @@ pub struct Column {
 /// A genotype to score.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
-    /// The genotype.
+    /// Genotype to score.
     pub genotype: Genotype,
     /// Generation that it is a candidate of.
     pub generation: u32,
-    /// Index of the run that it is from, if any.
+    /// Index of the run that it comes from, if any.
     pub run: Option<usize>,
     /// Its role in that run ("winner" or "search's best") and its score in the search; `None` for genotypes of all
-    /// ages.
+    /// generations.
     pub role: Option<(&'static str, f64)>,
 }
 
 /// Results of a study.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Found {
-    /// The reference.
+    /// Setting that all others are compared with.
     pub reference: Setting,
-    /// The settings in their order, then the reference.
+    /// Results of the settings in their order, then of the reference.
     pub settings: Vec<Row>,
-    /// The reference from starts whose joint angles are off by a millionth rad, against itself.
+    /// Results of the reference from starts with joint angles disturbed by 1e-6 rad, compared with the reference.
     pub ceiling: Row,
-    /// Spearman of every pair of `settings`.
+    /// Spearman's rank correlation of every pair of `settings`.
     pub pairs: Vec<Vec<Option<Estimate>>>,
-    /// The candidates that stored runs ended with.
+    /// Final candidates of stored runs.
     pub finalists: Vec<Finalist>,
-    /// The genotypes of all ages.
+    /// Genotypes from all generations, with their scores.
     #[serde(rename = "genomes")]
     pub genotypes: Vec<Entry>,
 }
 
-/// One setting, over the genotypes of all ages.
+/// Results of one setting over the genotypes from all generations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The setting.
+    /// Engine setting.
     pub setting: Setting,
-    /// Mean score; `null` if there were no such genotypes.
+    /// Mean score; `null` without such genotypes.
     pub mean: Option<f64>,
-    /// Against the reference.
+    /// Agreement with the reference; `null` without such genotypes.
     pub agreement: Option<Agreement>,
-    /// CPU s per genotype, all its trees.
+    /// CPU time per genotype for all its trees, s.
     pub cpu_seconds: f64,
     /// Rollouts per genotype.
     pub rollouts: f64,
@@ -71,38 +71,38 @@ pub struct Row {
     pub unstable: u64,
 }
 
-/// A candidate that a run ended with.
+/// Final candidate of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finalist {
     /// Name of the run.
     pub run: String,
-    /// "winner", as published, or "search's best".
+    /// Role in the run: "winner", as published, or "search's best".
     pub role: &'static str,
     /// Generation that it is a candidate of.
     pub generation: u32,
-    /// Its score in its search.
+    /// Score in its search.
     pub search: f64,
-    /// Mean score with each of `settings`.
+    /// Mean scores with each of `settings`.
     pub means: Vec<f64>,
-    /// The reference's score over the first setting's.
+    /// Mean score with the reference divided by that with the first setting; `null` if the latter is 0.
     pub kept: Option<f64>,
 }
 
-/// A genotype of some age.
+/// Scores of a genotype from any generation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
-    /// Index of the run that it is from.
+    /// Index of the run that it comes from, if any.
     pub run: Option<usize>,
-    /// 0: random.
+    /// Generation of the genotype; 0 for random ones.
     pub generation: u32,
-    /// By setting, then by tree.
+    /// Scores by setting, then by tree.
     pub scores: Vec<Vec<f64>>,
 }
 
-/// The columns of a study: the reference, the reference from a disturbed start, then the settings.
+/// Returns the columns of a study: the reference, the reference from a disturbed start, then the settings.
 ///
 /// # Errors
-/// The setting that the job can't have, and the reason.
+/// The setting that is invalid for the job, and the reason.
 pub fn columns(job: &Job, reference: Setting, settings: &[Setting]) -> Result<Vec<Column>, (Setting, Invalid)> {
     let column = |(setting, disturbed): (Setting, bool)| {
         let mut physics = job.spec().physics.clone();
@@ -115,7 +115,7 @@ pub fn columns(job: &Job, reference: Setting, settings: &[Setting]) -> Result<Ve
 }
 
 /// Scores every genotype in every column on `trees` trees, on `threads` threads (at least 1), and compares the columns.
-/// `runs`: names of the runs that genotypes are from. `each` is called after every score.
+/// `runs`: names of the runs that genotypes come from. `each` is called after every score.
 pub fn study(
     columns: &[Column],
     subjects: &[Subject],
@@ -126,7 +126,8 @@ pub fn study(
     found(columns, subjects, runs, &scored(columns, subjects, trees, threads, each))
 }
 
-/// Scores every genotype in every column, and the time of each; by column, then by genotype.
+/// Scores every genotype in every column and measures the time of each. Results are ordered by column, then by
+/// genotype.
 fn scored(
     columns: &[Column],
     subjects: &[Subject],
@@ -135,7 +136,8 @@ fn scored(
     each: &(dyn Fn() + Sync),
 ) -> Vec<Vec<(Measured, Spent)>> {
     let together = |column: &Column| if column.job.engine().lanes() > 1 { TOGETHER } else { 1 };
-    // All columns of some genotypes before the next genotypes: the remaining time can be estimated early.
+    // All columns score one group of genotypes before the next group begins, so that the remaining time can be
+    // estimated early.
     let mut work: Vec<(usize, Range<usize>)> = Vec::new();
     for from in (0..subjects.len()).step_by(TOGETHER) {
         let to = (from + TOGETHER).min(subjects.len());
@@ -151,11 +153,11 @@ fn scored(
             timed(|| measure(&column.job, range.start as u32, &genotypes, trees, column.disturbed, &|| false));
         let share = spent.share(range.len());
         range.for_each(|_| each());
-        let measured = measured.unwrap_or_else(|_| unreachable!("it is never stopped"));
+        let measured = measured.unwrap_or_else(|_| unreachable!("the stop callback always returns false"));
         measured.into_iter().map(|m| (m, share)).collect::<Vec<_>>()
     });
     let mut scored: Vec<Vec<(Measured, Spent)>> = columns.iter().map(|_| Vec::new()).collect();
-    // Pieces of a column come in the order of its genotypes.
+    // Pieces of a column are in the order of its genotypes.
     work.into_iter().zip(done).for_each(|((c, _), some)| scored[c].extend(some));
     scored
 }
@@ -174,7 +176,7 @@ fn found(columns: &[Column], subjects: &[Subject], runs: &[String], scored: &[Ve
         rollouts: average(c, &|f| f.0.rollouts as f64),
         unstable: scored[c].iter().map(|f| f.0.unstable).sum(),
     };
-    // The reference stands last, as the finest does in most tables.
+    // The reference is last, because it is usually the finest setting.
     let order: Vec<usize> = (2..columns.len()).chain([0]).collect();
     let pair = |a: usize, b: usize| if aged.is_empty() { None } else { compare(&scores(a), &scores(b)).spearman };
     let of = |i: usize| order.iter().map(|&c| scored[c][i].0.scores.clone()).collect::<Vec<_>>();
@@ -198,7 +200,7 @@ fn found(columns: &[Column], subjects: &[Subject], runs: &[String], scored: &[Ve
     }
 }
 
-/// `a` / `b`; `None` if `b` is 0.
+/// Returns `a` / `b`; `None` if `b` is 0.
 pub fn ratio(a: f64, b: f64) -> Option<f64> {
     (b != 0.0).then(|| a / b)
 }

@@ -79,7 +79,10 @@ impl<'a> Reader<'a> {
         if let Some(text) = get("inheritrange")? {
             let [share] = exactly(actuator, "inheritrange", text)?;
             if share > 0.0 && self.unlimited.contains(&joint) {
-                return Err(foreign(actuator, "inheritrange: its joint has no range; give it one, or give ctrlrange instead"));
+                return Err(foreign(
+                    actuator,
+                    "inheritrange: its joint has no range; give it one, or give ctrlrange instead",
+                ));
             }
             if share > 0.0 {
                 return Ok(Some([-FRAC_PI_2 * share, FRAC_PI_2 * share]));

@@ -5,7 +5,7 @@ use crate::exchange::source::{children, foreign, foreign_attribute, tag};
 use roxmltree::Node;
 use std::collections::BTreeMap;
 
-/// Class of elements that give none.
+/// Class of elements without a class.
 pub(super) const MAIN: &str = "main";
 
 /// Tags of actuators. They share one set of defaults, under any of these tags.
@@ -52,8 +52,8 @@ impl<'a> Defaults<'a> {
         Ok(self.first(element, inherited, &[attribute])?.map(|(_, value)| value))
     }
 
-    /// Returns the name and value of the attribute that is given, of several that exclude each other: the element's
-    /// own, else that of its class, else that of the classes around it.
+    /// Returns name and value of the one attribute that is given out of several alternatives: the element's own, else
+    /// that of its class, else that of the classes around it.
     ///
     /// # Errors
     /// If one element gives two of them.

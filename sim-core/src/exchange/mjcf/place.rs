@@ -56,7 +56,11 @@ fn orientation(element: Node, spelling: &str, text: &str, compiler: &Compiler) -
         _ => {
             let z = Vector3::from(exactly::<3>(element, spelling, text)?).normalize();
             if !z.sum().is_finite() {
-                return Err(foreign_attribute(element, spelling, "the axis has no direction: its length must not be 0"));
+                return Err(foreign_attribute(
+                    element,
+                    spelling,
+                    "the axis has no direction: its length must not be 0",
+                ));
             }
             shortest_from_z(element, z)
         }

@@ -62,7 +62,8 @@ pub(in crate::exchange) fn read<'a>(mujoco: Node<'a, 'a>, unit: f64) -> Result<I
     let tree = grow(&names, "MJCF", &reader.links, &mut reader.faults);
     reader.exclusions(mujoco, &tree);
     let ground = reader.ground.first().filter(|height| **height != 0.0);
-    let ground = ground.map(|height| format!("the ground of the file is at z = {height}: a job sets robots on its own ground"));
+    let ground =
+        ground.map(|height| format!("the ground of the file is at z = {height}: a job sets robots on its own ground"));
     finish(tree, unit, reader.faults, [passed.note(), names.note, ground].into_iter().flatten())
 }
 
@@ -148,7 +149,8 @@ impl<'a> Reader<'a> {
         if let Some(text) = body.attribute("mocap") {
             let mocap = self.faults.take(keyword(body, "mocap", text, &["true", "false"]));
             if mocap == Some("true") {
-                self.faults.add(foreign(body, "mocap = \"true\": bodies that are moved from outside can't be imported"));
+                self.faults
+                    .add(foreign(body, "mocap = \"true\": bodies that are moved from outside can't be imported"));
             }
         }
         self.faults.take(zero(body, "gravcomp", body.attribute("gravcomp"), "gravity acts on every body"));

@@ -46,8 +46,7 @@ pub(in crate::exchange) fn read<'a>(robot: Node<'a, 'a>, unit: f64) -> Result<Im
         })
         .collect();
     if faults.is_empty() && found.iter().all(|link| link.solids.is_empty()) {
-        let reason =
-            "no link has a <collision> with a <box> or <capsule>: shapes in <visual> do not collide";
+        let reason = "no link has a <collision> with a <box> or <capsule>: shapes in <visual> do not collide";
         faults.add(foreign(robot, reason));
     }
     let names = names::adopt(robot.attribute("name"), &found, &mut faults);
@@ -69,7 +68,10 @@ fn order<'a>(
     for (i, link) in links.iter().enumerate() {
         if let Some(first) = names[..i].iter().position(|name| !name.is_empty() && *name == names[i]) {
             let line = links[first].document().text_pos_at(links[first].range().start).row;
-            faults.add(foreign(*link, format!("the name \"{}\" is used twice, first in line {line}: names must be unique", names[i])));
+            faults.add(foreign(
+                *link,
+                format!("the name \"{}\" is used twice, first in line {line}: names must be unique", names[i]),
+            ));
         }
     }
     // Joints with both ends found: (parent, child, joint).
@@ -78,7 +80,10 @@ fn order<'a>(
         let end = |which: &str| {
             let link = child(*joint, which).and_then(|e| e.attribute("link")).unwrap_or_default();
             names.iter().position(|n| *n == link).ok_or_else(|| {
-                foreign(*joint, format!("its {which} link is \"{link}\", which does not exist: the links are {}", names.join(", ")))
+                foreign(
+                    *joint,
+                    format!("its {which} link is \"{link}\", which does not exist: the links are {}", names.join(", ")),
+                )
             })
         };
         let (Some(parent), Some(child)) = (faults.take(end("parent")), faults.take(end("child"))) else { continue };
@@ -93,7 +98,8 @@ fn order<'a>(
     if free.len() != 1 && faults.is_empty() {
         let told: Vec<&str> = free.iter().map(|f| names[*f]).collect();
         let told = if told.is_empty() { "none: the joints form a loop".to_owned() } else { told.join(", ") };
-        faults.add(foreign(robot, format!("exactly one link must be the root, which is no joint's child; found {told}")));
+        faults
+            .add(foreign(robot, format!("exactly one link must be the root, which is no joint's child; found {told}")));
     }
     // All links except those on a loop are read, so that all faults are found.
     let mut order: Vec<usize> = free.clone();

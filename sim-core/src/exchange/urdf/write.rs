@@ -14,7 +14,7 @@ pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
     xml.comment(&format!(
         "{}, written by evogait. Units: mu (one module length) for length, kg, s, rad; torque in kg mu^2/s^2.\n\
          URDF has no place for these: gravity {} mu/s^2, friction {} everywhere, motors with stiffness {} and\n\
-         damping {} that give at most the effort of their joint. Speed has no limit: {VELOCITY} stands for that.",
+         damping {} that give at most the effort of their joint. A velocity of {VELOCITY} stands for no limit.",
         robot.name, physics.gravity, physics.friction, physics.stiffness, physics.damping
     ));
     xml.open("robot", &[("name", robot.name.clone())]);

@@ -1,9 +1,9 @@
-//! A module without a hinge.
+//! Kind `block`: a module without a hinge.
 
 use super::{CUBE_MASS, HALF, NEG_X, NEG_Y, NEG_Z, X, Y, Z, face};
 use crate::model::kind::{Kind, PartKind};
 
-/// One passive cube with six faces: a body to attach legs to.
+/// Passive cube with six faces, to attach legs to.
 pub(super) static BLOCK: Kind = Kind {
     name: "block",
     parts: &[PartKind { name: "cube", center: [0.0; 3], half: HALF, mass: CUBE_MASS }],

@@ -1,10 +1,10 @@
-//! The module of the CoSMO platform.
+//! Kind `cosmo`: the module of the CoSMO platform.
 
 use super::{CUBE_MASS, HALF, NEG_X, NEG_Y, NEG_Z, X, Y, Z, face};
 use crate::model::kind::{HingeKind, Kind, PartKind};
 
-/// A CoSMO module (Liedke et al. 2013, as Vonásek and Faigl 2016, section V, use it): two cubes and one hinge about z
-/// between them. Cube `a` lies at −x, cube `b` at +x.
+/// CoSMO module (Liedke et al. 2013, as Vonásek and Faigl 2016, section V, use it): two cubes with one hinge about z
+/// between them. Cube `a` is at −x, cube `b` at +x.
 pub(super) static COSMO: Kind = Kind {
     name: "cosmo",
     parts: &[

@@ -6,7 +6,7 @@ mod cosmo;
 use super::kind::{FaceKind, Kind};
 use crate::base::registry::{Registered, Registry};
 
-/// The kinds that ship. Messages list them in this order.
+/// Kinds that ship. Messages list them in this order.
 static KINDS: Registry<Kind> = Registry::new(&[&cosmo::COSMO, &block::BLOCK]);
 
 impl Registered for Kind {
@@ -15,8 +15,8 @@ impl Registered for Kind {
     }
 }
 
-/// Half of the sides of a cube, mu. Module length is 1 mu: two cubes of 0.48 mu on a grid of 0.5 mu, so that docked cubes
-/// leave a gap of 0.02 mu.
+/// Half of the side lengths of a cube, mu. A module is 1 mu long: two cubes of 0.48 mu on a grid of 0.5 mu, so that
+/// docked cubes leave a gap of 0.02 mu.
 const HALF: [f64; 3] = [0.24; 3];
 /// Mass of a cube, kg.
 const CUBE_MASS: f64 = 0.5;
@@ -35,7 +35,7 @@ const fn face(name: &'static str, part: usize, position: [f64; 3], normal: [f64;
 mod tests {
     use super::*;
 
-    /// A tree has one part more than hinges, and each hinge carries a part that no hinge before it reached.
+    /// A tree has one part more than hinges, and each hinge joins a part that no hinge before it has reached.
     #[test]
     fn hinges_of_each_kind_form_one_tree() {
         for kind in Kind::registry().all() {

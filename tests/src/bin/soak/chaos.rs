@@ -105,7 +105,7 @@ impl Chaos {
                 return Ok(());
             }
             if start.elapsed() > PATIENCE {
-                return Err(format!("expected {WORKERS} workers with no busy slot: {answer:?}"));
+                return Err(format!("all workers must be connected with no busy slot: {answer:?}"));
             }
             tokio::time::sleep(Duration::from_millis(100)).await;
         }

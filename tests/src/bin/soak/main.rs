@@ -116,6 +116,6 @@ async fn undisturbed(number: u32) -> Expected {
     let _worker = sandbox.worker(2);
     let id = sandbox.submit("r", &job(number)).await.id;
     let result = sandbox.result(&id).await;
-    let ended = sandbox.client().get_job(GetJobRequest { id }).await.expect("the job").into_inner().job;
-    Expected::of(result, ended.expect("the answer has the job"))
+    let ended = sandbox.client().get_job(GetJobRequest { id }).await.expect("the job exists").into_inner().job;
+    Expected::of(result, ended.expect("the response has the job"))
 }
