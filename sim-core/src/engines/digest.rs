@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 /// searches, controllers and procedures have their own revisions.
 const REVISION: u32 = 2;
 
-/// Exact versions of the crates with arithmetic that results depend on. `tests/versions.rs` compares them with
+/// Exact versions of the crates with arithmetic that results depend on. `tests/laws/versions.rs` compares them with
 /// `Cargo.lock`.
 pub const NUMERIC_CRATES: &[(&str, &str)] = &[
     ("rapier3d", "0.36.1"),

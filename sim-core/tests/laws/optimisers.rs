@@ -153,8 +153,8 @@ fn mismatched_states_are_refused_without_effect() {
             bytes
         };
         for (bad, says) in [
-            (Vec::new(), "begin"),
-            (good[..20].to_vec(), "cut off"),
+            (Vec::new(), "first bytes"),
+            (good[..20].to_vec(), "ends after 20 bytes"),
             (good[..good.len() - 1].to_vec(), "bytes instead of"),
             ([&good[..], &[0]].concat(), "bytes instead of"),
             (make(other, 6, 3, 1).save(), "another kind"),

@@ -59,7 +59,7 @@ fn phase_of_another_gait_is_refused() {
             bytes.resize(length, 0);
             let phase = Phase(bytes);
             let refused = controller.compile(&Run { from: Some(&phase), ..Run::new(&robot, 0.5) }, &gait).unwrap_err();
-            assert!(refused.to_string().contains("phase of another gait"), "{}: {refused}", controller.name());
+            assert!(refused.to_string().contains("that of another gait"), "{}: {refused}", controller.name());
         }
     }
 }

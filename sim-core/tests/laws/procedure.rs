@@ -248,7 +248,7 @@ fn impossible_results_of_an_evaluation_are_refused() {
         (Vec::new(), "it is empty"),
         (vec![7], "its format is 7"),
         ([&sound[..], &[0]].concat(), "it is not canonical"),
-        (procedure.task(0), "of another kind"),
+        (procedure.task(0), "another kind of value"),
         (evaluated(Some(f64::NAN)).encode(), "score NaN is out of range"),
         (evaluated(Some(f64::INFINITY)).encode(), "score inf is out of range"),
         (evaluated(Some(-0.1)).encode(), "score -0.1 is out of range: allowed is 0 to 100"),
@@ -334,9 +334,9 @@ fn impossible_traces_are_refused() {
         (with(&|t| t.tree.nodes[1].x = f64::INFINITY), "node 1 of its tree"),
         (with(&|t| t.tree.best_path = vec![0, 0]), "its best path"),
         (with(&|t| t.tree.best_path.clear()), "its best path"),
-        (with(&|t| t.paths.truncate(2)), "instead of all three ways"),
-        (with(&|t| t.paths[1].end_error = -1.0), "no finite error"),
-        (with(&|t| t.paths[2].way.clear()), "no way of finite points"),
+        (with(&|t| t.paths.truncate(2)), "instead of the three modes"),
+        (with(&|t| t.paths[1].end_error = -1.0), "all its numbers finite"),
+        (with(&|t| t.paths[2].way.clear()), "at least one point"),
     ];
     assert_refused(&*procedure, index, refused);
 }

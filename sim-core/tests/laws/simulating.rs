@@ -288,7 +288,7 @@ fn impossible_results_of_a_run_are_refused() {
         (Vec::new(), "it is empty"),
         (unvaried.clone(), "not of the kind that the task needs"),
         (with(&|run| run.way = Way::Resimulated), "not of the kind that the task needs"),
-        (with(&|run| run.drawn.friction = 0.7), "not what its random numbers draw"),
+        (with(&|run| run.drawn.friction = 0.7), "not those of its random numbers"),
         (with(&|run| run.end[0] = f64::NAN), "not finite"),
         (with(&|run| run.travelled = -1.0), "negative"),
         (with(&|run| run.work = 2.0 * run.turnover + 1.0), "is more than its turnover"),
