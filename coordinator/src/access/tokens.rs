@@ -76,7 +76,7 @@ pub enum TokensError {
         /// Path of the file.
         file: PathBuf,
     },
-    /// The file has more than [`MAX_TOKENS`] tokens.
+    /// The file has more than `MAX_TOKENS` tokens.
     #[error("{file} has more than {MAX_TOKENS} tokens: at most {MAX_TOKENS} are allowed", file = .file.display())]
     TooMany {
         /// Path of the file.
