@@ -157,7 +157,7 @@ fn commands_of_pages_exist_with_their_options() {
             if depth > 0 {
                 assert!(named.len() > 1, "{}: {text}: no command {}", page.at(line), words[1]);
             }
-            // What follows `--` alone is for another program.
+            // Arguments after a lone `--` are for another program.
             for word in words.iter().take_while(|word| **word != "--").filter(|word| word.starts_with("--")) {
                 let option = word.split('=').next().unwrap().trim_end_matches([',', '.', ';', ')', ']']);
                 assert!(known.contains(option), "{}: {text}: {} has no {option}", page.at(line), named.join(" "));
