@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use proto::credentials::Credentials;
-use proto::dial::{Addresses, Backoff, Dial, Way, reason};
+use proto::dial::{Addresses, Backoff, Dial, FailoverChannel, reason};
 use proto::limits::MAX_ANSWER;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{self, JobState};
@@ -32,8 +32,8 @@ impl Url {
     }
 
     /// Returns a channel with connections of its own.
-    pub fn way(&self) -> Way {
-        self.0.way()
+    pub fn channel(&self) -> FailoverChannel {
+        self.0.channel()
     }
 
     /// Returns the URL of a socket on this machine.
@@ -53,14 +53,14 @@ impl fmt::Display for Url {
 #[derive(Clone)]
 pub struct Client {
     url: Url,
-    service: JobServiceClient<Way>,
+    service: JobServiceClient<FailoverChannel>,
 }
 
 impl Client {
     /// Connects to the coordinator; fails if none answers.
     pub async fn connect(url: &Url) -> Result<Self, Error> {
         url.0.reach().await.map_err(|error| Error::Unreachable { url: url.to_string(), reason: reason(&error) })?;
-        let service = JobServiceClient::new(url.0.way()).max_decoding_message_size(MAX_ANSWER);
+        let service = JobServiceClient::new(url.0.channel()).max_decoding_message_size(MAX_ANSWER);
         Ok(Self { url: url.clone(), service })
     }
 
@@ -70,7 +70,7 @@ impl Client {
         &self,
         id: Option<&str>,
         message: M,
-        method: impl Fn(JobServiceClient<Way>, M) -> F,
+        method: impl Fn(JobServiceClient<FailoverChannel>, M) -> F,
     ) -> Result<T, Error> {
         let (mut lost, mut backoff) = (None, Backoff::new());
         loop {
@@ -187,7 +187,7 @@ impl Client {
         let service =
             <proto::v1::job_service_server::JobServiceServer<()> as tonic::server::NamedService>::NAME.to_owned();
         let request = HealthCheckRequest { service };
-        let answer = HealthClient::new(self.url.0.way()).check(request).await.map_err(|s| self.error(&s, None))?;
+        let answer = HealthClient::new(self.url.0.channel()).check(request).await.map_err(|s| self.error(&s, None))?;
         Ok(answer.into_inner().status() == ServingStatus::Serving)
     }
 

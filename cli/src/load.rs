@@ -9,7 +9,7 @@ use sim_core::job::{JobSpec, Reference};
 use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
 use sim_core::model::{Robot, RobotSpec};
-use sim_core::problem::{Checked, Does, Job};
+use sim_core::problem::{Checked, Job, JobKind};
 use sim_core::procedure::kinds;
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -51,10 +51,10 @@ pub fn evolving(file: &JobFile) -> Result<Job, Error> {
 
 /// Fails if the job does not evolve. `called` is its name in the message.
 pub fn must_evolve(job: &Checked, called: &str) -> Result<(), Error> {
-    let what = match job.does() {
-        Does::Evolve => return Ok(()),
-        Does::Plan => "plans with gaits that are given",
-        Does::Simulate => "simulates a motion that is given",
+    let what = match job.kind() {
+        JobKind::Evolve => return Ok(()),
+        JobKind::Plan => "plans with gaits that are given",
+        JobKind::Simulate => "simulates a motion that is given",
     };
     Err(Error::Usage { message: format!("{called} {what}: this command is for jobs that evolve") })
 }

@@ -2,7 +2,7 @@
 
 use crate::console::{self, count, score, score_with};
 use crate::output::{
-    Candidate, Finished, OfWay, PlanFile, ResultFile, Share, SimulationFile, Spread, Statistics, Told, Values,
+    Candidate, Finished, OfWay, PlanFile, ResultFile, RunNumbers, Share, SimulationFile, Spread, Statistics, Values,
 };
 use sim_core::base::score::Direction;
 use sim_core::problem::{Checked, SimulateSpec};
@@ -82,7 +82,7 @@ const STILL: f64 = 1e-6;
 
 /// Returns the lines for the runs of a way: the motion with nothing varied in the first column, the repeats in the
 /// second.
-fn of_way(unvaried: &Told, repeats: Option<&Statistics>) -> Vec<String> {
+fn of_way(unvaried: &RunNumbers, repeats: Option<&Statistics>) -> Vec<String> {
     let mut lines = Vec::new();
     if repeats.is_some() {
         lines.push(format!("  {:18} {:18} {}", "", "nothing varied", "repeats"));

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tonic::Status;
 
 /// Time without a coordinator after which watching fails.
-const PATIENCE: Duration = Duration::from_secs(600);
+const TIMEOUT: Duration = Duration::from_secs(600);
 
 /// End of watching.
 pub enum Watched {
@@ -63,7 +63,7 @@ async fn to_the_end(
             backoff.reset();
         }
         match lost {
-            Some(since) if since.elapsed() > PATIENCE => return Err(client.error(&broken, Some(id))),
+            Some(since) if since.elapsed() > TIMEOUT => return Err(client.error(&broken, Some(id))),
             Some(_) => {}
             None => {
                 lost = Some(Instant::now());

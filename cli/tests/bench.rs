@@ -4,7 +4,7 @@ mod common;
 
 use common::{SMALL_JOB, listing, run};
 use serde_json::Value;
-use sim_core::engines::known::Known;
+use sim_core::engines::fidelity::FidelityTable;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -132,7 +132,7 @@ fn table_rows_are_replaced_per_robot_variant() {
     let measure = |more: &str| {
         let arguments = "fidelity l-shape --reference 400x2-lockstep --random 6 --evolved 2 --duration 0.5";
         bench(folder.path(), &format!("{arguments} --table table.toml{more}"));
-        Known::from_toml(&fs::read_to_string(&table).unwrap()).unwrap().rows
+        FidelityTable::from_toml(&fs::read_to_string(&table).unwrap()).unwrap().rows
     };
     let first = measure("");
     let settings: Vec<_> = first.iter().map(|row| (row.steps_per_second, row.substeps)).collect();

@@ -6,7 +6,7 @@ mod event;
 mod ids;
 
 pub use charge::Charge;
-pub use dispute::{Claim, Dispute, Finder, Ruling, Source};
+pub use dispute::{Claim, Claimant, Dispute, Ruling, Source};
 pub use event::{Event, JobEvent};
 pub use ids::{AssignmentId, Range, WorkerId};
 

@@ -1,23 +1,23 @@
 //! Start and stop of a coordinator.
 
 mod config;
-mod doors;
 mod health;
-mod lead;
+mod serve;
+mod takeover;
 
 pub use config::{Config, Error, Tls};
 #[cfg(test)]
-pub(crate) use doors::DESCRIPTORS;
+pub(crate) use serve::DESCRIPTORS;
 
 use crate::api::scaler::ScalerEndpoint;
 use crate::api::{Api, Gates};
 use crate::live::Live;
 use crate::metrics::Metrics;
-use crate::pulse::Pulse;
 use crate::standby::Gate;
 use crate::store;
-use doors::Doors;
+use crate::vitals::CoordinatorVitals;
 use health::Health;
+use serve::ServiceListener;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::Pin;
@@ -101,13 +101,13 @@ async fn start(config: Config) -> Result<Running, Error> {
     })?;
     let local_addr = listener.local_addr().map_err(|source| Error::Bind { addr, source })?;
     let metrics = Arc::new(Metrics::new());
-    let pulse = Arc::new(Pulse::new(metrics.clone()));
+    let vitals = Arc::new(CoordinatorVitals::new(metrics.clone()));
     let endpoint = match config.metrics {
-        Some(bind) => Some(telemetry::Endpoint::start(bind, pulse.clone()).await?),
+        Some(bind) => Some(telemetry::Endpoint::start(bind, vitals.clone()).await?),
         None => None,
     };
     let scaler = match config.keda {
-        Some(bind) => Some(ScalerEndpoint::start(bind, pulse.clone()).await?),
+        Some(bind) => Some(ScalerEndpoint::start(bind, vitals.clone()).await?),
         None => None,
     };
     let store = store::open(&config.store, config.takeover).await?;
@@ -131,27 +131,28 @@ async fn start(config: Config) -> Result<Running, Error> {
     let secure = config.tls.is_some();
     let connections = metrics.connections.clone();
     let health = Health::new().await;
-    let doors = Doors { listener, connections, tls: config.tls, access: config.access, gate, health: health.clone() };
-    let lead = lead::lead(store, config.standby, config.lease, engines, live, metrics);
+    let listener =
+        ServiceListener { listener, connections, tls: config.tls, access: config.access, gate, health: health.clone() };
+    let takeover = takeover::take_over(store, config.standby, config.lease, engines, live, metrics);
     let to_actor = commands.clone();
     let work = if config.standby {
         tokio::spawn(async move {
-            let lead = tokio::select! {
-                lead = lead => lead?,
+            let active = tokio::select! {
+                active = takeover => active?,
                 _ = stopping.wait_for(|stop| *stop) => return Ok(()),
             };
-            pulse.activate(to_actor);
+            vitals.activate(to_actor);
             // The health status changes before calls are accepted, so that it is correct at the first accepted call.
             health.serving().await;
             key.open();
-            lead.work(inbox).await
+            active.work(inbox).await
         })
     } else {
-        let lead = lead.await?;
-        pulse.activate(to_actor);
+        let active = takeover.await?;
+        vitals.activate(to_actor);
         health.serving().await;
-        tokio::spawn(lead.work(inbox))
+        tokio::spawn(active.work(inbox))
     };
-    let task = tokio::spawn(doors::run(doors, api, work, commands, stop.clone(), stopped));
+    let task = tokio::spawn(serve::run(listener, api, work, commands, stop.clone(), stopped));
     Ok(Running { local_addr, metrics: endpoint, scaler, secure, stop, task, ended: false })
 }

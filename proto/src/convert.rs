@@ -3,7 +3,7 @@
 
 use crate::v1;
 use sim_core::base::digest::Digest;
-use sim_core::procedure::{Artefact, Progress, Row, Value};
+use sim_core::procedure::{Artefact, Progress, SeriesRow, Value};
 
 /// Invalid message. Not retryable: the sender must change it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -41,14 +41,14 @@ impl From<v1::Value> for Value {
     }
 }
 
-impl From<&Row> for v1::Row {
-    fn from(row: &Row) -> Self {
+impl From<&SeriesRow> for v1::Row {
+    fn from(row: &SeriesRow) -> Self {
         let values = row.values.iter().map(Into::into).collect();
         Self { series: row.series.to_string(), index: row.index, values }
     }
 }
 
-impl From<v1::Row> for Row {
+impl From<v1::Row> for SeriesRow {
     fn from(wire: v1::Row) -> Self {
         let values = wire.values.into_iter().map(Into::into).collect();
         Self { series: wire.series.into(), index: wire.index, values }
@@ -102,9 +102,9 @@ mod tests {
     fn values_keep_their_bits_over_the_wire() {
         for bits in [0x8000_0000_0000_0000, 0, 0x7ff8_0000_dead_beef, 0xfff0_0000_0000_0000, 1] {
             let value = Value { name: "best".into(), unit: "%".into(), value: Some(f64::from_bits(bits)) };
-            let row = Row { series: "generations".into(), index: 3, values: vec![value] };
+            let row = SeriesRow { series: "generations".into(), index: 3, values: vec![value] };
             let wire = v1::Row::from(&row).encode_to_vec();
-            assert_eq!(Row::from(v1::Row::decode(wire.as_slice()).expect("it decodes")), row);
+            assert_eq!(SeriesRow::from(v1::Row::decode(wire.as_slice()).expect("it decodes")), row);
         }
         let none = Value { name: "best".into(), unit: "".into(), value: None };
         assert_eq!(Value::from(v1::Value::from(&none)), none);

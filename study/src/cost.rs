@@ -122,7 +122,8 @@ pub fn measure_runs(job: &Job, budget: Budget) -> Cost {
     let tasks = std::iter::once(Task::Unvaried).chain((0..).map(|repeat| Task::Repeat { repeat }));
     for task in tasks.take(budget.evaluations as usize) {
         let limit = if cost.evaluations == 0 { budget.first } else { budget.time };
-        let (done, spent) = timed(|| simulate::Kind.run(job, &[(0, task.encode())], &Until(&started, limit)));
+        let (done, spent) =
+            timed(|| simulate::SimulateProcedure.run(job, &[(0, task.encode())], &Until(&started, limit)));
         let Ok(results) = done else {
             let given_up = cost.evaluations == 0;
             return Cost { given_up, total: if given_up { spent } else { cost.total }, ..cost };

@@ -15,7 +15,7 @@ const FIRST: u32 = 100;
 
 /// Cost of a tree of one size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct PlanningRow {
     /// Iterations of the planner.
     pub iterations: u32,
     /// Nodes of the tree.
@@ -49,15 +49,15 @@ pub fn farthest(job: &Job, candidates: u32, each: &dyn Fn()) -> (u32, Genotype) 
 /// Measures trees of 100, 200, 400, … and finally `iterations` iterations for a candidate of generation 0 of a job on
 /// flat ground. A job without reuse is measured with the default reuse tolerance, because without reuse every node has
 /// transitions of its own.
-pub fn measure(job: &Job, candidate: u32, genotype: &Genotype, iterations: u32) -> Vec<Row> {
+pub fn measure(job: &Job, candidate: u32, genotype: &Genotype, iterations: u32) -> Vec<PlanningRow> {
     let stream = search_streams(job, 0, candidate).next().unwrap_or_else(|| unreachable!("repeats are at least 1"));
     let table = known(job, genotype, &stream, iterations);
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<PlanningRow> = Vec::new();
     let sizes = std::iter::successors(Some(FIRST), |k| Some(2 * k)).take_while(|k| *k < iterations);
     for iterations in sizes.chain([iterations]) {
         let (nodes, seconds) = grown(job, &table, &stream, iterations);
         let marginal = rows.last().map(|before| f64::from(iterations - before.iterations) / (seconds - before.seconds));
-        rows.push(Row {
+        rows.push(PlanningRow {
             iterations,
             nodes,
             seconds,

@@ -52,7 +52,7 @@ pub struct Measured {
 
 /// Results of one way to score, compared with the plain method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct ReuseRow {
     /// Tolerance, rad (mu for height).
     pub tolerance: f64,
     /// Number of variants, V.
@@ -94,7 +94,7 @@ pub struct Found {
     /// Name of the environment.
     pub environment: String,
     /// One row for each way to score, over all draws.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ReuseRow>,
     /// Columns of `genotypes[].measured`.
     pub columns: Vec<Column>,
     /// Genotypes with their scores.
@@ -183,7 +183,7 @@ pub fn measure(
 ///
 /// # Panics
 /// If there is no genotype, or one was not measured in every column.
-pub fn rows(job: &Job, columns: &[Column], measured: &[Vec<Measured>]) -> Vec<Row> {
+pub fn rows(job: &Job, columns: &[Column], measured: &[Vec<Measured>]) -> Vec<ReuseRow> {
     assert!(!measured.is_empty(), "a study needs at least one genotype");
     let scores = |column: usize| measured.iter().map(|m| m[column].score).collect::<Vec<f64>>();
     let rollouts =
@@ -198,7 +198,7 @@ pub fn rows(job: &Job, columns: &[Column], measured: &[Vec<Measured>]) -> Vec<Ro
             .collect();
         let apart = differences(&plain, &own);
         let from_seeds: Vec<f64> = others.iter().flat_map(|other| differences(&own, other)).collect();
-        Row {
+        ReuseRow {
             tolerance: column.reuse.tolerance,
             variants: column.reuse.variants,
             repeats: column.repeats,

@@ -15,7 +15,7 @@ pub const MAX_SUBSTEPS: u32 = 1000;
 
 /// Engine and parameters of the physics that trade accuracy for speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Setting {
+pub struct PhysicsSetting {
     /// Physics engine.
     pub engine: EngineKind,
     /// Steps per simulated second, 1 to 10000.
@@ -26,7 +26,7 @@ pub struct Setting {
     pub joints: JointKind,
 }
 
-impl Setting {
+impl PhysicsSetting {
     /// Returns the setting of a job's search.
     pub fn of(job: &Checked) -> Self {
         Self::from_physics(job.chosen().engine, job.physics())
@@ -94,7 +94,7 @@ impl Setting {
     }
 }
 
-impl fmt::Display for Setting {
+impl fmt::Display for PhysicsSetting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{}", self.steps_per_second, self.substeps)?;
         match (self.engine, self.joints) {
@@ -105,7 +105,7 @@ impl fmt::Display for Setting {
     }
 }
 
-impl FromStr for Setting {
+impl FromStr for PhysicsSetting {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -130,7 +130,7 @@ impl FromStr for Setting {
     }
 }
 
-impl Serialize for Setting {
+impl Serialize for PhysicsSetting {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }
@@ -143,17 +143,17 @@ mod tests {
     #[test]
     fn setting_survives_writing_and_reading() {
         for text in ["30x8", "240x4", "60x16-multibody", "200x2-lockstep"] {
-            assert_eq!(text.parse::<Setting>().unwrap().to_string(), text);
+            assert_eq!(text.parse::<PhysicsSetting>().unwrap().to_string(), text);
         }
-        assert_eq!("30x8-impulse".parse::<Setting>(), "30x8".parse());
+        assert_eq!("30x8-impulse".parse::<PhysicsSetting>(), "30x8".parse());
     }
 
     #[test]
     fn halved_setting_has_half_the_step_or_substep() {
-        let halved = "240x4-lockstep".parse::<Setting>().unwrap().halved().unwrap();
+        let halved = "240x4-lockstep".parse::<PhysicsSetting>().unwrap().halved().unwrap();
         assert_eq!(halved.map(|setting| setting.to_string()), ["240x8-lockstep", "480x4-lockstep"]);
         for (text, possible) in [("5000x500", true), ("5001x500", false), ("5000x501", false)] {
-            assert_eq!(text.parse::<Setting>().unwrap().halved().is_some(), possible, "{text}");
+            assert_eq!(text.parse::<PhysicsSetting>().unwrap().halved().is_some(), possible, "{text}");
         }
     }
 
@@ -168,7 +168,7 @@ mod tests {
         for _ in 0..100_000 {
             let length = random() % 12;
             let text: String = (0..length).map(|_| letters[random() % letters.len()]).collect();
-            if let Ok(setting) = text.parse::<Setting>() {
+            if let Ok(setting) = text.parse::<PhysicsSetting>() {
                 assert_eq!(setting.to_string().parse(), Ok(setting), "{text}");
             }
         }
@@ -191,7 +191,7 @@ mod tests {
             "3.5x8",
             "200x2-lockstep-multibody",
         ] {
-            let refused = text.parse::<Setting>().unwrap_err();
+            let refused = text.parse::<PhysicsSetting>().unwrap_err();
             assert!(refused.contains("30x8-multibody") && refused.contains(&format!("'{text}'")), "{refused}");
         }
     }

@@ -1,7 +1,7 @@
 //! Speed of engine settings: simulated time per CPU time over the same gaits.
 
 use crate::clock::{Spent, timed};
-use crate::setting::Setting;
+use crate::setting::PhysicsSetting;
 use crate::statistics::{Estimate, bootstrap};
 use serde::Serialize;
 use sim_core::base::random::{Purpose, Stream};
@@ -17,9 +17,9 @@ const BATCH: usize = 64;
 
 /// Speed of one setting over all gaits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct SpeedRow {
     /// Engine setting.
-    pub setting: Setting,
+    pub setting: PhysicsSetting,
     /// Simulated s per CPU s, with its 95 % bootstrap interval over the gaits.
     pub simulated_per_cpu: Estimate,
     /// Simulated s per s of wall time.
@@ -31,7 +31,7 @@ pub struct Row {
 }
 
 /// Simulates every gait with every setting on flat ground, on the calling thread. `each` is called after every gait.
-pub fn measure(job: &Job, settings: &[Setting], gaits: &[Motion], each: &dyn Fn()) -> Vec<Row> {
+pub fn measure(job: &Job, settings: &[PhysicsSetting], gaits: &[Motion], each: &dyn Fn()) -> Vec<SpeedRow> {
     let physics: Vec<(&dyn Engine, Physics)> =
         settings.iter().map(|s| (engine(s.engine), s.apply(job.physics()))).collect();
     let mut spent: Vec<Vec<(f64, Spent)>> = vec![Vec::new(); settings.len()];
@@ -47,11 +47,11 @@ pub fn measure(job: &Job, settings: &[Setting], gaits: &[Motion], each: &dyn Fn(
         }
         turn.for_each(|_| each());
     }
-    let row = |(i, setting): (usize, &Setting)| {
+    let row = |(i, setting): (usize, &PhysicsSetting)| {
         let simulated: f64 = spent[i].iter().map(|(simulated, _)| simulated).sum();
         let mut total = Spent::default();
         spent[i].iter().for_each(|(_, time)| total += *time);
-        Row {
+        SpeedRow {
             setting: *setting,
             simulated_per_cpu: simulated_per_cpu(&spent[i]),
             simulated_per_wall: simulated / total.wall,

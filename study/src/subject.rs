@@ -1,7 +1,7 @@
 //! Subject of a measurement: a robot on flat ground or in an environment. It is made into a job, so that it is checked
 //! and settled like any other job.
 
-use crate::setting::Setting;
+use crate::setting::PhysicsSetting;
 use sim_core::base::error::Invalid;
 use sim_core::job::{JobSpec, Reference};
 use sim_core::model::RobotSpec;
@@ -49,7 +49,7 @@ impl Subject {
     ///
     /// # Errors
     /// If the job is invalid or the robot does not settle.
-    pub fn job(&self, setting: Setting, duration: f64, seed: u64) -> Result<Job, Invalid> {
+    pub fn job(&self, setting: PhysicsSetting, duration: f64, seed: u64) -> Result<Job, Invalid> {
         let mut spec: JobSpec = toml::from_str(FRAME)?;
         spec.robot = Reference::Inline(Box::new(self.robot.clone()));
         if let Some(environment) = &self.environment {
@@ -67,7 +67,7 @@ impl Subject {
     ///
     /// # Errors
     /// If the first job is invalid or its robot does not settle.
-    pub fn evolutions(&self, setting: Setting, seed: u64) -> Result<impl Iterator<Item = Job>, Invalid> {
+    pub fn evolutions(&self, setting: PhysicsSetting, seed: u64) -> Result<impl Iterator<Item = Job>, Invalid> {
         let first = self.job(setting, EVOLVED_DURATION, seed)?;
         // The first job was checked, and the seed does not affect a job's validity.
         let again = move |run: u64| self.job(setting, EVOLVED_DURATION, (seed + run) & i64::MAX as u64).ok();
@@ -85,10 +85,10 @@ mod tests {
     fn evolutions_differ_in_their_seeds_only() {
         let robot = toml::from_str(catalogue::robots()[0].toml).unwrap();
         let subject = Subject { robot, variant: None, environment: None, scale: Scale::Paper };
-        let setting = Setting::own(EngineKind::Lockstep, Scale::Paper);
+        let setting = PhysicsSetting::own(EngineKind::Lockstep, Scale::Paper);
         let jobs: Vec<Job> = subject.evolutions(setting, 7).unwrap().take(3).collect();
         for (seed, job) in (7..).zip(&jobs) {
-            assert_eq!((job.spec().seed, Setting::of(job)), (seed, setting));
+            assert_eq!((job.spec().seed, PhysicsSetting::of(job)), (seed, setting));
             assert_eq!(JobSpec { seed: 7, ..job.spec().clone() }, *jobs[0].spec());
         }
     }

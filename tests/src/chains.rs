@@ -46,7 +46,7 @@ pub fn chain_job(seed: u64, steps_per_second: u32, substeps: u32) -> String {
 
 /// Returns the most expensive job of the same robot with a preparation within the budget. Finds its steps per second by
 /// bisection.
-pub fn dearest_job(seed: u64) -> String {
+pub fn costliest_job(seed: u64) -> String {
     let fits = |steps: u32| Checked::new(spec(seed, steps, 1)).is_ok();
     let (mut least, mut most) = (1, 1000);
     assert!(!fits(most), "1000 steps per second must exceed the budget of a preparation");

@@ -1,6 +1,6 @@
 //! Runs a job while its coordinator crashes at every commit of the job. All acknowledged states must survive.
 
-use crate::sandbox::{PATIENCE, Process, Sandbox};
+use crate::sandbox::{Process, Sandbox, TIMEOUT};
 use proto::v1::{
     CancelJobRequest, GetJobRequest, GetResultRequest, Job, JobState, PauseJobRequest, ResumeJobRequest,
     SubmitJobRequest,
@@ -15,7 +15,7 @@ pub const POINTS: [&str; 4] = ["after-commit:1", "in-commit:2", "in-commit:1", "
 
 /// Goal of the client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wish {
+pub enum ClientGoal {
     /// Get the job's result.
     Result,
     /// Pause and resume the job until this many of these calls were found stored after a crash, then get its result.
@@ -24,7 +24,7 @@ pub enum Wish {
     Cancel,
 }
 
-impl Wish {
+impl ClientGoal {
     /// Returns true if no further crash is needed.
     fn is_fulfilled(self, passed: &Passed) -> bool {
         matches!(self, Self::Pauses(times) if passed.kept >= times)
@@ -46,7 +46,7 @@ pub struct Passed {
 
 /// States that were reported to the client so far. They must never be lost.
 #[derive(Default)]
-struct Told {
+struct Reported {
     job: Option<Job>,
     /// Largest number of done tasks reported for the current round.
     round_done: u32,
@@ -58,7 +58,7 @@ struct Told {
     answered: u32,
 }
 
-impl Told {
+impl Reported {
     /// Checks a reported job against the reports before.
     fn hear(&mut self, now: Job) {
         if let Some(before) = &self.job {
@@ -99,15 +99,15 @@ pub async fn through_crashes(
     sandbox: &mut Sandbox,
     arguments: &[&str],
     toml: &str,
-    wish: Wish,
+    wish: ClientGoal,
     points: impl IntoIterator<Item = &'static str, IntoIter: Clone>,
 ) -> Passed {
     sandbox.reserve_port();
     let _worker = sandbox.worker(2);
-    let (mut told, mut passed) = (Told::default(), Passed::default());
+    let (mut told, mut passed) = (Reported::default(), Passed::default());
     let start = Instant::now();
     for point in points.into_iter().cycle() {
-        assert!(start.elapsed() < PATIENCE, "the job did not end after {} crashes", passed.lives);
+        assert!(start.elapsed() < TIMEOUT, "the job did not end after {} crashes", passed.lives);
         let mut command = sandbox.coordinator_command();
         command.args(arguments);
         if !wish.is_fulfilled(&passed) {
@@ -141,14 +141,14 @@ enum Life {
 async fn live(
     sandbox: &Sandbox,
     coordinator: &mut Process,
-    told: &mut Told,
+    told: &mut Reported,
     passed: &mut Passed,
     toml: &str,
-    wish: Wish,
+    wish: ClientGoal,
 ) -> Life {
     let start = Instant::now();
     while !coordinator.has_ended() {
-        assert!(start.elapsed() < PATIENCE, "neither a crash nor a result in time: {:?}", told.job);
+        assert!(start.elapsed() < TIMEOUT, "neither a crash nor a result in time: {:?}", told.job);
         // An error means that the coordinator is about to crash or does not listen yet.
         if let Ok(Some(end)) = ask(sandbox, told, passed, toml, wish).await {
             return end;
@@ -160,10 +160,10 @@ async fn live(
 
 async fn ask(
     sandbox: &Sandbox,
-    told: &mut Told,
+    told: &mut Reported,
     passed: &mut Passed,
     toml: &str,
-    wish: Wish,
+    wish: ClientGoal,
 ) -> Result<Option<Life>, Status> {
     let mut client = sandbox.client();
     let Some(job) = told.job.clone() else {
@@ -183,14 +183,14 @@ async fn ask(
         return Ok(Some(Life::Over));
     }
     match wish {
-        Wish::Cancel if now.rounds_sealed > 1 => {
+        ClientGoal::Cancel if now.rounds_sealed > 1 => {
             let answer =
                 client.cancel_job(CancelJobRequest { id }).await?.into_inner().job.expect("the response has the job");
             assert_eq!(answer.state(), JobState::Cancelled);
             told.cancelled = true;
             return Ok(Some(Life::Kill));
         }
-        Wish::Pauses(times) if now.state() != JobState::Succeeded && (passed.kept < times || now.paused) => {
+        ClientGoal::Pauses(times) if now.state() != JobState::Succeeded && (passed.kept < times || now.paused) => {
             // Until the call is answered, either state is valid.
             told.paused = None;
             let answer = match now.paused {
@@ -218,14 +218,14 @@ async fn ask(
 pub async fn cancelled_through_crashes(new: impl Fn() -> Sandbox, arguments: &[&str], toml: &str) {
     for first in 0..POINTS.len() {
         let points = (first..first + POINTS.len()).map(|i| POINTS[i % POINTS.len()]);
-        let passed = through_crashes(&mut new(), arguments, toml, Wish::Cancel, points).await;
+        let passed = through_crashes(&mut new(), arguments, toml, ClientGoal::Cancel, points).await;
         assert!(passed.digest.is_empty() && passed.lives >= POINTS.len(), "{passed:?}");
     }
 }
 
 /// Checks that pauses and resumptions survive crashes, and returns the result digest.
 pub async fn paused_through_crashes(sandbox: &mut Sandbox, arguments: &[&str], toml: &str) -> Vec<u8> {
-    let wish = Wish::Pauses(POINTS.len() as u32);
+    let wish = ClientGoal::Pauses(POINTS.len() as u32);
     let passed = through_crashes(sandbox, arguments, toml, wish, POINTS).await;
     assert!(passed.kept as usize >= POINTS.len(), "the job ended before enough pauses were checked: {passed:?}");
     assert!(passed.unanswered > 0, "no crash interrupted a pause: {passed:?}");

@@ -5,7 +5,7 @@ use crate::sandbox::{planning_job, simulating_job, tiny_job};
 use prost::Message;
 use proto::{credentials::Token, dial::Addresses, v1};
 use sim_core::base::limits::MAX_TOML_LENGTH;
-use sim_core::engines::known::Known;
+use sim_core::engines::fidelity::FidelityTable;
 use sim_core::exchange::{self, Format};
 use sim_core::job::JobSpec;
 use sim_core::model::catalogue::{self, Entry};
@@ -13,7 +13,7 @@ use sim_core::model::environment::Environment;
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::physics::{Physics, Scale};
 use sim_core::problem::{Checked, Job, Preparation};
-use sim_core::procedure::preparing::Outcome;
+use sim_core::procedure::preparing::PreparationOutcome;
 use sim_core::procedure::{self, Bench, Hooks, Procedure};
 use sim_core::procedure::{evolve, plan, simulate};
 use std::sync::{Arc, LazyLock};
@@ -53,7 +53,7 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
         }
         "robot" => shipped(catalogue::robots()),
         "environment" => shipped(catalogue::environments()),
-        "fidelity" => vec![Known::shipped().to_toml().into_bytes()],
+        "fidelity" => vec![FidelityTable::shipped().to_toml().into_bytes()],
         "exchange" => {
             let specs = catalogue::robots().iter().filter_map(|entry| toml::from_str::<RobotSpec>(entry.toml).ok());
             let robots = specs.filter_map(|spec| Robot::compile(&spec).ok());
@@ -180,7 +180,7 @@ fn environment(bytes: &[u8]) {
 }
 
 fn fidelity(bytes: &[u8]) {
-    with_text(bytes, |text| drop(Known::from_toml(text)));
+    with_text(bytes, |text| drop(FidelityTable::from_toml(text)));
 }
 
 /// Reads the other messages of the protocol. The first byte selects the type.
@@ -197,7 +197,7 @@ fn messages(bytes: &[u8]) {
         5 => drop(v1::GetResultResponse::decode(bytes)),
         6 => drop(v1::ListWorkersResponse::decode(bytes)),
         7 => drop(v1::ListJobsResponse::decode(bytes)),
-        8 => drop(v1::Row::decode(bytes).map(procedure::Row::from)),
+        8 => drop(v1::Row::decode(bytes).map(procedure::SeriesRow::from)),
         9 => drop(v1::Progress::decode(bytes).map(procedure::Progress::from)),
         _ => drop(v1::CoordinatorMessage::decode(bytes)),
     }
@@ -283,7 +283,7 @@ fn task_result(bytes: &[u8]) {
 
 /// Reads the result of round 0 and the data that later rounds share.
 fn preparation(bytes: &[u8]) {
-    if let Ok(outcome) = Outcome::decode(bytes) {
+    if let Ok(outcome) = PreparationOutcome::decode(bytes) {
         assert_eq!(outcome.encode(), bytes, "an outcome must have one encoding");
     }
     let decoded = Preparation::decode(bytes);

@@ -25,7 +25,7 @@ pub enum Direction {
 
 /// State of the simulated network.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Weather {
+pub struct NetworkState {
     /// Data from the client is held back.
     pub up_blocked: bool,
     /// Data to the client is held back.
@@ -40,7 +40,7 @@ pub struct Weather {
     lost_before: u64,
 }
 
-impl Weather {
+impl NetworkState {
     fn is_blocked(&self, direction: Direction, connection: u64) -> bool {
         let blocked = match direction {
             Direction::Up => self.up_blocked,
@@ -53,7 +53,7 @@ impl Weather {
 /// TCP proxy. Runs on its own thread, so that a test may block.
 pub struct Proxy {
     address: SocketAddr,
-    weather: watch::Sender<Weather>,
+    weather: watch::Sender<NetworkState>,
     /// Number of accepted connections.
     accepted: Arc<AtomicU64>,
     /// Shut down in the background on drop, because a test may drop the proxy inside its own runtime.
@@ -68,7 +68,7 @@ impl Proxy {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
         listener.set_nonblocking(true).expect("the socket can be made non-blocking");
         let address = listener.local_addr().expect("a bound socket has an address");
-        let (weather, watching) = watch::channel(Weather::default());
+        let (weather, watching) = watch::channel(NetworkState::default());
         let accepted = Arc::<AtomicU64>::default();
         let counter = accepted.clone();
         runtime.spawn(async move {
@@ -118,7 +118,7 @@ impl Proxy {
     /// Ends all disturbances. Existing connections continue, except lost ones.
     pub fn heal(&self) {
         self.weather.send_modify(|weather| {
-            *weather = Weather { cuts: weather.cuts, lost_before: weather.lost_before, ..Weather::default() };
+            *weather = NetworkState { cuts: weather.cuts, lost_before: weather.lost_before, ..NetworkState::default() };
         });
     }
 }
@@ -132,7 +132,7 @@ impl Drop for Proxy {
 }
 
 /// Serves one connection until a side ends it or it is cut.
-async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, weather: watch::Receiver<Weather>) {
+async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, weather: watch::Receiver<NetworkState>) {
     let cuts = weather.borrow().cuts;
     let Ok(far) = TcpStream::connect(&*upstream).await else { return };
     // Without it a small message would wait for the acknowledgement of the one before.
@@ -152,13 +152,13 @@ async fn serve(connection: u64, near: TcpStream, upstream: Arc<str>, weather: wa
 async fn pass(
     mut from: OwnedReadHalf,
     mut to: OwnedWriteHalf,
-    mut weather: watch::Receiver<Weather>,
+    mut weather: watch::Receiver<NetworkState>,
     direction: Direction,
     connection: u64,
 ) {
     let mut buffer = [0; 16 * 1024];
     while let Ok(count @ 1..) = from.read(&mut buffer).await {
-        let Weather { delay, bytes_per_second, .. } = *weather.borrow();
+        let NetworkState { delay, bytes_per_second, .. } = *weather.borrow();
         let rate = Duration::from_secs(count as u64).checked_div(bytes_per_second).unwrap_or_default();
         if delay + rate > Duration::ZERO {
             tokio::time::sleep(delay + rate).await;

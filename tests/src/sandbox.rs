@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use tonic::transport::{Channel, Endpoint};
 
 /// Limit on every wait of a test.
-pub const PATIENCE: Duration = Duration::from_secs(120);
+pub const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Returns the folder of the binaries. Builds them once per test process, with the profile of the tests.
 fn binaries() -> &'static Path {
@@ -110,7 +110,7 @@ impl Process {
     /// Waits until the process ends by itself, and returns its exit code.
     pub fn wait(&mut self) -> Option<i32> {
         let start = Instant::now();
-        while start.elapsed() < PATIENCE {
+        while start.elapsed() < TIMEOUT {
             if let Some(status) = self.0.try_wait().expect("a child can be waited for") {
                 return status.code();
             }
@@ -140,7 +140,7 @@ pub fn output_of(command: &mut Command) -> Output {
         let _ = ended.send(());
         output
     });
-    let in_time = end.recv_timeout(PATIENCE).is_ok();
+    let in_time = end.recv_timeout(TIMEOUT).is_ok();
     if !in_time {
         let _ = Command::new("kill").args(["-9", &pid]).status();
     }
@@ -310,7 +310,7 @@ impl Sandbox {
         loop {
             match self.client().get_job(GetJobRequest { id: id.to_owned() }).await {
                 Ok(answer) => return answer.into_inner().job.expect("the response has the job"),
-                Err(status) => assert!(start.elapsed() < PATIENCE, "{status}"),
+                Err(status) => assert!(start.elapsed() < TIMEOUT, "{status}"),
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
@@ -332,7 +332,7 @@ impl Sandbox {
                 return job;
             }
             assert_ne!(job.state(), JobState::Failed, "{}", job.reason);
-            assert!(start.elapsed() < PATIENCE, "the job did not fulfil the condition in time: {job:?}");
+            assert!(start.elapsed() < TIMEOUT, "the job did not fulfil the condition in time: {job:?}");
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     }

@@ -1,8 +1,8 @@
 //! Worker with messages chosen by the test: it follows the protocol, and fails or falsifies results on request.
 
-use crate::sandbox::{PATIENCE, Sandbox};
+use crate::sandbox::{Sandbox, TIMEOUT};
 use proto::credentials::Credentials;
-use proto::dial::{Dial, Way};
+use proto::dial::{Dial, FailoverChannel};
 pub use proto::v1::complete_request::Outcome;
 use proto::v1::complete_response::Verdict;
 use proto::v1::worker_service_client::WorkerServiceClient;
@@ -22,9 +22,9 @@ use tokio_stream::wrappers::UnboundedReceiverStream;
 use tonic::{Status, Streaming};
 
 /// Scripted worker. Dropping it breaks its connection.
-pub struct Scripted {
+pub struct ScriptedWorker {
     id: String,
-    client: WorkerServiceClient<Way>,
+    client: WorkerServiceClient<FailoverChannel>,
     heard: Streaming<CoordinatorMessage>,
     said: UnboundedSender<WorkerMessage>,
     /// Assignments that its heartbeats report as running: all that it received and has not returned.
@@ -39,7 +39,7 @@ pub struct Scripted {
     heart: JoinHandle<()>,
 }
 
-impl Drop for Scripted {
+impl Drop for ScriptedWorker {
     fn drop(&mut self) {
         self.heart.abort();
     }
@@ -48,14 +48,14 @@ impl Drop for Scripted {
 /// Interval of heartbeats.
 const HEARTBEAT: Duration = Duration::from_millis(300);
 
-impl Scripted {
+impl ScriptedWorker {
     /// Connects a worker with one slot.
     pub async fn join(sandbox: &Sandbox, id: &str) -> Self {
         Self::join_by(open(sandbox), id).await
     }
 
     /// Connects over a connection with credentials.
-    pub async fn join_by(way: Way, id: &str) -> Self {
+    pub async fn join_by(way: FailoverChannel, id: &str) -> Self {
         Self::connect(way, id, None).await.expect("the coordinator accepts the worker")
     }
 
@@ -64,7 +64,7 @@ impl Scripted {
         Self::connect(open(sandbox), id, Some(engine)).await
     }
 
-    async fn connect(way: Way, id: &str, other_build: Option<Digest>) -> Result<Self, Status> {
+    async fn connect(way: FailoverChannel, id: &str, other_build: Option<Digest>) -> Result<Self, Status> {
         let mut client = WorkerServiceClient::new(way);
         let engines: Vec<Digest> = match other_build {
             Some(engine) => vec![engine],
@@ -92,16 +92,15 @@ impl Scripted {
 
     /// Returns the next message from the coordinator.
     pub async fn hears(&mut self) -> coordinator_message::Message {
-        let next = tokio::time::timeout(PATIENCE, self.heard.message())
-            .await
-            .expect("the coordinator sends a message in time");
+        let next =
+            tokio::time::timeout(TIMEOUT, self.heard.message()).await.expect("the coordinator sends a message in time");
         next.expect("the session is open").and_then(|m| m.message).expect("the stream has a message")
     }
 
     /// Receives messages until the coordinator ends the session, and returns the status.
     pub async fn is_refused(&mut self) -> Status {
         loop {
-            match tokio::time::timeout(PATIENCE, self.heard.message()).await.expect("the session ends in time") {
+            match tokio::time::timeout(TIMEOUT, self.heard.message()).await.expect("the session ends in time") {
                 Ok(message) => drop(message.expect("the session ends with a status")),
                 Err(status) => return status,
             }
@@ -109,7 +108,7 @@ impl Scripted {
     }
 
     /// Returns the next assignment, with any tasks.
-    pub async fn is_given_any(&mut self) -> Assign {
+    pub async fn receive_any_lease(&mut self) -> Assign {
         loop {
             if let coordinator_message::Message::Assign(assign) = self.hears().await {
                 self.given.lock().expect("the lock is not poisoned").push(assign.assignment_id);
@@ -126,9 +125,9 @@ impl Scripted {
     }
 
     /// Returns the next assignment of evaluations. Preparations that arrive before are computed and delivered.
-    pub async fn is_given(&mut self) -> Assign {
+    pub async fn receive_lease(&mut self) -> Assign {
         loop {
-            let assign = self.is_given_any().await;
+            let assign = self.receive_any_lease().await;
             if assign.round == 0 {
                 let prepared = self.honest(&assign);
                 self.delivers(&assign, prepared).await;
@@ -141,7 +140,7 @@ impl Scripted {
     /// Computes and delivers all assignments, without end.
     pub async fn works(mut self) {
         loop {
-            let assign = self.is_given_any().await;
+            let assign = self.receive_any_lease().await;
             let outcome = self.honest(&assign);
             self.delivers(&assign, outcome).await;
         }
@@ -214,10 +213,10 @@ pub fn task(assign: &Assign) -> Task {
     Task::decode(&assign.tasks[0]).expect("the task can be decoded")
 }
 
-fn open(sandbox: &Sandbox) -> Way {
+fn open(sandbox: &Sandbox) -> FailoverChannel {
     Dial::new(sandbox.url().parse().expect("the URL is valid"), &Credentials::default())
         .expect("a dial without credentials is valid")
-        .way()
+        .channel()
 }
 
 async fn beat(said: UnboundedSender<WorkerMessage>, given: Arc<Mutex<Vec<u64>>>) {

@@ -1,7 +1,7 @@
 //! Costs of the most expensive jobs: submission and restart must not simulate, and settling must be stoppable.
 
-use cluster_tests::chains::{chain_job, dearest_job};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox};
+use cluster_tests::chains::{chain_job, costliest_job};
+use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT};
 use proto::v1::{ListJobsRequest, ListWorkersRequest, SubmitJobRequest};
 use std::time::{Duration, Instant};
 use tonic::{Code, Status};
@@ -36,7 +36,7 @@ async fn cost_of_submission(sandbox: &Sandbox, coordinator: &Process, job_toml: 
 #[tokio::test]
 async fn submission_of_costliest_jobs_uses_little_cpu() {
     for (what, job_toml, accepted) in
-        [("beyond the budget", chain_job(1, 1000, 100), false), ("at the budget's limit", dearest_job(1), true)]
+        [("beyond the budget", chain_job(1, 1000, 100), false), ("at the budget's limit", costliest_job(1), true)]
     {
         let mut sandbox = Sandbox::new();
         let coordinator = sandbox.coordinator();
@@ -62,7 +62,7 @@ async fn submission_of_costliest_jobs_uses_little_cpu() {
 async fn restart_with_100_costliest_jobs_uses_little_cpu() {
     let mut sandbox = Sandbox::new();
     let coordinator = sandbox.coordinator();
-    let dearest = dearest_job(0);
+    let dearest = costliest_job(0);
     for seed in 0..100 {
         let job_toml = dearest.replacen("seed = 0", &format!("seed = {seed}"), 1);
         submit(&sandbox, seed.to_string(), &job_toml).await.expect("the job is within the budget");
@@ -83,7 +83,7 @@ async fn restart_with_100_costliest_jobs_uses_little_cpu() {
 async fn worker_exits_within_grace_while_settling() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
-    let id = submit(&sandbox, "r".to_owned(), &dearest_job(1)).await.expect("the job is within the budget");
+    let id = submit(&sandbox, "r".to_owned(), &costliest_job(1)).await.expect("the job is within the budget");
     let mut worker = sandbox.worker_command(&sandbox.url(), 1);
     let worker = Process::start(worker.args(["--grace", "2"]));
     let start = Instant::now();
@@ -98,7 +98,7 @@ async fn worker_exits_within_grace_while_settling() {
         if workers.iter().any(|worker| worker.busy > 0) {
             break;
         }
-        assert!(start.elapsed() < PATIENCE, "the worker received no task");
+        assert!(start.elapsed() < TIMEOUT, "the worker received no task");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
     // Time for the worker to begin settling.

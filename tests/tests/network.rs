@@ -2,7 +2,7 @@
 //! not change.
 
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, is_last, tiny_job, undisturbed};
+use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT, is_last, tiny_job, undisturbed};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{CancelJobRequest, Job, JobEvent, JobState, ListWorkersRequest, WatchJobRequest};
@@ -37,7 +37,7 @@ async fn assert_slots_are_free(sandbox: &Sandbox) {
         if !workers.is_empty() && workers.iter().all(|w| w.busy == 0) {
             break;
         }
-        assert!(start.elapsed() < PATIENCE, "slots must become free: {workers:?}");
+        assert!(start.elapsed() < TIMEOUT, "slots must become free: {workers:?}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     let next = sandbox.submit("afterwards", &cheap_job(39, 1)).await;

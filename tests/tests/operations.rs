@@ -2,7 +2,7 @@
 
 use cluster_tests::openmetrics::{self, Series};
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, tiny_job};
+use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT, free_port, output_of, tiny_job};
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{Job, WatchJobRequest};
 use std::io::{Read as _, Write as _};
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Sends an HTTP request and returns the status line and the body.
 fn ask(address: &str, method: &str, path: &str) -> (String, String) {
     let mut stream = TcpStream::connect(address).expect("metrics are served");
-    stream.set_read_timeout(Some(PATIENCE)).expect("the timeout can be set");
+    stream.set_read_timeout(Some(TIMEOUT)).expect("the timeout can be set");
     write!(stream, "{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n")
         .expect("the request can be sent");
     let mut text = String::new();
@@ -44,7 +44,7 @@ fn until(address: &str, wanted: impl Fn(&Series) -> bool) -> Series {
         if wanted(&series) {
             return series;
         }
-        assert!(start.elapsed() < PATIENCE, "{series:#?}");
+        assert!(start.elapsed() < TIMEOUT, "{series:#?}");
         std::thread::sleep(Duration::from_millis(20));
     }
 }

@@ -1,7 +1,7 @@
 //! Coordinators on a shared PostgreSQL store: results equal those on SQLite, and a standby takes over when the active
 //! coordinator fails. Run by `tests/postgres.sh`.
 
-use cluster_tests::crashes::{POINTS, Wish, cancelled_through_crashes, paused_through_crashes, through_crashes};
+use cluster_tests::crashes::{ClientGoal, POINTS, cancelled_through_crashes, paused_through_crashes, through_crashes};
 use cluster_tests::postgres::{
     ask, ask_server, beyond_a_network, new_database, new_database_by_tcp, new_database_by_tls,
 };
@@ -53,7 +53,7 @@ async fn both_stores_give_same_result_with_any_workers() {
 async fn job_survives_coordinator_crash_at_every_commit() {
     let toml = tiny_job(21, 1);
     let mut sandbox = Sandbox::on(&new_database());
-    let passed = through_crashes(&mut sandbox, SOON_REPLACED, &toml, Wish::Result, POINTS).await;
+    let passed = through_crashes(&mut sandbox, SOON_REPLACED, &toml, ClientGoal::Result, POINTS).await;
     assert!(passed.lives >= 2 * POINTS.len(), "too few crashes: {}", passed.lives);
     assert_eq!(digest(Sandbox::new(), &toml, 1).await, passed.digest);
 }

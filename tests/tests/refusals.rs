@@ -2,7 +2,7 @@
 //! worker a mark. Three marks, or two different results of one task, quarantine the worker.
 
 use cluster_tests::sandbox::{Sandbox, tiny_job, undisturbed};
-use cluster_tests::scripted::{Outcome, Scripted, one_bit_off, with_first};
+use cluster_tests::scripted::{Outcome, ScriptedWorker, one_bit_off, with_first};
 use proto::v1::complete_response::Verdict;
 use proto::v1::{Assign, CancelJobRequest, CompleteRequest, JobState, ListWorkersRequest, Results};
 use sim_core::base::score::Counts;
@@ -141,7 +141,7 @@ const VARIATIONS: &[(&str, &str, Change)] = &[
 ];
 
 /// Returns a delivery of the correct results of an assignment, changed.
-fn changed(worker: &Scripted, assign: &Assign, change: Change) -> CompleteRequest {
+fn changed(worker: &ScriptedWorker, assign: &Assign, change: Change) -> CompleteRequest {
     let mut request = worker.delivery(assign, worker.honest(assign));
     change(&mut request);
     request
@@ -174,15 +174,15 @@ async fn malformed_or_unissued_delivery_is_refused_without_harm() {
     let text = job(51);
     let id = sandbox.submit("r", &text).await.id;
     // The first result measures the cost of a task. From now on, assignments have more than one task.
-    let mut honest = Scripted::join(&sandbox, "honest").await;
-    let assign = honest.is_given().await;
+    let mut honest = ScriptedWorker::join(&sandbox, "honest").await;
+    let assign = honest.receive_lease().await;
     let right = honest.honest(&assign);
     assert_eq!(honest.delivers(&assign, right).await, Verdict::Accepted);
     honest.gives_back();
     let before = sandbox.job(&id).await;
     for (number, (what, reason, change)) in VARIATIONS.iter().enumerate() {
-        let mut worker = Scripted::join(&sandbox, &format!("w{number}")).await;
-        let assign = worker.is_given().await;
+        let mut worker = ScriptedWorker::join(&sandbox, &format!("w{number}")).await;
+        let assign = worker.receive_lease().await;
         let request = changed(&worker, &assign, *change);
         let told = why(worker.sends(request).await, what);
         assert!(told.contains(reason), "{what}: {told}");
@@ -206,10 +206,10 @@ async fn permit_of_another_assignment_is_refused() {
     let _coordinator = sandbox.coordinator();
     let text = job(52);
     let id = sandbox.submit("r", &text).await.id;
-    let mut one = Scripted::join(&sandbox, "one").await;
-    let of_one = one.is_given().await;
-    let mut other = Scripted::join(&sandbox, "other").await;
-    let of_other = other.is_given().await;
+    let mut one = ScriptedWorker::join(&sandbox, "one").await;
+    let of_one = one.receive_lease().await;
+    let mut other = ScriptedWorker::join(&sandbox, "other").await;
+    let of_other = other.receive_lease().await;
     let right = one.honest(&of_one);
     let stolen = CompleteRequest { permit: of_other.permit.clone(), ..one.delivery(&of_one, right.clone()) };
     assert!(why(one.sends(stolen).await, "the permit of another assignment").contains("never issued"));
@@ -230,14 +230,14 @@ async fn permit_outlives_coordinator_but_not_its_store() {
     let coordinator = sandbox.coordinator();
     let text = job(53);
     let id = sandbox.submit("r", &text).await.id;
-    let mut worker = Scripted::join(&sandbox, "w").await;
-    let assign = worker.is_given().await;
+    let mut worker = ScriptedWorker::join(&sandbox, "w").await;
+    let assign = worker.receive_lease().await;
     let right = worker.honest(&assign);
     worker.gives_back();
     coordinator.kill_9();
     let coordinator = sandbox.coordinator();
     // The worker's own connection is broken, so another worker delivers under its name.
-    let mut other = Scripted::join(&sandbox, "other").await;
+    let mut other = ScriptedWorker::join(&sandbox, "other").await;
     assert_eq!(
         other.sends(worker.delivery(&assign, right)).await.expect("the delivery is answered"),
         Verdict::Accepted
@@ -250,8 +250,8 @@ async fn permit_outlives_coordinator_but_not_its_store() {
     let mut elsewhere = Sandbox::new();
     let _other = elsewhere.coordinator();
     assert_eq!(elsewhere.submit("r", &text).await.id, id);
-    let mut same = Scripted::join(&elsewhere, "w").await;
-    let again = same.is_given().await;
+    let mut same = ScriptedWorker::join(&elsewhere, "w").await;
+    let again = same.receive_lease().await;
     assert_eq!((again.assignment_id, again.first), (assign.assignment_id, assign.first));
     let foreign = CompleteRequest { permit: assign.permit.clone(), ..same.delivery(&again, same.honest(&again)) };
     assert!(why(same.sends(foreign).await, "a permit of another store").contains("never issued"));
@@ -262,8 +262,8 @@ async fn late_delivery_of_ended_job_is_obsolete() {
     let mut sandbox = Sandbox::new();
     let _coordinator = sandbox.coordinator();
     let id = sandbox.submit("r", &job(54)).await.id;
-    let mut worker = Scripted::join(&sandbox, "w").await;
-    let assign = worker.is_given().await;
+    let mut worker = ScriptedWorker::join(&sandbox, "w").await;
+    let assign = worker.receive_lease().await;
     let right = worker.honest(&assign);
     sandbox.client().cancel_job(CancelJobRequest { id: id.clone() }).await.expect("the job can be cancelled");
     let ended = sandbox.job(&id).await;
@@ -280,10 +280,10 @@ async fn three_marks_quarantine_only_that_worker() {
     let _coordinator = sandbox.coordinator();
     let text = job(55);
     let id = sandbox.submit("r", &text).await.id;
-    let mut good = Scripted::join(&sandbox, "good").await;
-    let of_good = good.is_given().await;
-    let mut bad = Scripted::join(&sandbox, "bad").await;
-    let assign = bad.is_given().await;
+    let mut good = ScriptedWorker::join(&sandbox, "good").await;
+    let of_good = good.receive_lease().await;
+    let mut bad = ScriptedWorker::join(&sandbox, "bad").await;
+    let assign = bad.receive_lease().await;
     let right = bad.honest(&assign);
     for mark in 1..=3 {
         assert!(quarantined(&sandbox).await.is_empty(), "before mark {mark}");
@@ -308,8 +308,8 @@ async fn two_results_of_one_task_quarantine_their_worker() {
     let _coordinator = sandbox.coordinator();
     let text = job(56);
     let id = sandbox.submit("r", &text).await.id;
-    let mut bad = Scripted::join(&sandbox, "bad").await;
-    let assign = bad.is_given().await;
+    let mut bad = ScriptedWorker::join(&sandbox, "bad").await;
+    let assign = bad.receive_lease().await;
     let right = bad.honest(&assign);
     assert_eq!(bad.delivers(&assign, right.clone()).await, Verdict::Accepted);
     assert_eq!(bad.delivers(&assign, right.clone()).await, Verdict::Duplicate);
@@ -332,13 +332,13 @@ async fn store_stays_small_after_thousand_refused_deliveries() {
     let size = |sandbox: &Sandbox| std::fs::metadata(sandbox.file("store.db")).expect("the store exists").len();
     let before = size(&sandbox);
     let coordinator = sandbox.coordinator();
-    let mut worker = Scripted::join(&sandbox, "first").await;
-    let assign = worker.is_given().await;
+    let mut worker = ScriptedWorker::join(&sandbox, "first").await;
+    let assign = worker.receive_lease().await;
     let wrong = worker.delivery(&assign, of(vec![noise(); assign.tasks.len()]));
     // Sends the delivery from 50 connected workers, three times each, and then under the names of unconnected workers.
     let mut refused = 0;
     for number in 0..50 {
-        let mut other = Scripted::join(&sandbox, &format!("w{number}")).await;
+        let mut other = ScriptedWorker::join(&sandbox, &format!("w{number}")).await;
         for _ in 0..3 {
             let forged = CompleteRequest { worker_id: format!("w{number}"), ..wrong.clone() };
             why(other.sends(forged).await, "an assignment of another worker");
@@ -351,7 +351,7 @@ async fn store_stays_small_after_thousand_refused_deliveries() {
         refused += 1;
     }
     worker.gives_back();
-    let _ended = Scripted::join(&sandbox, "w0").await;
+    let _ended = ScriptedWorker::join(&sandbox, "w0").await;
     assert_eq!(quarantined(&sandbox).await, ["w0"], "quarantine must survive a new connection");
     assert_eq!(coordinator.terminate(), Some(0));
     let grown = size(&sandbox).saturating_sub(before);

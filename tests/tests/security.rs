@@ -2,10 +2,10 @@
 //! coordinator.
 
 use cluster_tests::certificates::{Certificates, closed};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, free_port, output_of, program, tiny_job};
-use cluster_tests::scripted::Scripted;
+use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT, free_port, output_of, program, tiny_job};
+use cluster_tests::scripted::ScriptedWorker;
 use proto::credentials::Credentials;
-use proto::dial::{Dial, Way, reason};
+use proto::dial::{Dial, FailoverChannel, reason};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::worker_service_client::WorkerServiceClient;
@@ -96,15 +96,15 @@ impl Cluster {
                 return;
             }
             assert!(
-                start.elapsed() < PATIENCE,
+                start.elapsed() < TIMEOUT,
                 "the log must contain \"{words}\" {times} times, but contains it {found} times"
             );
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     }
 
-    fn dial(&self, certificate: Option<&str>, token: Option<&str>) -> Way {
-        self.certificates.dial(&self.sandbox.url(), certificate, token).way()
+    fn dial(&self, certificate: Option<&str>, token: Option<&str>) -> FailoverChannel {
+        self.certificates.dial(&self.sandbox.url(), certificate, token).channel()
     }
 }
 
@@ -119,23 +119,23 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-async fn list(way: Way) -> Result<ListJobsResponse, Status> {
-    JobServiceClient::new(way).list_jobs(ListJobsRequest::default()).await.map(|answer| answer.into_inner())
+async fn list(channel: FailoverChannel) -> Result<ListJobsResponse, Status> {
+    JobServiceClient::new(channel).list_jobs(ListJobsRequest::default()).await.map(|answer| answer.into_inner())
 }
 
-async fn submit(way: Way, request_id: &str, job_toml: String) -> Result<String, Status> {
+async fn submit(channel: FailoverChannel, request_id: &str, job_toml: String) -> Result<String, Status> {
     let request = SubmitJobRequest { request_id: request_id.to_owned(), job_toml, priority: 0 };
-    let answer = JobServiceClient::new(way).submit_job(request).await?.into_inner();
+    let answer = JobServiceClient::new(channel).submit_job(request).await?.into_inner();
     Ok(answer.job.expect("the response has the job").id)
 }
 
-async fn watch(way: Way, id: &str) -> Streaming<JobEvent> {
+async fn watch(channel: FailoverChannel, id: &str) -> Streaming<JobEvent> {
     let request = WatchJobRequest { id: id.to_owned(), after: 0 };
-    JobServiceClient::new(way).watch_job(request).await.expect("the watch starts").into_inner()
+    JobServiceClient::new(channel).watch_job(request).await.expect("the watch starts").into_inner()
 }
 
-async fn complete(way: Way) -> Result<(), Status> {
-    WorkerServiceClient::new(way).complete(CompleteRequest::default()).await.map(drop)
+async fn complete(channel: FailoverChannel) -> Result<(), Status> {
+    WorkerServiceClient::new(channel).complete(CompleteRequest::default()).await.map(drop)
 }
 
 fn code<T>(answer: Result<T, Status>) -> Code {
@@ -193,10 +193,10 @@ async fn secured_cluster_gives_same_result_and_enforces_roles() {
         if refused.source().map(reason).unwrap_or_default().contains("requires a client certificate") {
             break;
         }
-        assert!(start.elapsed() < PATIENCE, "no attempt reported the missing client certificate");
+        assert!(start.elapsed() < TIMEOUT, "no attempt reported the missing client certificate");
     }
     let plain = Dial::new(cluster.sandbox.url().parse().unwrap(), &Credentials::default()).unwrap();
-    assert_ne!(code(list(plain.way()).await), Code::Ok);
+    assert_ne!(code(list(plain.channel()).await), Code::Ok);
     let other = Cluster::new();
     let mut command = verbose_program("evogait");
     command.args(["list", "--coordinator", &cluster.url()]).env("EVOGAIT_CA", other.cert("ca.pem"));
@@ -211,7 +211,7 @@ async fn secured_cluster_gives_same_result_and_enforces_roles() {
     cluster.revoke_all_tokens_but_admin().await;
     assert_eq!(code(list(client()).await), Code::Unauthenticated);
     assert_eq!(code(list(admin()).await), Code::Ok);
-    let end = tokio::time::timeout(PATIENCE, async {
+    let end = tokio::time::timeout(TIMEOUT, async {
         loop {
             match watched.message().await {
                 Ok(Some(_)) => {}
@@ -226,7 +226,7 @@ async fn secured_cluster_gives_same_result_and_enforces_roles() {
             Some(ended) => break ended,
             None => tokio::time::sleep(Duration::from_millis(10)).await,
         }
-        assert!(start.elapsed() < PATIENCE, "the worker must exit");
+        assert!(start.elapsed() < TIMEOUT, "the worker must exit");
     };
     assert_eq!(ended.code(), Some(1), "a worker with a revoked token must exit with code 1");
     assert!(by_admin.message().await.unwrap().is_some(), "streams of the valid token must stay open");
@@ -262,10 +262,10 @@ async fn worker_with_revoked_token_loses_leases_without_attempts() {
     let id = submit(cluster.dial(Some("client"), Some("client")), "r", job).await.unwrap();
     let mut workers = Vec::new();
     for i in 0..EXPELLED {
-        let way = cluster.dial(Some("worker"), Some("worker"));
-        workers.push(Scripted::join_by(way, &format!("w{i}")).await);
+        let channel = cluster.dial(Some("worker"), Some("worker"));
+        workers.push(ScriptedWorker::join_by(channel, &format!("w{i}")).await);
     }
-    workers[0].is_given().await;
+    workers[0].receive_lease().await;
     let standing = async || {
         let admin = cluster.dial(Some("client"), Some("admin"));
         let answer = JobServiceClient::new(admin).get_job(GetJobRequest { id: id.clone() }).await.unwrap();
@@ -357,7 +357,7 @@ async fn workers_and_clients_switch_to_the_standby() {
         if let Some(job) = listed.first().filter(|job| job.rounds_sealed > 1) {
             break job.id.clone();
         }
-        assert!(start.elapsed() < PATIENCE, "the job must progress");
+        assert!(start.elapsed() < TIMEOUT, "the job must progress");
         tokio::time::sleep(Duration::from_millis(10)).await;
     };
     first.kill_9();
@@ -371,7 +371,7 @@ async fn workers_and_clients_switch_to_the_standby() {
 
     let digest = sandbox.result(&id).await.result_digest;
     while run.0.try_wait().unwrap().is_none() {
-        assert!(start.elapsed() < PATIENCE, "the client must end");
+        assert!(start.elapsed() < TIMEOUT, "the client must end");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     assert!(run.0.wait().unwrap().success());
@@ -391,15 +391,15 @@ async fn submitted_job_cannot_read_files() {
     let _coordinator = sandbox.coordinator();
     let robot = sandbox.path().join("robot.toml");
     fs::write(&robot, include_str!("../../scenarios/robots/quadropod.toml")).unwrap();
-    let way = || Dial::new(sandbox.url().parse().unwrap(), &Credentials::default()).unwrap().way();
+    let channel = || Dial::new(sandbox.url().parse().unwrap(), &Credentials::default()).unwrap().channel();
     for path in ["/etc/passwd", "../scenarios/robots/quadropod.toml", "quadropod.toml", robot.to_str().unwrap()] {
         for field in ["robot = \"quadropod\"", "environment = \"empty\""] {
             let name = field.split_once(' ').unwrap().0;
             let job = tiny_job(24, 1).replace(field, &format!("{name} = \"{path}\""));
-            let refused = submit(way(), "r", job).await.unwrap_err();
+            let refused = submit(channel(), "r", job).await.unwrap_err();
             assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
             assert!(refused.message().contains(path) && !refused.message().contains("root:"), "{refused}");
         }
     }
-    assert_eq!(list(way()).await.unwrap().jobs.len(), 0);
+    assert_eq!(list(channel()).await.unwrap().jobs.len(), 0);
 }

@@ -1,8 +1,8 @@
 //! Upgrades: a job from an older build waits for a worker of that build. Stores of other formats are loaded or refused.
 
 use cluster_tests::sandbox::{Process, Sandbox, output_of, tiny_job, undisturbed, value};
-use cluster_tests::scripted::Scripted;
-use coordinator::record::Finder;
+use cluster_tests::scripted::ScriptedWorker;
+use coordinator::record::Claimant;
 use coordinator::store::{SqliteStore, Store as _, Write};
 use proto::v1::job_event::Event;
 use proto::v1::{Job, JobState, ListWorkersRequest, WatchJobRequest};
@@ -81,12 +81,14 @@ async fn job_of_older_build_waits_for_its_workers() {
     assert!(here.into_iter().all(|digest| shown.contains(&digest)), "missing digest of an offered engine in\n{shown}");
 
     // A worker with a third engine is refused.
-    let refused =
-        Scripted::of_another_build(&sandbox, "other", Digest([8; 32])).await.err().expect("the worker is refused");
+    let refused = ScriptedWorker::of_another_build(&sandbox, "other", Digest([8; 32]))
+        .await
+        .err()
+        .expect("the worker is refused");
     assert_eq!(refused.code(), Code::FailedPrecondition);
     assert!(refused.message().contains("080808080808") && refused.message().contains("no active job"), "{refused}");
 
-    let old = Scripted::of_another_build(&sandbox, "old", OLD)
+    let old = ScriptedWorker::of_another_build(&sandbox, "old", OLD)
         .await
         .expect("the worker is accepted because a job needs its engine");
     let works = tokio::spawn(old.works());
@@ -203,7 +205,7 @@ async fn invalid_stored_result_fails_its_job() {
     let loaded = store.start().await.expect("an epoch can be started");
     let job = loaded.active[0].record.id.clone();
     let ranges = vec![(0, vec![[1, 2, 3].as_slice().into()])];
-    let write = Write::Results { job, round: 0, ranges, finder: Finder::default() };
+    let write = Write::Results { job, round: 0, ranges, finder: Claimant::default() };
     store.commit(loaded.epoch, vec![write]).await.expect("the result can be written");
     store.close().await.expect("the store can be closed");
 

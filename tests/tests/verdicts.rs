@@ -1,7 +1,7 @@
 //! Jobs that are paused, disputed, tainted, failed by a task or restarted, and the output that users see.
 
-use cluster_tests::sandbox::{PATIENCE, Sandbox, tiny_job, undisturbed};
-use cluster_tests::scripted::{Outcome, Scripted, one_bit_off, task};
+use cluster_tests::sandbox::{Sandbox, TIMEOUT, tiny_job, undisturbed};
+use cluster_tests::scripted::{Outcome, ScriptedWorker, one_bit_off, task};
 use proto::v1::complete_response::Verdict;
 use proto::v1::{self, JobState, Results, coordinator_message, dispute};
 use sim_core::procedure::evolve::{Task, TaskResult};
@@ -15,7 +15,7 @@ async fn ended(sandbox: &Sandbox, id: &str) -> v1::Job {
         if job.ended_at_ms > 0 {
             return job;
         }
-        assert!(start.elapsed() < PATIENCE, "the job did not end in time: {job:?}");
+        assert!(start.elapsed() < TIMEOUT, "the job did not end in time: {job:?}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -53,20 +53,20 @@ async fn paused_job_survives_kill_and_resumes_to_same_result() {
 
 /// Makes a worker return its leases, and waits until the coordinator has processed that. A connection of another worker
 /// may be faster.
-async fn gives_back(worker: &Scripted, sandbox: &Sandbox) {
+async fn gives_back(worker: &ScriptedWorker, sandbox: &Sandbox) {
     worker.gives_back();
     let taken = async {
         while !sandbox.told(&["workers"]).contains("draining") {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    tokio::time::timeout(PATIENCE, taken).await.expect("the coordinator processes the drain");
+    tokio::time::timeout(TIMEOUT, taken).await.expect("the coordinator processes the drain");
 }
 
 /// Lets a worker compute and deliver tasks until `rounds` rounds of the job are sealed.
-async fn works_until(worker: &mut Scripted, sandbox: &Sandbox, id: &str, rounds: u32) {
+async fn works_until(worker: &mut ScriptedWorker, sandbox: &Sandbox, id: &str, rounds: u32) {
     while sandbox.job(id).await.rounds_sealed < rounds {
-        let assign = worker.is_given().await;
+        let assign = worker.receive_lease().await;
         let right = worker.honest(&assign);
         worker.delivers(&assign, right).await;
     }
@@ -78,11 +78,11 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
     let _coordinator = sandbox.coordinator();
     let text = tiny_job(32, 2);
     let job = sandbox.submit("r", &text).await;
-    let mut late = Scripted::join(&sandbox, "late").await;
-    let its = late.is_given().await;
+    let mut late = ScriptedWorker::join(&sandbox, "late").await;
+    let its = late.receive_lease().await;
     gives_back(&late, &sandbox).await;
-    let mut wrong = Scripted::join(&sandbox, "wrong").await;
-    let assign = wrong.is_given().await;
+    let mut wrong = ScriptedWorker::join(&sandbox, "wrong").await;
+    let assign = wrong.receive_lease().await;
     assert_eq!((assign.round, assign.first), (its.round, its.first), "returned tasks must go to the next worker");
     let right = wrong.honest(&assign);
     assert_eq!(wrong.delivers(&assign, one_bit_off(right)).await, Verdict::Accepted);
@@ -104,11 +104,11 @@ async fn wrong_result_is_corrected_by_a_third_worker() {
             }
         }
     };
-    let reason = tokio::time::timeout(PATIENCE, told).await.expect("the worker receives the reason");
+    let reason = tokio::time::timeout(TIMEOUT, told).await.expect("the worker receives the reason");
     assert!(reason.starts_with(&format!("quarantined: its result of {what}")), "{reason}");
 
     // A worker that connects under the same id stays quarantined.
-    let _again = Scripted::join(&sandbox, "wrong").await;
+    let _again = ScriptedWorker::join(&sandbox, "wrong").await;
     let workers: serde_json::Value =
         serde_json::from_str(&sandbox.told(&["workers", "--json"])).expect("the output is JSON");
     let entry =
@@ -122,12 +122,12 @@ async fn wrong_sealed_result_taints_job_and_restart_repairs_it() {
     let coordinator = sandbox.coordinator();
     let text = tiny_job(33, 3);
     let job = sandbox.submit("r", &text).await;
-    let mut late = Scripted::join(&sandbox, "late").await;
+    let mut late = ScriptedWorker::join(&sandbox, "late").await;
     works_until(&mut late, &sandbox, &job.id, 2).await;
-    let its = late.is_given().await;
+    let its = late.receive_lease().await;
     gives_back(&late, &sandbox).await;
-    let mut wrong = Scripted::join(&sandbox, "wrong").await;
-    let assign = wrong.is_given().await;
+    let mut wrong = ScriptedWorker::join(&sandbox, "wrong").await;
+    let assign = wrong.receive_lease().await;
     assert_eq!(
         (assign.round, assign.first),
         (2, its.first),
@@ -168,15 +168,15 @@ async fn wrong_result_sealed_long_ago_taints_job() {
     let coordinator = sandbox.coordinator();
     let text = tiny_job(35, 5);
     let job = sandbox.submit("r", &text).await;
-    let mut late = Scripted::join(&sandbox, "late").await;
-    let first = late.is_given().await;
+    let mut late = ScriptedWorker::join(&sandbox, "late").await;
+    let first = late.receive_lease().await;
     let of_first = late.honest(&first);
     late.delivers(&first, of_first.clone()).await;
     works_until(&mut late, &sandbox, &job.id, 2).await;
-    let its = late.is_given().await;
+    let its = late.receive_lease().await;
     gives_back(&late, &sandbox).await;
-    let mut wrong = Scripted::join(&sandbox, "wrong").await;
-    let assign = wrong.is_given().await;
+    let mut wrong = ScriptedWorker::join(&sandbox, "wrong").await;
+    let assign = wrong.receive_lease().await;
     let right = wrong.honest(&assign);
     assert_eq!(wrong.delivers(&assign, one_bit_off(right)).await, Verdict::Accepted);
     works_until(&mut wrong, &sandbox, &job.id, 5).await;
@@ -209,15 +209,15 @@ async fn poisoned_task_fails_job_and_runs_locally() {
     let text = tiny_job(34, 2);
     let job = sandbox.submit("r", &text).await;
     let mut poisoned = None;
-    let mut fails = Scripted::join(&sandbox, "w").await;
+    let mut fails = ScriptedWorker::join(&sandbox, "w").await;
     for attempt in 0..3 {
         // Failed attempts must survive a crash of the coordinator.
         if attempt == 2 {
             coordinator.kill_9();
             coordinator = sandbox.coordinator();
-            fails = Scripted::join(&sandbox, "v").await;
+            fails = ScriptedWorker::join(&sandbox, "v").await;
         }
-        let assign = fails.is_given().await;
+        let assign = fails.receive_lease().await;
         assert_eq!((assign.first, assign.tasks.len()), (0, 1), "a suspect must be assigned first and alone");
         fails.delivers(&assign, Outcome::Failure("it panicked: simulated by the test".to_owned())).await;
         poisoned = Some(assign);

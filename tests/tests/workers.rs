@@ -1,7 +1,7 @@
 //! Worker processes that drain, crash, panic or get stuck. `EVOGAIT_FAULT` causes the faults (worker/src/fault.rs).
 
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process, Sandbox, tiny_job, undisturbed};
+use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT, tiny_job, undisturbed};
 use proto::v1::{CancelJobRequest, Job, JobState, ListWorkersRequest};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -32,7 +32,7 @@ async fn busy(sandbox: &Sandbox, slots: u32) {
         if workers.iter().any(|w| w.busy >= slots) {
             return tokio::time::sleep(Duration::from_millis(100)).await;
         }
-        assert!(start.elapsed() < PATIENCE, "no worker has enough busy slots: {workers:?}");
+        assert!(start.elapsed() < TIMEOUT, "no worker has enough busy slots: {workers:?}");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
 }
@@ -50,7 +50,7 @@ async fn ended(sandbox: &Sandbox, id: &str) -> Job {
         if matches!(job.state(), JobState::Failed | JobState::Succeeded | JobState::Cancelled) {
             return job;
         }
-        assert!(start.elapsed() < PATIENCE, "the job did not end in time: {job:?}");
+        assert!(start.elapsed() < TIMEOUT, "the job did not end in time: {job:?}");
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
 }

@@ -4,7 +4,7 @@ use crate::assignments::Assignments;
 use crate::metrics::Metrics;
 use crate::work::Finished;
 use prost::Message as _;
-use proto::dial::{Backoff, Way};
+use proto::dial::{Backoff, FailoverChannel};
 use proto::limits::MAX_MESSAGE;
 use proto::v1::CompleteRequest;
 use proto::v1::complete_request::Outcome;
@@ -24,14 +24,14 @@ const SLOWEST: usize = 10_000;
 /// Sender of results.
 #[derive(Clone)]
 pub(crate) struct Courier {
-    client: WorkerServiceClient<Way>,
+    client: WorkerServiceClient<FailoverChannel>,
     worker_id: String,
     assignments: Arc<Assignments>,
     metrics: Arc<Metrics>,
 }
 
 impl Courier {
-    pub fn new(way: Way, worker_id: String, assignments: Arc<Assignments>, metrics: Arc<Metrics>) -> Self {
+    pub fn new(way: FailoverChannel, worker_id: String, assignments: Arc<Assignments>, metrics: Arc<Metrics>) -> Self {
         let client =
             WorkerServiceClient::new(way).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
         Self { client, worker_id, assignments, metrics }

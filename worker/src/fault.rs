@@ -24,7 +24,7 @@ static FAULTS: LazyLock<Result<Vec<Fault>, String>> = LazyLock::new(|| match std
 });
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum FaultKind {
     Panic,
     Abort,
     Stall,
@@ -34,7 +34,7 @@ enum Kind {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Fault {
-    kind: Kind,
+    kind: FaultKind,
     round: Option<u32>,
     index: Option<u32>,
     ms: u64,
@@ -44,11 +44,11 @@ impl Fault {
     fn read(text: &str) -> Result<Self, String> {
         let (kind, places) = text.split_once('@').unwrap_or((text, ""));
         let kind = match kind {
-            "panic" => Kind::Panic,
-            "abort" => Kind::Abort,
-            "stall" => Kind::Stall,
-            "wrong" => Kind::Wrong,
-            "slow" => Kind::Slow,
+            "panic" => FaultKind::Panic,
+            "abort" => FaultKind::Abort,
+            "stall" => FaultKind::Stall,
+            "wrong" => FaultKind::Wrong,
+            "slow" => FaultKind::Slow,
             _ => return Err(format!("{VARIABLE}: unknown fault '{kind}': use panic, abort, stall, wrong or slow")),
         };
         let mut fault = Self { kind, round: None, index: None, ms: 0 };
@@ -81,13 +81,13 @@ pub(crate) fn strike(work: &Work, hooks: &dyn Hooks) -> Result<(), NotRun> {
     for fault in FAULTS.iter().flatten() {
         for (index, _) in work.tasks.iter().filter(|(index, _)| fault.is_at(work.round, *index)) {
             match fault.kind {
-                Kind::Panic => panic!("{VARIABLE} at task {index} of round {}", work.round),
-                Kind::Abort => std::process::abort(),
-                Kind::Stall => loop {
+                FaultKind::Panic => panic!("{VARIABLE} at task {index} of round {}", work.round),
+                FaultKind::Abort => std::process::abort(),
+                FaultKind::Stall => loop {
                     std::thread::sleep(NAP);
                 },
-                Kind::Wrong => {}
-                Kind::Slow => wait(Duration::from_millis(fault.ms), hooks)?,
+                FaultKind::Wrong => {}
+                FaultKind::Slow => wait(Duration::from_millis(fault.ms), hooks)?,
             }
         }
     }
@@ -96,7 +96,7 @@ pub(crate) fn strike(work: &Work, hooks: &dyn Hooks) -> Result<(), NotRun> {
 
 /// Applies `wrong` to the results. A preparation has no score, so it stays as it is.
 pub(crate) fn falsified(work: &Work, mut results: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
-    for fault in FAULTS.iter().flatten().filter(|fault| fault.kind == Kind::Wrong && work.round > 0) {
+    for fault in FAULTS.iter().flatten().filter(|fault| fault.kind == FaultKind::Wrong && work.round > 0) {
         for ((index, _), result) in work.tasks.iter().zip(&mut results) {
             if fault.is_at(work.round, *index) {
                 *result = turned(result);

@@ -31,7 +31,7 @@ use engines::Engines;
 use intake::Intake;
 use jobs::Jobs;
 use limits::{DELIVER_WITHIN, LAST_WORDS, MARGIN, MAX_STUCK};
-use metrics::{Metrics, Pulse};
+use metrics::{Metrics, WorkerVitals};
 use session::{Session, Stage};
 use slots::Slots;
 use std::hash::{BuildHasher as _, RandomState};
@@ -73,7 +73,7 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
     let dial = config.dial()?;
     let assignments = Arc::new(Assignments::default());
     let metrics = Arc::new(Metrics::new(config.slots));
-    let pulse = Arc::new(Pulse { metrics: metrics.clone(), assignments: assignments.clone() });
+    let pulse = Arc::new(WorkerVitals { metrics: metrics.clone(), assignments: assignments.clone() });
     // The endpoint serves as long as this value lives: until the worker ends.
     let _served = match config.metrics {
         Some(bind) => Some(telemetry::Endpoint::start(bind, pulse).await?),
@@ -83,11 +83,11 @@ async fn work(config: Config, drain: Boxed<'_, ()>, at_once: Boxed<'_, ()>) -> R
     let id = unique_id();
     let (done, finished) = mpsc::unbounded_channel();
     let queue = Slots::start(config.slots, done).map_err(|e| Error::System(e.to_string()))?;
-    let courier = Courier::new(dial.way(), id.clone(), assignments.clone(), metrics.clone());
+    let courier = Courier::new(dial.channel(), id.clone(), assignments.clone(), metrics.clone());
     let delivering = tokio::spawn(courier.run(finished));
     let (stage, stages) = watch::channel(Stage::Working);
     let mut session = Session {
-        way: dial.way(),
+        way: dial.channel(),
         id,
         name: config.name.clone(),
         slots: config.slots as u32,

@@ -106,12 +106,12 @@ fn word(verdict: Verdict) -> &'static str {
 }
 
 /// State of the worker for `/metrics` and `/healthz`.
-pub(crate) struct Pulse {
+pub(crate) struct WorkerVitals {
     pub metrics: Arc<Metrics>,
     pub assignments: Arc<Assignments>,
 }
 
-impl Vitals for Pulse {
+impl Vitals for WorkerVitals {
     fn metrics(&self) -> Answer<'_, String> {
         let metrics = &self.metrics;
         let held = self.assignments.ids().len() as i64;

@@ -5,7 +5,7 @@ use crate::intake::Intake;
 use crate::jobs::Forgotten;
 use crate::metrics::Metrics;
 use proto::PROTOCOL;
-use proto::dial::{Backoff, Way};
+use proto::dial::{Backoff, FailoverChannel};
 use proto::limits::MAX_MESSAGE;
 use proto::v1::worker_service_client::WorkerServiceClient;
 use proto::v1::{CoordinatorMessage, Drain, Hello, Welcome, WorkerMessage, coordinator_message, worker_message};
@@ -32,7 +32,7 @@ pub(crate) enum Stage {
 }
 
 pub(crate) struct Session {
-    pub way: Way,
+    pub way: FailoverChannel,
     pub id: String,
     pub name: String,
     pub slots: u32,

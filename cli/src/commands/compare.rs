@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::output::{self, Finished, JOB, OfWay, Share, Spread, Values, atomic};
 use crate::{inputs, load};
 use serde::Serialize;
-use sim_core::problem::{Checked, Does};
+use sim_core::problem::{Checked, JobKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -238,10 +238,10 @@ fn curves(runs: &[Read]) -> Result<crate::draw::Picture, Error> {
     let mut lines = Vec::new();
     for run in runs {
         let called = run.folder.display();
-        let what = match run.job.does() {
-            Does::Evolve => None,
-            Does::Plan => Some("plans with gaits that are given"),
-            Does::Simulate => Some("simulates a motion that is given"),
+        let what = match run.job.kind() {
+            JobKind::Evolve => None,
+            JobKind::Plan => Some("plans with gaits that are given"),
+            JobKind::Simulate => Some("simulates a motion that is given"),
         };
         if let Some(what) = what {
             return Err(usage(format!("{called} {what}, so it has no curve: omit --out")));

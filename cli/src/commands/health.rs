@@ -10,7 +10,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
 /// Time limit for the answer of a process; without an answer it counts as unhealthy.
-const PATIENCE: Duration = Duration::from_secs(3);
+const TIMEOUT: Duration = Duration::from_secs(3);
 /// Maximum length of an answer of `/healthz`, bytes.
 const MAX_ANSWER: u64 = 4096;
 
@@ -35,7 +35,7 @@ pub async fn run(args: Health, quiet: bool) -> Result<(), Error> {
             let silent = |reason: String| Error::Unwell { address, reason };
             let (well, says) = healthz(address).map_err(|e| match e.kind() {
                 ErrorKind::WouldBlock | ErrorKind::TimedOut => {
-                    silent(format!("no answer within {} s", PATIENCE.as_secs()))
+                    silent(format!("no answer within {} s", TIMEOUT.as_secs()))
                 }
                 _ => silent(e.to_string()),
             })?;
@@ -53,8 +53,8 @@ pub async fn run(args: Health, quiet: bool) -> Result<(), Error> {
 
 /// Returns true if the process is healthy, and the text of its answer.
 fn healthz(address: SocketAddr) -> io::Result<(bool, String)> {
-    let mut stream = TcpStream::connect_timeout(&address, PATIENCE)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
+    let mut stream = TcpStream::connect_timeout(&address, TIMEOUT)?;
+    stream.set_read_timeout(Some(TIMEOUT))?;
     let request = format!("GET /healthz HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes())?;
     let mut answer = String::new();

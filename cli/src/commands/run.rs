@@ -15,8 +15,8 @@ use crate::values;
 use crate::watch::{self, Watched};
 use crate::{load, summary};
 use proto::v1::{self, JobState};
-use sim_core::problem::{Checked, Does, JobSpec};
-use study::setting::Setting;
+use sim_core::problem::{Checked, JobKind, JobSpec};
+use study::setting::PhysicsSetting;
 
 /// Runs a job file.
 pub fn run(args: Run, quiet: bool) -> Result<(), Error> {
@@ -109,10 +109,10 @@ async fn finish(
     let request = v1::SubmitJobRequest { request_id: job.digest().to_string(), job_toml, priority: 0 };
     let (status, created) = client.submit(request).await?;
     if !quiet {
-        let how = match (created, job.does()) {
-            (true, Does::Evolve) => "evolving",
-            (true, Does::Plan) => "planning",
-            (true, Does::Simulate) => "simulating",
+        let how = match (created, job.kind()) {
+            (true, JobKind::Evolve) => "evolving",
+            (true, JobKind::Plan) => "planning",
+            (true, JobKind::Simulate) => "simulating",
             (false, _) => "continuing",
         };
         console::note(&format!(
@@ -120,7 +120,7 @@ async fn finish(
             status.name,
             folder.path().display(),
             amount(job),
-            Setting::of(job),
+            PhysicsSetting::of(job),
             job.chosen()
         ));
         plausibility::warnings(job).iter().for_each(|doubt| console::note(&format!("warning: {doubt}")));

@@ -13,7 +13,7 @@ use crate::watch;
 use proto::v1::{self, JobState};
 use serde::Serialize;
 use sim_core::job::JobSpec;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 /// A job and, unless it has ended, its current tasks.
 #[derive(Serialize)]
@@ -40,7 +40,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
     let label = Label::of_toml(&job_toml);
     let spec: Option<JobSpec> = toml::from_str(&job_toml).ok();
     // The text is that of a resolved job.
-    let setting = spec.as_ref().and_then(|spec| Setting::of_resolved(&spec.physics));
+    let setting = spec.as_ref().and_then(|spec| PhysicsSetting::of_resolved(&spec.physics));
     let optimiser = spec.as_ref().and_then(|spec| spec.optimiser.as_ref());
     let candidates =
         optimiser.map_or_else(String::new, |optimiser| format!(", {} candidates each", optimiser.population()));

@@ -7,7 +7,7 @@ use crate::output::{Stored, StoredPlans};
 use crate::{load, watch};
 use sim_core::genotype::Genotype;
 use sim_core::job::Reference;
-use sim_core::problem::{Checked, Does, GaitSet};
+use sim_core::problem::{Checked, GaitSet, JobKind};
 use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::plan::{Grown, PlanReport};
 use sim_core::report::TreeRecord;
@@ -65,7 +65,7 @@ pub fn read(of: &RunOf) -> Result<SourceRun, Error> {
             let called = format!("job {id}");
             let invalid = |source| Error::Invalid { file: called.clone(), source };
             let job = Checked::from_toml(&answer.job_toml).map_err(invalid)?;
-            let plans = job.does() == Does::Plan;
+            let plans = job.kind() == JobKind::Plan;
             if !plans {
                 load::must_evolve(&job, &called)?;
             }

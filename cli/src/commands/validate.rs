@@ -9,11 +9,11 @@ use crate::plausibility;
 use crate::summary;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
-use sim_core::problem::{Does, Job, JobSpec};
+use sim_core::problem::{Job, JobKind, JobSpec};
 use sim_core::search::OptimiserSpec;
 use std::time::Duration;
 use study::cost::{self, Budget};
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 /// Measuring time for candidates of the first generation.
 const MEASURE: Duration = Duration::from_secs(3);
@@ -29,9 +29,9 @@ struct View<'a> {
     job_digest: Digest,
     /// Engine of the search, with its setting and the reason for its choice.
     engine: String,
-    setting: Setting,
+    setting: PhysicsSetting,
     /// Engine and setting that choose the winner; `null` without a reference.
-    reference: Option<Setting>,
+    reference: Option<PhysicsSetting>,
     /// Setting on which the robot was settled; `null` if it is the job's own.
     settled: Option<String>,
     engine_digest: Digest,
@@ -99,8 +99,8 @@ pub fn run(args: Validate) -> Result<(), Error> {
         environment: &job.environment().name,
         job_digest: job.digest(),
         engine: job.chosen().to_string(),
-        setting: Setting::of(&job),
-        reference: job.on_reference().map(Setting::of),
+        setting: PhysicsSetting::of(&job),
+        reference: job.on_reference().map(PhysicsSetting::of),
         settled: job.quiet().map(ToString::to_string),
         engine_digest: job.engine_digest(),
         seed: job.spec().seed,
@@ -126,16 +126,16 @@ pub fn run(args: Validate) -> Result<(), Error> {
 fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
     let population = job.spec().optimiser.as_ref().map_or(evaluations as u32, OptimiserSpec::population);
     let budget = Budget { evaluations: population, time: MEASURE, first: GIVE_UP };
-    let cost = match job.does() {
-        Does::Simulate => cost::measure_runs(job, budget),
-        Does::Evolve | Does::Plan => cost::measure(job, cost::at_once(job, cores()), budget, &|| ()),
+    let cost = match job.kind() {
+        JobKind::Simulate => cost::measure_runs(job, budget),
+        JobKind::Evolve | JobKind::Plan => cost::measure(job, cost::at_once(job, cores()), budget, &|| ()),
     };
     let measured = cost.evaluations.max(1);
     let seconds_per_evaluation = cost.total.wall / f64::from(measured);
     let core_seconds = seconds_per_evaluation * evaluations as f64;
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let scores = Scores::of_measured(&cost.scores, cost.counts);
-    let evolves = job.does() == Does::Evolve;
+    let evolves = job.kind() == JobKind::Evolve;
     let warning = evolves.then(|| first_generation::warning(Some(job), &scores)).flatten();
     let estimate = Estimate {
         measured,
@@ -144,10 +144,10 @@ fn estimate(job: &Job, evaluations: u64) -> (Estimate, Option<String>) {
         core_seconds,
         cores,
         wall_seconds: core_seconds / cores as f64,
-        assumptions: match job.does() {
-            Does::Evolve => ASSUMPTIONS,
-            Does::Plan => SAME_TREES,
-            Does::Simulate => SAME_RUNS,
+        assumptions: match job.kind() {
+            JobKind::Evolve => ASSUMPTIONS,
+            JobKind::Plan => SAME_TREES,
+            JobKind::Simulate => SAME_RUNS,
         },
     };
     (estimate, warning)

@@ -17,7 +17,7 @@ pub use gaits::displacement;
 pub use pictures::png;
 pub use plans::{PlanFile, Spread};
 pub use result::{Candidate, ResultFile};
-pub use simulations::{OfWay, Share, SimulationFile, Statistics, Told, Values};
+pub use simulations::{OfWay, RunNumbers, Share, SimulationFile, Statistics, Values};
 pub use stored::{Stored, StoredPlans, StoredSimulation, finished};
 pub use write::write;
 

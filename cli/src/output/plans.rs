@@ -10,7 +10,7 @@ use sim_core::model::Place;
 use sim_core::problem::Checked;
 use sim_core::procedure::plan::{Grown, PlanReport, PlanStep};
 use std::fmt::Write as _;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 /// Version of the layout of the file.
 const FORMAT: u32 = 1;
@@ -116,7 +116,7 @@ impl PlanFile {
             job_digest: digests.job,
             result_digest: digests.result,
             engine_digest: digests.engine,
-            engine: Setting::of(job).to_string(),
+            engine: PhysicsSetting::of(job).to_string(),
             environment: job.environment().name.clone(),
             algorithm: planner.algorithm.0.name().to_owned(),
             iterations: planner.iterations,

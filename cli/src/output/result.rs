@@ -12,7 +12,7 @@ use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Archived, Audit, Report, Rescored};
 use sim_core::search::Scored;
 use std::collections::BTreeMap;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 /// Version of the layout of the file.
 const FORMAT: u32 = 3;
@@ -285,8 +285,8 @@ impl ResultFile {
             result_digest,
             engine_digest,
             engines: Engines {
-                search: Setting::of(job).to_string(),
-                reference: job.on_reference().map(|reference| Setting::of(reference).to_string()),
+                search: PhysicsSetting::of(job).to_string(),
+                reference: job.on_reference().map(|reference| PhysicsSetting::of(reference).to_string()),
             },
             score: Score { name, unit, direction: job.direction() },
             best_fitness: values::number(&told, "best"),

@@ -9,7 +9,7 @@ use sim_core::base::statistics::{median, share_interval};
 use sim_core::problem::{Checked, Way};
 use sim_core::procedure::simulate::{Ended, Recorded, Run, SimulationReport};
 use std::fmt::Write as _;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 /// Version of the layout of the file.
 const FORMAT: u32 = 1;
@@ -56,14 +56,14 @@ pub struct OfWay {
     /// Way: "resimulated" (every gait starts from rest) or "continuous" (without stops).
     pub way: Way,
     /// Numbers of the run with nothing varied.
-    pub unvaried: Told,
+    pub unvaried: RunNumbers,
     /// Statistics over the repeats; `null` without repeats.
     pub repeats: Option<Statistics>,
 }
 
 /// Numbers of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Told {
+pub struct RunNumbers {
     /// "completed", or the reason why the run did not complete or could not start.
     pub ended: String,
     /// True if the run completed on the map without touching an obstacle, and ended within the goal's radius if there
@@ -101,7 +101,7 @@ pub struct Told {
     pub replans: u32,
 }
 
-/// Statistics over repeats. Statistics of numbers are over the repeats that completed; units are those of [`Told`].
+/// Statistics over repeats. Statistics of numbers are over the repeats that completed; units are those of [`RunNumbers`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Number of repeats.
@@ -175,7 +175,7 @@ impl SimulationFile {
             let runs: Vec<&Run> = report.repeats.iter().filter_map(|runs| runs.get(i)).collect();
             OfWay {
                 way: recorded.run.way,
-                unvaried: Told::of(job, &recorded.run),
+                unvaried: RunNumbers::of(job, &recorded.run),
                 repeats: (!runs.is_empty()).then(|| Statistics::of(job, &runs)),
             }
         };
@@ -187,8 +187,8 @@ impl SimulationFile {
             job_digest: digests.job,
             result_digest: digests.result,
             engine_digest: digests.engine,
-            engine: Setting::of(job).to_string(),
-            planning: job.on_reference().map(|planning| Setting::of(planning).to_string()),
+            engine: PhysicsSetting::of(job).to_string(),
+            planning: job.on_reference().map(|planning| PhysicsSetting::of(planning).to_string()),
             robot: job.robot_spec().name.clone(),
             environment: job.environment().name.clone(),
             ways: report.unvaried.iter().enumerate().map(of_way).collect(),
@@ -199,7 +199,7 @@ impl SimulationFile {
     }
 }
 
-impl Told {
+impl RunNumbers {
     fn of(job: &Checked, run: &Run) -> Self {
         let got = run.displacement();
         Self {
@@ -229,11 +229,11 @@ impl Told {
 
 impl Statistics {
     fn of(job: &Checked, runs: &[&Run]) -> Self {
-        let told: Vec<Told> = runs.iter().map(|run| Told::of(job, run)).collect();
+        let told: Vec<RunNumbers> = runs.iter().map(|run| RunNumbers::of(job, run)).collect();
         let many = |wanted: &dyn Fn(&Run) -> bool| runs.iter().filter(|run| wanted(run)).count() as u32;
-        let sound: Vec<&Told> =
+        let sound: Vec<&RunNumbers> =
             told.iter().zip(runs).filter(|(_, run)| run.ended == Ended::Completed).map(|(told, _)| told).collect();
-        let values = |value: &dyn Fn(&Told) -> Option<f64>| {
+        let values = |value: &dyn Fn(&RunNumbers) -> Option<f64>| {
             Values::of(&sound.iter().filter_map(|told| value(told)).collect::<Vec<f64>>())
         };
         let (count, of) = (told.iter().filter(|told| told.success).count() as u32, runs.len() as u32);
@@ -288,7 +288,7 @@ pub(super) fn table(job: &Checked, report: &SimulationReport) -> String {
     let unvaried = report.unvaried.iter().map(|recorded| (None, &recorded.run));
     let repeats = report.repeats.iter().enumerate().flat_map(|(i, runs)| runs.iter().map(move |run| (Some(i), run)));
     for (repeat, run) in unvaried.chain(repeats) {
-        let told = Told::of(job, run);
+        let told = RunNumbers::of(job, run);
         let dead: Vec<&str> =
             run.drawn.dead.iter().filter_map(|&i| Some(report.joints.get(i as usize)?.as_str())).collect();
         let ended = match &run.ended {

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::{inputs, load};
 use serde::de::DeserializeOwned;
 use sim_core::genotype::Misfit;
-use sim_core::problem::{Checked, Does, Job};
+use sim_core::problem::{Checked, Job, JobKind};
 use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::plan::PlanReport;
 use sim_core::procedure::simulate::SimulationReport;
@@ -97,7 +97,7 @@ pub struct StoredPlans {
 impl StoredPlans {
     /// Reads a folder; `None` if its job has another procedure.
     pub fn read(folder: &Path) -> Result<Option<Self>, Error> {
-        let Some(job) = job_that(folder, Does::Plan)? else { return Ok(None) };
+        let Some(job) = job_that(folder, JobKind::Plan)? else { return Ok(None) };
         let (result, report) = (read_json(&folder.join(RESULT))?, read_json(&folder.join(PLANS))?);
         Ok(Some(Self { job, result, report }))
     }
@@ -116,16 +116,16 @@ pub struct StoredSimulation {
 impl StoredSimulation {
     /// Reads a folder; `None` if its job has another procedure.
     pub fn read(folder: &Path) -> Result<Option<Self>, Error> {
-        let Some(job) = job_that(folder, Does::Simulate)? else { return Ok(None) };
+        let Some(job) = job_that(folder, JobKind::Simulate)? else { return Ok(None) };
         let (result, report) = (read_json(&folder.join(RESULT))?, read_json(&folder.join(SIMULATION))?);
         Ok(Some(Self { job, result, report }))
     }
 }
 
 /// Returns the job of a folder with a finished run; `None` if it has another procedure.
-fn job_that(folder: &Path, does: Does) -> Result<Option<Job>, Error> {
+fn job_that(folder: &Path, does: JobKind) -> Result<Option<Job>, Error> {
     let path = folder.join(JOB);
-    if !path.is_file() || !load::resolved(&path, Checked::from_toml).is_ok_and(|(job, _)| job.does() == does) {
+    if !path.is_file() || !load::resolved(&path, Checked::from_toml).is_ok_and(|(job, _)| job.kind() == does) {
         return Ok(None);
     }
     if !folder.join(RESULT).exists() {
@@ -139,9 +139,9 @@ fn job_that(folder: &Path, does: Does) -> Result<Option<Job>, Error> {
 /// Reads the result.json of a finished run.
 pub fn finished(folder: &Path, job: &Checked) -> Result<Finished, Error> {
     let path = folder.join(RESULT);
-    Ok(match job.does() {
-        Does::Plan => Finished::Planned(Box::new(read_json(&path)?)),
-        Does::Simulate => Finished::Simulated(Box::new(read_json(&path)?)),
-        Does::Evolve => Finished::Evolved(Box::new(Stored::read(folder)?.result)),
+    Ok(match job.kind() {
+        JobKind::Plan => Finished::Planned(Box::new(read_json(&path)?)),
+        JobKind::Simulate => Finished::Simulated(Box::new(read_json(&path)?)),
+        JobKind::Evolve => Finished::Evolved(Box::new(Stored::read(folder)?.result)),
     })
 }

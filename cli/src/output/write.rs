@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::gait_set::GAITS;
 use crate::values::Generation;
 use proto::{ConvertError, v1};
-use sim_core::problem::{Checked, Does};
+use sim_core::problem::{Checked, JobKind};
 use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::plan::PlanReport;
 use sim_core::procedure::simulate::SimulationReport;
@@ -35,20 +35,20 @@ pub fn write(folder: &Folder, job: &Checked, answer: &v1::GetResultResponse, fro
     }
     let no_report = || unreadable("the result has no report".to_owned());
     let damaged = |e: serde_json::Error| unreadable(format!("the report is invalid: {e}"));
-    let finished = match job.does() {
-        Does::Plan => {
+    let finished = match job.kind() {
+        JobKind::Plan => {
             let json = artefact("plans").ok_or_else(no_report)?;
             let report = serde_json::from_slice(json).map_err(damaged)?;
             planned(&mut batch, job, &report, json)?;
             Finished::Planned(Box::new(PlanFile::new(job, status, &digests, &report)))
         }
-        Does::Simulate => {
+        JobKind::Simulate => {
             let json = artefact("simulation").ok_or_else(no_report)?;
             let report = serde_json::from_slice(json).map_err(damaged)?;
             simulated(&mut batch, job, &report, json)?;
             Finished::Simulated(Box::new(SimulationFile::new(job, status, &digests, &report)))
         }
-        Does::Evolve => {
+        JobKind::Evolve => {
             let json = artefact("report");
             let report: Option<Report> = json.map(|json| serde_json::from_slice(json).map_err(damaged)).transpose()?;
             let history: Vec<Generation> = answer.history.iter().filter_map(Generation::of).collect();

@@ -1,7 +1,7 @@
 //! Layer in front of all services that checks the token of each call.
 
 use super::{Access, Caller, admit};
-use crate::door::Visit;
+use crate::listener::Visit;
 use crate::log_limit::LogLimit;
 use crate::standby::Gate;
 use std::future::ready;

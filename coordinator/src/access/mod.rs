@@ -1,12 +1,12 @@
 //! Authorisation of calls: tokens with roles, checked before a request is read.
 
+mod call_permit;
 mod guard;
-mod pass;
 mod rules;
 mod tokens;
 
+pub(crate) use call_permit::{CallPermit, Passing};
 pub(crate) use guard::layer;
-pub(crate) use pass::{Pass, Passing};
 pub use rules::Role;
 pub use tokens::{Access, TokensError};
 
@@ -22,7 +22,7 @@ enum Caller {
     /// The method requires no token.
     Anonymous,
     /// The token permits the call.
-    Holder(Pass),
+    Holder(CallPermit),
 }
 
 impl Caller {
@@ -49,7 +49,7 @@ fn admit(access: Option<&Access>, path: &str, headers: &HeaderMap) -> Result<Cal
     };
     let digest = tokens::digest(token);
     judge(access.role_of(&digest), rule, path)?;
-    Ok(Caller::Holder(Pass::new(digest, rule, path, access.tokens())))
+    Ok(Caller::Holder(CallPermit::new(digest, rule, path, access.tokens())))
 }
 
 /// Checks that a token with this role permits a method. `None` is an unknown token.

@@ -1,7 +1,7 @@
 //! JobService: calls of clients.
 
 use super::{Api, at_most, id, no_nul, store_failed};
-use crate::access::{Pass, Passing};
+use crate::access::{CallPermit, Passing};
 use crate::actor::{Command, SubmitError};
 use crate::convert;
 use crate::limits::{MAX_ACTIVE_JOBS, MAX_STATES, PACE_OVER};
@@ -245,7 +245,7 @@ impl JobService for Api {
     }
 
     async fn watch_job(&self, request: Request<WatchJobRequest>) -> Result<Response<Self::WatchJobStream>, Status> {
-        let pass = Pass::of(request.extensions());
+        let pass = CallPermit::of(request.extensions());
         let WatchJobRequest { id, after } = request.into_inner();
         let (record, _) = self.stored(&id).await?;
         if after > record.last_event {

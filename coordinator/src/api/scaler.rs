@@ -3,10 +3,10 @@
 //! It has its own listener, without encryption and tokens: KEDA sends none. An unauthenticated peer can only read a
 //! number.
 
-use crate::door::{self, Admission, Door};
 use crate::limits::{DEMAND_EVERY, KEEPALIVE, MAX_HEADERS, MAX_SCALERS};
-use crate::pulse::Pulse;
+use crate::listener::{self, Admission, Listener};
 use crate::scheduler::Demand;
+use crate::vitals::CoordinatorVitals;
 use prometheus_client::metrics::gauge::Gauge;
 use proto::externalscaler::external_scaler_server::{ExternalScaler, ExternalScalerServer};
 use proto::externalscaler::{
@@ -69,7 +69,7 @@ impl Drop for ScalerEndpoint {
 
 impl ScalerEndpoint {
     /// Binds the address and starts serving.
-    pub async fn start(bind: telemetry::Bind, pulse: Arc<Pulse>) -> Result<Self, ScalerError> {
+    pub async fn start(bind: telemetry::Bind, vitals: Arc<CoordinatorVitals>) -> Result<Self, ScalerError> {
         let telemetry::Bind { addr, beyond_loopback } = bind;
         if !addr.ip().is_loopback() && !beyond_loopback {
             return Err(ScalerError::NotLoopback { addr });
@@ -77,8 +77,8 @@ impl ScalerEndpoint {
         let failed = |source| ScalerError::Bind { addr, source };
         let listener = TcpListener::bind(addr).await.map_err(failed)?;
         let addr = listener.local_addr().map_err(failed)?;
-        let door = Door::new(listener, Admission::of_scaler(), Gauge::default());
-        let scaler = Scaler { pulse: Arc::new(Asked::new(pulse)), streams: Arc::new(Semaphore::new(MAX_SCALERS)) };
+        let listener = Listener::new(listener, Admission::of_scaler(), Gauge::default());
+        let scaler = Scaler { vitals: Arc::new(Asked::new(vitals)), streams: Arc::new(Semaphore::new(MAX_SCALERS)) };
         let task = tokio::spawn(async move {
             let server = Server::builder()
                 .http2_keepalive_interval(Some(KEEPALIVE))
@@ -86,9 +86,9 @@ impl ScalerEndpoint {
                 .http2_max_header_list_size(Some(MAX_HEADERS))
                 .concurrency_limit_per_connection(MAX_SCALERS)
                 .max_concurrent_streams(MAX_SCALERS as u32)
-                .layer(MapRequestLayer::new(door::know))
+                .layer(MapRequestLayer::new(listener::know))
                 .add_service(ExternalScalerServer::new(scaler))
-                .serve_with_incoming(door);
+                .serve_with_incoming(listener);
             if let Err(error) = server.await {
                 tracing::error!(%error, "the server for KEDA has failed");
             }
@@ -103,19 +103,19 @@ impl ScalerEndpoint {
 }
 
 struct Scaler {
-    pulse: Arc<Asked>,
+    vitals: Arc<Asked>,
     streams: Arc<Semaphore>,
 }
 
 /// Cache of the demand. It limits the queries, so that unauthenticated peers can't overload the coordinator.
 struct Asked {
-    pulse: Arc<Pulse>,
+    vitals: Arc<CoordinatorVitals>,
     last: Mutex<Option<(Instant, Option<Demand>)>>,
 }
 
 impl Asked {
-    fn new(pulse: Arc<Pulse>) -> Self {
-        Self { pulse, last: Mutex::new(None) }
+    fn new(vitals: Arc<CoordinatorVitals>) -> Self {
+        Self { vitals, last: Mutex::new(None) }
     }
 
     /// Returns the demand, at most half of [`DEMAND_EVERY`] old. An error can be retried: another coordinator serves,
@@ -125,7 +125,7 @@ impl Asked {
         let demand = match *last {
             Some((at, demand)) if at.elapsed() < DEMAND_EVERY / 2 => demand,
             _ => {
-                let demand = self.pulse.demand().await;
+                let demand = self.vitals.demand().await;
                 *last = Some((Instant::now(), demand));
                 demand
             }
@@ -139,7 +139,7 @@ impl ExternalScaler for Scaler {
     type StreamIsActiveStream = Pin<Box<dyn Stream<Item = Result<IsActiveResponse, Status>> + Send>>;
 
     async fn is_active(&self, _: Request<ScaledObjectRef>) -> Result<Response<IsActiveResponse>, Status> {
-        Ok(Response::new(IsActiveResponse { result: self.pulse.demand().await?.wanted > 0 }))
+        Ok(Response::new(IsActiveResponse { result: self.vitals.demand().await?.wanted > 0 }))
     }
 
     async fn stream_is_active(
@@ -149,7 +149,7 @@ impl ExternalScaler for Scaler {
         let room = self.streams.clone().try_acquire_owned();
         let room =
             room.map_err(|_| Status::resource_exhausted(format!("{MAX_SCALERS} streams are open: try again later")))?;
-        let pulse = self.pulse.clone();
+        let vitals = self.vitals.clone();
         let (out, stream) = mpsc::channel(1);
         tokio::spawn(async move {
             let (mut told, mut every) = (None, tokio::time::interval(DEMAND_EVERY));
@@ -158,7 +158,7 @@ impl ExternalScaler for Scaler {
                     _ = every.tick() => {}
                     () = out.closed() => break,
                 }
-                let now = pulse.demand().await.map(|demand| demand.wanted > 0);
+                let now = vitals.demand().await.map(|demand| demand.wanted > 0);
                 let failed = now.is_err();
                 if now.as_ref().ok().copied() != told || failed {
                     told = now.as_ref().ok().copied();
@@ -191,7 +191,7 @@ impl ExternalScaler for Scaler {
     }
 
     async fn get_metrics(&self, _: Request<GetMetricsRequest>) -> Result<Response<GetMetricsResponse>, Status> {
-        let wanted = self.pulse.demand().await?.wanted;
+        let wanted = self.vitals.demand().await?.wanted;
         let value = MetricValue {
             metric_name: SLOTS.to_owned(),
             metric_value: i64::from(wanted),

@@ -1,7 +1,7 @@
 //! WorkerService: calls of workers.
 
 use super::{Api, hello, id, printable, stopping, store_failed};
-use crate::access::Pass;
+use crate::access::CallPermit;
 use crate::actor::Command;
 use crate::convert;
 use crate::limits::{HELLO_WITHIN, MAX_RUNNING};
@@ -29,7 +29,7 @@ impl WorkerService for Api {
     ) -> Result<Response<Self::SessionStream>, Status> {
         let waiting = self.gates.hellos.pass()?;
         let address = request.remote_addr().map(|a| a.to_string()).unwrap_or_default();
-        let pass = Pass::of(request.extensions());
+        let pass = CallPermit::of(request.extensions());
         let mut inbound = request.into_inner();
         let first = tokio::time::timeout(HELLO_WITHIN, inbound.message()).await.map_err(|_| {
             Status::deadline_exceeded(format!("the worker sent no Hello within {} s", HELLO_WITHIN.as_secs()))
@@ -68,7 +68,8 @@ impl WorkerService for Api {
 
     async fn complete(&self, request: Request<CompleteRequest>) -> Result<Response<CompleteResponse>, Status> {
         let address = request.remote_addr().map(|a| a.to_string()).unwrap_or_default();
-        let caller = Caller { host: host_of(&address).into(), credential: Pass::of(request.extensions()).credential() };
+        let caller =
+            Caller { host: host_of(&address).into(), credential: CallPermit::of(request.extensions()).credential() };
         let completed = completed(request.into_inner(), caller)?;
         let late = completed.clone();
         let mut verdict = self.ask(|reply| Command::Complete { completed, reply }).await?.map_err(refused)?;
@@ -97,7 +98,7 @@ impl Api {
     async fn listen(
         &self,
         mut inbound: Streaming<WorkerMessage>,
-        mut pass: Pass,
+        mut pass: CallPermit,
         worker: WorkerId,
         session: SessionId,
     ) {

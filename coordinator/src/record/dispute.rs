@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// Worker that delivered a result, and its host.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Finder {
+pub struct Claimant {
     /// Id of the worker; empty if unknown.
     pub worker: Arc<str>,
     /// Source address of the worker; empty if unknown.
@@ -18,7 +18,7 @@ pub struct Finder {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Source {
     /// Id and host of the worker.
-    pub finder: Finder,
+    pub finder: Claimant,
     /// Name of the worker.
     pub name: Arc<str>,
 }

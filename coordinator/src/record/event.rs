@@ -2,7 +2,7 @@
 
 use super::{Dispute, JobRecord, JobState};
 use serde::{Deserialize, Serialize};
-use sim_core::procedure::Row;
+use sim_core::procedure::SeriesRow;
 
 /// Change of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,7 +16,7 @@ pub enum Event {
         /// Name of its phase.
         phase: String,
         /// Row of measurements of the round, if it has one.
-        row: Option<Row>,
+        row: Option<SeriesRow>,
     },
     /// Results of the current round arrived. Not stored.
     Done {

@@ -4,7 +4,7 @@
 use super::dispatch::Queue;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
-use super::lease::{Kind, Lease, Range, assign};
+use super::lease::{Lease, LeaseKind, Range, assign};
 use super::leaving::time_for;
 use super::sizing::longest;
 use super::{Now, Scheduler};
@@ -29,7 +29,7 @@ pub(super) fn assign_arbiters(core: &mut Scheduler, now: Now) {
         let mut without = BTreeSet::new();
         while let Some((worker, range, tasks)) = next_arbitration(core, now, &id, &mut waiting, &mut without) {
             let assignment = core.leases.new_id();
-            let lease = Lease::new(now, &worker, &id, range, Kind::Arbitration);
+            let lease = Lease::new(now, &worker, &id, range, LeaseKind::Arbitration);
             assign(core, now, assignment, lease, tasks);
         }
     }
@@ -38,7 +38,7 @@ pub(super) fn assign_arbiters(core: &mut Scheduler, now: Now) {
 /// Returns the disputed tasks that have no arbitration lease.
 fn without_arbiter(core: &Scheduler, id: &JobId) -> Waiting {
     let Some(job) = core.jobs.active.get(id) else { return Waiting::new() };
-    let arbitrations = core.leases.of(id).filter(|(_, l)| l.kind == Kind::Arbitration);
+    let arbitrations = core.leases.of(id).filter(|(_, l)| l.kind == LeaseKind::Arbitration);
     let asked: Waiting =
         arbitrations.flat_map(|(_, l)| l.range.indexes().map(|index| (l.range.round, index))).collect();
     job.open_disputes().map(|d| (d.round, d.index)).filter(|task| !asked.contains(task)).collect()

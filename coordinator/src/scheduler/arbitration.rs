@@ -6,11 +6,11 @@
 
 use super::fleet::WorkerId;
 use super::job::ActiveJob;
-use super::lease::{AssignmentId, Kind, Range, revoke_leases};
+use super::lease::{AssignmentId, LeaseKind, Range, revoke_leases};
 use super::notes::LeaseEnd;
 use super::trust::{is_distrusted, quarantine};
 use super::{Now, Scheduler, events};
-use crate::record::{Claim, Dispute, Event, Finder, JobId, JobState, Ruling, Source};
+use crate::record::{Claim, Claimant, Dispute, Event, JobId, JobState, Ruling, Source};
 use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub struct Committed {
 /// The result that currently holds for a task.
 pub(super) struct Held {
     pub digest: Digest,
-    pub finder: Finder,
+    pub finder: Claimant,
     pub task: Vec<u8>,
     /// Display text of the task.
     pub what: String,
@@ -176,7 +176,7 @@ pub(super) fn compare_results(
         let Some(job) = core.jobs.active.get(id) else { return differs };
         let long_sealed = |committed: &Committed| Held {
             digest: committed.digest,
-            finder: Finder::default(),
+            finder: Claimant::default(),
             task: committed.task.clone(),
             what: format!("task {index} of round {round}"),
             result: None,
@@ -246,7 +246,7 @@ fn conclude(core: &mut Scheduler, now: Now, id: &JobId, touched: &BTreeSet<usize
 fn revoke_decided(core: &mut Scheduler, id: &JobId) {
     let Some(job) = core.jobs.active.get(id) else { return };
     let needless = |range: &Range| range.indexes().all(|index| !job.is_disputed(range.round, index));
-    let arbitrations = core.leases.of(id).filter(|(_, l)| l.kind == Kind::Arbitration && needless(&l.range));
+    let arbitrations = core.leases.of(id).filter(|(_, l)| l.kind == LeaseKind::Arbitration && needless(&l.range));
     let ids: Vec<AssignmentId> = arbitrations.map(|(id, _)| *id).collect();
     revoke_leases(core, &ids, LeaseEnd::Needless);
 }

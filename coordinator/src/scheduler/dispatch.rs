@@ -7,7 +7,7 @@
 use super::arbiter::assign_arbiters;
 use super::fleet::{Fleet, Worker, WorkerId};
 use super::job::ActiveJob;
-use super::lease::{Kind, Lease, assign};
+use super::lease::{Lease, LeaseKind, assign};
 use super::leaving::time_for;
 use super::sizing::{Cut, may_prefetch, range_size};
 use super::suspects::isolate_suspects;
@@ -195,7 +195,7 @@ fn hand_out(core: &mut Scheduler, now: Now, worker: &WorkerId, id: &JobId, size:
     let Some(range) = job.round.cut(size, assignment) else { return };
     let tasks = job.tasks(&range);
     let charged = charge(&mut core.queue, job, range.count);
-    let lease = Lease { charged, ..Lease::new(now, worker, id, range, Kind::Ordinary) };
+    let lease = Lease { charged, ..Lease::new(now, worker, id, range, LeaseKind::Ordinary) };
     assign(core, now, assignment, lease, tasks);
 }
 

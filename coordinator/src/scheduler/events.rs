@@ -3,7 +3,7 @@
 use super::dispatch::dispatch;
 use super::fleet::{Greeting, Running, SessionId, Welcome, Worker, WorkerId};
 use super::job::{self, ActiveJob, NewJob, Resumed};
-use super::lease::{AssignmentId, Kind, Lease, end_lease, record_failure, revoke_leases};
+use super::lease::{AssignmentId, Lease, LeaseKind, end_lease, record_failure, revoke_leases};
 use super::leaving::{revoke_leaving, stops};
 use super::notes::{LeaseEnd, Note};
 use super::results::{self, Completed, RefusedResult, Verdict, seal};
@@ -228,7 +228,7 @@ fn adopt(core: &mut Scheduler, now: Now, worker: &WorkerId, running: Running) ->
     if !able || !active.round.take(&range, assignment) {
         return false;
     }
-    core.leases.all.insert(assignment, Lease::new(now, worker, &job, range, Kind::Ordinary));
+    core.leases.all.insert(assignment, Lease::new(now, worker, &job, range, LeaseKind::Ordinary));
     if let Some(worker) = core.fleet.workers.get_mut(worker) {
         worker.held.insert(assignment);
     }

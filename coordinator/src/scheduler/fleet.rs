@@ -3,7 +3,7 @@
 use super::lease::{AssignmentId, Range};
 use super::stuck;
 pub use crate::record::WorkerId;
-use crate::record::{Finder, JobId, JobRecord, Source};
+use crate::record::{Claimant, JobId, JobRecord, Source};
 use sim_core::base::digest::Digest;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -155,13 +155,13 @@ impl Fleet {
     }
 
     /// Returns the id of this worker with its current host.
-    pub fn finder(&self, id: &WorkerId) -> Finder {
+    pub fn finder(&self, id: &WorkerId) -> Claimant {
         let host = self.workers.get(id).map(|w| w.host().into()).unwrap_or_default();
-        Finder { worker: id.0.clone(), host }
+        Claimant { worker: id.0.clone(), host }
     }
 
     /// Adds the worker's name to a finder.
-    pub fn source(&self, finder: Finder) -> Source {
+    pub fn source(&self, finder: Claimant) -> Source {
         let known = self.workers.get(&WorkerId(finder.worker.clone()));
         Source { name: known.map(|w| w.name.as_str().into()).unwrap_or_default(), finder }
     }

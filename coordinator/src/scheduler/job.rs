@@ -3,10 +3,10 @@
 use super::restart::Carried;
 use super::round::Round;
 use super::{Now, lease::Range};
-use crate::record::{Dispute, Event, Finder, JobEvent, JobId, JobRecord, JobState};
+use crate::record::{Claimant, Dispute, Event, JobEvent, JobId, JobRecord, JobState};
 use crate::store::{LastRound, RunState, SealedRound, StoredRange, TaskRecord, Write};
 use sim_core::base::digest::{Digest, ResultDigest};
-use sim_core::procedure::{BadState, Procedure, Step, Told};
+use sim_core::procedure::{BadState, Procedure, RoundEnd, Step};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
@@ -240,7 +240,7 @@ impl ActiveJob {
         let last = self.last_round(results.len() as u32);
         let digests: Vec<Digest> = last.tasks.iter().map(|task| task.digest).collect();
         self.last = Some(last);
-        let Told { row, step } = self.procedure.tell(&results);
+        let RoundEnd { row, step } = self.procedure.tell(&results);
 
         let record = &mut self.record;
         record.fold(number, &digests);
@@ -368,7 +368,7 @@ impl ActiveJob {
     /// Returns the tasks of which a worker delivered the result that holds, one range per task: those of the current
     /// round and of the round sealed last.
     pub fn found_by(&self, worker: &str) -> Vec<Range> {
-        let of = |finder: &Finder| &*finder.worker == worker;
+        let of = |finder: &Claimant| &*finder.worker == worker;
         let one = |round: u32, first: u32| Range { round, first, count: 1 };
         let sealed = self.last.iter().flat_map(|last| {
             let found = (0..).zip(last.tasks.iter()).filter(|(_, task)| of(&task.finder));

@@ -17,7 +17,7 @@ use super::notes::{LeaseEnd, Note};
 use super::{Message, Now, Scheduler};
 use crate::permit::Issued;
 pub use crate::record::{AssignmentId, Range};
-use crate::record::{Charge, Finder, JobId, JobState, Poisoned};
+use crate::record::{Charge, Claimant, JobId, JobState, Poisoned};
 use crate::scheduler::Action;
 use sim_core::base::digest::Digest;
 use std::collections::BTreeMap;
@@ -58,7 +58,7 @@ pub(super) enum TaskState {
         /// Digest of the result.
         digest: Digest,
         /// The worker that delivered the result that holds, at first the first one.
-        finder: Finder,
+        finder: Claimant,
     },
 }
 
@@ -75,7 +75,7 @@ pub(super) enum Stage {
 
 /// Purpose of a lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum LeaseKind {
     /// The normal case: its tasks are leased to it.
     Ordinary,
     /// A copy of a slow lease. The tasks stay leased to the original, and the first result counts.
@@ -89,7 +89,7 @@ pub(super) struct Lease {
     pub worker: WorkerId,
     pub job: JobId,
     pub range: Range,
-    pub kind: Kind,
+    pub kind: LeaseKind,
     /// True for a suspect that runs with no other lease on its worker.
     pub solo: bool,
     pub since: Duration,
@@ -102,7 +102,7 @@ pub(super) struct Lease {
 
 impl Lease {
     /// Creates a lease with no charge to its job.
-    pub fn new(now: Now, worker: &WorkerId, job: &JobId, range: Range, kind: Kind) -> Self {
+    pub fn new(now: Now, worker: &WorkerId, job: &JobId, range: Range, kind: LeaseKind) -> Self {
         let (worker, job, since) = (worker.clone(), job.clone(), now.since_start);
         Self { worker, job, range, kind, solo: false, since, charged: 0.0, stage: Stage::Unknown, moved: since }
     }
@@ -213,7 +213,7 @@ pub(super) fn remove_lease(core: &mut Scheduler, id: AssignmentId) -> Option<Lea
     fleet.free(&lease.worker, id);
     queue.room.may_have(&lease.worker);
     let copy = leases.copies.remove(&id);
-    if let Kind::Copy(original) = lease.kind {
+    if let LeaseKind::Copy(original) = lease.kind {
         leases.copies.remove(&original);
     }
     if let Some(job) = jobs.active.get_mut(&lease.job) {
@@ -226,7 +226,7 @@ pub(super) fn remove_lease(core: &mut Scheduler, id: AssignmentId) -> Option<Lea
         }
     }
     if let Some(copy) = copy.and_then(|copy| leases.all.get_mut(&copy)) {
-        copy.kind = Kind::Ordinary;
+        copy.kind = LeaseKind::Ordinary;
     }
     Some(lease)
 }

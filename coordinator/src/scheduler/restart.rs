@@ -3,7 +3,7 @@
 //! Only rounds with kept results are taken over. The procedure's state follows from the results, so the new job's
 //! result has the same bits as an undisturbed run.
 
-use crate::record::{Finder, Origin};
+use crate::record::{Claimant, Origin};
 use crate::store::{LastRound, SealedRound, TaskRecord};
 use sim_core::base::digest::{Digest, ResultDigest};
 use sim_core::procedure::{BadState, Procedure, Step};
@@ -50,7 +50,7 @@ impl Carried {
             task: procedure.task(index),
             what: procedure.describe(index),
             digest: *digest,
-            finder: Finder::default(),
+            finder: Claimant::default(),
         };
         self.last = Some(LastRound { number, tasks: (0..).zip(&digests).map(task).collect() });
         let mut digest = ResultDigest::resume(self.results_digest);

@@ -5,13 +5,13 @@ use super::arbitration::{Contradicted, Delivered, compare_results};
 use super::dispatch::dispatch;
 use super::events::{has_other_able_worker, revoke_leases_of_ended_job};
 use super::fleet::WorkerId;
-use super::lease::{AssignmentId, Kind, Range, end_lease, record_failure, remove_lease, revoke_leases};
+use super::lease::{AssignmentId, LeaseKind, Range, end_lease, record_failure, remove_lease, revoke_leases};
 use super::notes::{LeaseEnd, Note};
 use super::round::Recorded;
 use super::trust::{defer_job_on_worker, mark, withdraw_crash_charges};
 use super::{Action, Now, Scheduler, stuck};
 use crate::permit;
-use crate::record::{Finder, JobId};
+use crate::record::{Claimant, JobId};
 use crate::store::Write;
 use sim_core::base::digest::Digest;
 use sim_core::procedure::result_digest;
@@ -177,7 +177,7 @@ pub(super) fn take(core: &mut Scheduler, now: Now, completed: Completed) -> Resu
         withdraw_crash_charges(core, &worker);
     }
     let lease = core.leases.all.get(&assignment).filter(|l| l.worker == worker && l.job == id);
-    let (own, arbitrates) = (lease.is_some(), lease.is_some_and(|l| l.kind == Kind::Arbitration));
+    let (own, arbitrates) = (lease.is_some(), lease.is_some_and(|l| l.kind == LeaseKind::Arbitration));
     let results = match completed.delivery {
         Delivery::Failure(reason) if own => {
             return_failed(core, now, assignment, arbitrates, &reason);
@@ -418,7 +418,7 @@ fn seal_or_store(
     id: &JobId,
     round: u32,
     ranges: Vec<(u32, Vec<Arc<[u8]>>)>,
-    finder: Finder,
+    finder: Claimant,
 ) {
     // A round that is sealed now is stored as a whole.
     if seal(core, now, id) {
@@ -444,7 +444,7 @@ pub(super) fn seal(core: &mut Scheduler, now: Now, id: &JobId) -> bool {
         revoke_leases_of_ended_job(core, id);
         return true;
     }
-    let beyond = core.leases.of(id).filter(|(_, l)| l.range.round == round && l.kind != Kind::Arbitration);
+    let beyond = core.leases.of(id).filter(|(_, l)| l.range.round == round && l.kind != LeaseKind::Arbitration);
     let beyond: Vec<AssignmentId> = beyond.map(|(id, _)| *id).collect();
     revoke_leases(core, &beyond, LeaseEnd::Needless);
     true

@@ -1,7 +1,7 @@
 //! The current round of a job: the states of its tasks, and their results.
 
 use super::lease::{AssignmentId, Range, TaskState};
-use crate::record::{Charge, Finder};
+use crate::record::{Charge, Claimant};
 use sim_core::base::digest::Digest;
 use sim_core::procedure::{self, Procedure, result_digest};
 use std::sync::Arc;
@@ -190,7 +190,7 @@ impl Round {
     }
 
     /// Records a task's result if it is the first one.
-    pub fn record(&mut self, index: u32, result: &Arc<[u8]>, finder: &Finder) -> Recorded {
+    pub fn record(&mut self, index: u32, result: &Arc<[u8]>, finder: &Claimant) -> Recorded {
         let (digest, index) = (result_digest(result), index as usize);
         let holder = match &self.tasks[index].state {
             TaskState::Done { digest: there, .. } if *there == digest => return Recorded::Same,
@@ -208,7 +208,7 @@ impl Round {
     }
 
     /// Replaces a recorded result by the one that arbitration confirmed.
-    pub fn correct(&mut self, index: u32, result: Arc<[u8]>, finder: Finder) {
+    pub fn correct(&mut self, index: u32, result: Arc<[u8]>, finder: Claimant) {
         let index = index as usize;
         if let Some(task) = self.tasks.get_mut(index).filter(|task| matches!(task.state, TaskState::Done { .. })) {
             task.state = TaskState::Done { digest: result_digest(&result), finder };
@@ -223,7 +223,7 @@ impl Round {
     }
 
     /// Returns the digest of a task's result and the worker that delivered it, if the task is done.
-    pub fn found(&self, index: u32) -> Option<(Digest, &Finder)> {
+    pub fn found(&self, index: u32) -> Option<(Digest, &Claimant)> {
         match &self.tasks.get(index as usize)?.state {
             TaskState::Done { digest, finder } => Some((*digest, finder)),
             _ => None,

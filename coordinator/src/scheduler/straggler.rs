@@ -4,7 +4,7 @@
 use super::dispatch::charge;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
-use super::lease::{AssignmentId, Kind, Lease, assign};
+use super::lease::{AssignmentId, Lease, LeaseKind, assign};
 use super::leaving::time_for;
 use super::{Now, Scheduler};
 use std::time::Duration;
@@ -35,7 +35,7 @@ pub(super) fn copy_stragglers(core: &mut Scheduler, now: Now, id: &WorkerId) {
 fn stragglers(core: &mut Scheduler, now: Now) -> Vec<AssignmentId> {
     core.queue.room.count(core.leases.all.len());
     let lacks_copy = |(original, lease): &(&AssignmentId, &Lease)| {
-        lease.kind == Kind::Ordinary
+        lease.kind == LeaseKind::Ordinary
             && !lease.solo
             && !core.leases.copies.contains_key(original)
             && core.jobs.active.get(&lease.job).is_some_and(|job| is_straggler(now, job, lease))
@@ -59,7 +59,7 @@ fn copy(core: &mut Scheduler, now: Now, id: &WorkerId, original: AssignmentId) {
     let tasks = job.tasks(&lease.range);
     let charged = charge(&mut core.queue, job, lease.range.count);
     core.leases.copies.insert(original, copy);
-    let lease = Lease { charged, ..Lease::new(now, id, &lease.job, lease.range, Kind::Copy(original)) };
+    let lease = Lease { charged, ..Lease::new(now, id, &lease.job, lease.range, LeaseKind::Copy(original)) };
     assign(core, now, copy, lease, tasks);
 }
 

@@ -4,7 +4,7 @@
 use super::dispatch::charge;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
-use super::lease::{Kind, Lease, assign};
+use super::lease::{Lease, LeaseKind, assign};
 use super::leaving::time_for;
 use super::{Now, Scheduler};
 use crate::record::{Charge, JobId};
@@ -72,7 +72,7 @@ fn isolate(core: &mut Scheduler, now: Now, worker: &WorkerId, id: &JobId) {
     let Some(range) = job.round.cut_suspect(assignment) else { return };
     let tasks = job.tasks(&range);
     let charged = charge(&mut core.queue, job, range.count);
-    let lease = Lease { charged, solo: true, ..Lease::new(now, worker, id, range, Kind::Ordinary) };
+    let lease = Lease { charged, solo: true, ..Lease::new(now, worker, id, range, LeaseKind::Ordinary) };
     assign(core, now, assignment, lease, tasks);
     core.leases.solos.insert(assignment, id.clone());
     if let Some(worker) = core.fleet.workers.get_mut(worker) {

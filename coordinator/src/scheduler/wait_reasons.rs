@@ -3,7 +3,7 @@
 use super::arbiter::arbiters;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
-use super::lease::Kind;
+use super::lease::LeaseKind;
 use super::{Now, Scheduler, stuck};
 use crate::record::{Dispute, Event, JobId, JobRecord, JobState};
 use std::collections::BTreeSet;
@@ -36,7 +36,7 @@ fn about_pause(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<String> 
 
 fn about_disputes(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<String> {
     let first = job.open_disputes().next()?;
-    let asked = core.leases.of(id).any(|(_, l)| l.kind == Kind::Arbitration);
+    let asked = core.leases.of(id).any(|(_, l)| l.kind == LeaseKind::Arbitration);
     let (contradicted, alone): (Vec<&Dispute>, Vec<_>) = job.open_disputes().partition(|d| d.is_contradicted());
     let contradicted = contradicted.first().map(|first| match contradicted.len() {
         1 => format!("two results of {} differ", first.what),
@@ -120,7 +120,7 @@ pub(super) fn publish_other_build(core: &mut Scheduler, now: Now, id: &JobId) {
 }
 
 fn about_stragglers(core: &Scheduler, id: &JobId, job: &ActiveJob) -> Option<String> {
-    let copied = core.leases.of(id).filter(|(_, l)| matches!(l.kind, Kind::Copy(_))).count();
+    let copied = core.leases.of(id).filter(|(_, l)| matches!(l.kind, LeaseKind::Copy(_))).count();
     (copied > 0 && job.round.pending() == 0)
         .then(|| format!("{} of the round take far longer than expected and are computed twice", ranges(copied)))
 }

@@ -1,7 +1,7 @@
 //! Blobs: a version byte, then MessagePack by field name. An unknown version is an error.
 
 use super::{Quarantined, RunState, StoreError, StoredEvent};
-use crate::record::{Finder, JobRecord};
+use crate::record::{Claimant, JobRecord};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_bytes::ByteBuf;
@@ -12,13 +12,13 @@ use std::sync::Arc;
 const VERSION: u8 = 2;
 
 /// Results, and the worker that delivered them.
-pub(super) type Found = (Vec<Arc<[u8]>>, Finder);
+pub(super) type Found = (Vec<Arc<[u8]>>, Claimant);
 
 /// Encoded form of [`Found`].
 #[derive(Serialize, Deserialize)]
 struct Delivered {
     results: Vec<ByteBuf>,
-    finder: Finder,
+    finder: Claimant,
 }
 
 pub(super) fn encode(value: &impl Serialize) -> Vec<u8> {
@@ -37,7 +37,7 @@ pub(super) fn decode<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T,
 }
 
 /// Encodes the results of a range, and the worker that delivered them.
-pub(super) fn encode_delivered(results: &[Arc<[u8]>], finder: &Finder) -> Vec<u8> {
+pub(super) fn encode_delivered(results: &[Arc<[u8]>], finder: &Claimant) -> Vec<u8> {
     encode(&Delivered { results: buffers(results), finder: finder.clone() })
 }
 

@@ -20,10 +20,10 @@ pub use sqlite::SqliteStore;
 pub use url::{BadStoreUrl, StoreUrl};
 
 use crate::permit::PermitKey;
-use crate::record::{Finder, JobEvent, JobId, JobRecord, JobState};
+use crate::record::{Claimant, JobEvent, JobId, JobRecord, JobState};
 use serde::{Deserialize, Serialize};
 use sim_core::base::digest::Digest;
-use sim_core::procedure::{Artefact, Row};
+use sim_core::procedure::{Artefact, SeriesRow};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -55,7 +55,7 @@ pub enum Write {
         /// Ranges without overlap: index of the first task, and results.
         ranges: Vec<(u32, Vec<Arc<[u8]>>)>,
         /// Worker that delivered the results.
-        finder: Finder,
+        finder: Claimant,
     },
     /// A round was sealed: its stored data, the state for the next round and the events.
     Seal {
@@ -174,7 +174,7 @@ pub struct TaskRecord {
     /// Digest of the result.
     pub digest: Digest,
     /// Worker that delivered the result.
-    pub finder: Finder,
+    pub finder: Claimant,
 }
 
 /// Stored data of a sealed round.
@@ -183,7 +183,7 @@ pub struct SealedRound {
     /// Number of the round.
     pub number: u32,
     /// Row of measurements of the round, if it has one.
-    pub row: Option<Row>,
+    pub row: Option<SeriesRow>,
     /// Digests of the results, by index.
     pub digests: Vec<Digest>,
     /// Results, by index, if they are kept.
@@ -217,7 +217,7 @@ pub struct StoredRange {
     /// Results, by index from `first` on.
     pub results: Vec<Arc<[u8]>>,
     /// Worker that delivered the results.
-    pub finder: Finder,
+    pub finder: Claimant,
 }
 
 /// Active job, with all data to resume it.
@@ -254,7 +254,7 @@ pub struct Loaded {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StoredResult {
     /// Rows of measurements of the sealed rounds, in order.
-    pub history: Vec<Row>,
+    pub history: Vec<SeriesRow>,
     /// Artefacts of the job.
     pub artefacts: Vec<Artefact>,
 }

@@ -57,14 +57,14 @@ impl From<Vec<u8>> for Value<'_> {
 }
 
 /// Row of a query's result, by column.
-pub(super) trait Row: Send {
+pub(super) trait SqlRow: Send {
     fn number(&self, column: usize) -> Result<i64, sqlx::Error>;
     fn text(&self, column: usize) -> Result<String, sqlx::Error>;
     /// Returns the bytes; empty for NULL.
     fn bytes(&self, column: usize) -> Result<Vec<u8>, sqlx::Error>;
 }
 
-impl<R: sqlx::Row> Row for R
+impl<R: sqlx::Row> SqlRow for R
 where
     usize: sqlx::ColumnIndex<R>,
     for<'r> i64: Decode<'r, R::Database> + Type<R::Database>,
@@ -109,7 +109,7 @@ pub(super) struct ResultRow {
 
 /// Connection. Placeholders are `$1`, `$2`, …, which both databases accept.
 pub(super) trait Sql: Send {
-    type Row: Row;
+    type Row: SqlRow;
 
     /// Runs a statement and returns the number of changed rows.
     fn run(

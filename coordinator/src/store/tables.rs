@@ -1,7 +1,7 @@
 //! Statements of the SQL stores, the same for all dialects.
 
 use super::blob;
-use super::sql::{ResultRow, Row as _, Sql};
+use super::sql::{ResultRow, Sql, SqlRow as _};
 use super::{Loaded, SealedRound, StoreError, StoredEvent, StoredJob, StoredRange, StoredResult, Write};
 use crate::permit::PermitKey;
 use crate::record::{JobEvent, JobId, JobRecord, JobState};
@@ -292,7 +292,7 @@ mod tests {
     use super::super::sql::Value;
     use super::super::tests::{event, record, submit};
     use super::*;
-    use crate::record::Finder;
+    use crate::record::Claimant;
     use sqlx::sqlite::SqliteRow;
 
     /// Records the statements that change data.
@@ -325,7 +325,7 @@ mod tests {
             writes.push(Write::Change { record: job.clone(), event: event(sequence, JobState::Running) });
             writes.push(Write::Note { record: job.clone() });
             let results =
-                Write::Results { job: job.id.clone(), round: 0, ranges: Vec::new(), finder: Finder::default() };
+                Write::Results { job: job.id.clone(), round: 0, ranges: Vec::new(), finder: Claimant::default() };
             writes.push(results);
         }
         let mut counter = Counter::default();

@@ -63,8 +63,8 @@ fn result(of: u64) -> Arc<[u8]> {
     of.to_le_bytes().into()
 }
 
-fn finder() -> Finder {
-    Finder { worker: "w".into(), host: "h".into() }
+fn finder() -> Claimant {
+    Claimant { worker: "w".into(), host: "h".into() }
 }
 
 fn stored_range(round: u32, first: u32, results: Vec<Arc<[u8]>>) -> StoredRange {
@@ -78,7 +78,7 @@ fn results(record: &JobRecord, round: u32, ranges: Vec<(u32, Vec<Arc<[u8]>>)>) -
 fn sealed(number: u32) -> SealedRound {
     SealedRound {
         number,
-        row: Some(Row { series: "generations".into(), index: number, values: values() }),
+        row: Some(SeriesRow { series: "generations".into(), index: number, values: values() }),
         digests: ODD.map(|bits| Digest::of("test", &bits)).to_vec(),
         results: number.is_multiple_of(2).then(|| ODD.map(result).to_vec()),
     }
@@ -204,7 +204,7 @@ on_every_store! {
         let epoch = store.start().await.unwrap().epoch;
         let job = record(1);
         let claim = |worker: &str, bits: u64| Claim {
-            source: Source { finder: Finder { worker: worker.into(), host: "h".into() }, name: "n".into() },
+            source: Source { finder: Claimant { worker: worker.into(), host: "h".into() }, name: "n".into() },
             digest: Digest::of("test", &bits),
             what: format!("score {bits}"),
             result: (worker != "a").then(|| bits.to_le_bytes().to_vec()),

@@ -1,4 +1,4 @@
-//! Connections of clients and workers to a coordinator. A [`Dial`] combines addresses and credentials; its [`Way`] is a
+//! Connections of clients and workers to a coordinator. A [`Dial`] combines addresses and credentials; its [`FailoverChannel`] is a
 //! channel that switches to the next address when the current one does not serve.
 //!
 //! A standby answers UNAVAILABLE, and so does a coordinator that is stopping; a crashed one does not answer. The call
@@ -6,13 +6,13 @@
 
 mod address;
 mod backoff;
+mod failover;
 mod reason;
-mod way;
 
 pub use address::{Address, Addresses, BadAddress, MAX_ADDRESSES};
 pub use backoff::Backoff;
+pub use failover::FailoverChannel;
 pub use reason::{BadCertificate, bad_certificate, reason};
-pub use way::Way;
 
 use crate::credentials::Credentials;
 use http::HeaderValue;
@@ -105,8 +105,8 @@ impl Dial {
 
     /// Creates a channel with its own connections, opened on first use. All channels of a `Dial` use the same current
     /// address.
-    pub fn way(&self) -> Way {
-        Way::new(self)
+    pub fn channel(&self) -> FailoverChannel {
+        FailoverChannel::new(self)
     }
 
     /// Connects once, to the first address that accepts a connection, to detect early that no address does. The error

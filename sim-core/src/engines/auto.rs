@@ -1,7 +1,7 @@
 //! Choice of the engine that a job runs on.
 
 use crate::base::error::Invalid;
-use crate::engines::known::{Known, Row};
+use crate::engines::fidelity::{FidelityRow, FidelityTable};
 use crate::model::Robot;
 use crate::model::environment::Environment;
 use crate::physics::lockstep;
@@ -62,7 +62,7 @@ pub(crate) fn choose(
     spec: &PhysicsSpec,
     robot: &Robot,
     environment: &Environment,
-    known: &Known,
+    known: &FidelityTable,
 ) -> Result<Chosen, Invalid> {
     let obstacle = obstacle(spec, robot, environment);
     let asked = |engine| Chosen { engine, why: Why::Asked };
@@ -97,7 +97,7 @@ fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Opt
 
 /// Returns lockstep where its fidelity is sufficient: for this robot, with the scale's default physics, at measured
 /// steps. Otherwise returns rapier.
-fn by_fidelity(spec: &PhysicsSpec, robot: &Robot, known: &Known) -> Chosen {
+fn by_fidelity(spec: &PhysicsSpec, robot: &Robot, known: &FidelityTable) -> Chosen {
     let rapier = |why| Chosen { engine: EngineKind::Rapier, why };
     let rows = known.of(robot, spec.scale);
     let fits = |(steps_per_second, substeps): (u32, u32)| {
@@ -110,7 +110,7 @@ fn by_fidelity(spec: &PhysicsSpec, robot: &Robot, known: &Known) -> Chosen {
         let fits = fits((own.steps_per_second, own.substeps));
         return rapier(if fits { Why::Unmeasured } else { Why::OtherPhysics });
     }
-    let fitting: Vec<&Row> = rows.into_iter().filter(|row| fits(row.setting())).collect();
+    let fitting: Vec<&FidelityRow> = rows.into_iter().filter(|row| fits(row.setting())).collect();
     match fitting.iter().find(|row| row.stands()) {
         Some(row) => Chosen { engine: EngineKind::Lockstep, why: Why::Measured(row.setting()) },
         None if fitting.is_empty() => rapier(Why::OtherPhysics),
@@ -130,7 +130,7 @@ pub(crate) fn with_steps(spec: &PhysicsSpec, (steps_per_second, substeps): (u32,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engines::known::Agreement;
+    use crate::engines::fidelity::Agreement;
     use crate::model::catalogue;
     use crate::physics::Scale;
 
@@ -147,11 +147,11 @@ mod tests {
     }
 
     /// Returns a table with one robot, at both scales.
-    fn knows(robot: &Robot, spearman: f64) -> Known {
+    fn knows(robot: &Robot, spearman: f64) -> FidelityTable {
         let agreement = Agreement { gaits: 100, spearman, ceiling: 1.0 };
         let row = |scale| {
             let own = Physics::of(EngineKind::Lockstep, scale);
-            Row {
+            FidelityRow {
                 robot: "r".into(),
                 variant: "none".into(),
                 mechanics: robot.mechanics(),
@@ -164,7 +164,7 @@ mod tests {
                 evolved: agreement,
             }
         };
-        Known { rows: [Scale::Paper, Scale::Real].map(row).to_vec() }
+        FidelityTable { rows: [Scale::Paper, Scale::Real].map(row).to_vec() }
     }
 
     fn physics(text: &str) -> PhysicsSpec {
@@ -199,14 +199,14 @@ mod tests {
         ] {
             assert_eq!(chosen(text), Chosen { engine: EngineKind::Rapier, why }, "{text}");
         }
-        let rapier = |robot: &Robot, environment: &str, known: &Known| {
+        let rapier = |robot: &Robot, environment: &str, known: &FidelityTable| {
             let chosen =
                 choose(&PhysicsSpec::default(), robot, &super::tests::environment(environment), known).unwrap();
             assert_eq!(chosen.engine, EngineKind::Rapier);
             chosen.why
         };
         assert_eq!(rapier(&robot, "stairs", &known), Why::Terrain);
-        assert_eq!(rapier(&robot, "empty", &Known::default()), Why::Unmeasured);
+        assert_eq!(rapier(&robot, "empty", &FidelityTable::default()), Why::Unmeasured);
         assert_eq!(rapier(&robot, "empty", &knows(&robot, 0.9)), Why::Inexact);
         let round = with_capsules();
         assert_eq!(rapier(&round, "empty", &knows(&round, 0.99)), Why::Capsules);
@@ -217,7 +217,7 @@ mod tests {
         let robot = quadropod();
         let mut known = knows(&robot, 0.9);
         let fine = Agreement { gaits: 100, spearman: 0.99, ceiling: 1.0 };
-        known.rows.extend([800, 400].map(|steps_per_second| Row {
+        known.rows.extend([800, 400].map(|steps_per_second| FidelityRow {
             steps_per_second,
             random: fine,
             evolved: fine,
@@ -243,7 +243,7 @@ mod tests {
         pillar.terrain[0].size[1] = 1.0;
         let refused = |robot: &Robot, environment: &Environment, more: &str| {
             let spec = physics(&format!("engine = \"lockstep\"\n{more}"));
-            choose(&spec, robot, environment, &Known::default()).unwrap_err().to_string()
+            choose(&spec, robot, environment, &FidelityTable::default()).unwrap_err().to_string()
         };
         for (said, reason) in [
             (refused(&quadropod(), &pillar, ""), "stairs only"),
@@ -260,9 +260,11 @@ mod tests {
         let robot = quadropod();
         for engine in [EngineKind::Rapier, EngineKind::Lockstep] {
             let spec = PhysicsSpec { engine: engine.into(), ..PhysicsSpec::default() };
-            for (known, name) in
-                [(Known::default(), "empty"), (knows(&robot, 0.99), "empty"), (Known::default(), "stairs")]
-            {
+            for (known, name) in [
+                (FidelityTable::default(), "empty"),
+                (knows(&robot, 0.99), "empty"),
+                (FidelityTable::default(), "stairs"),
+            ] {
                 let chosen = choose(&spec, &robot, &environment(name), &known).unwrap();
                 assert_eq!((chosen.engine, chosen.why), (engine, Why::Asked));
                 assert_eq!(chosen.to_string(), engine.name());

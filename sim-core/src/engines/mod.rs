@@ -2,8 +2,8 @@
 
 pub(crate) mod auto;
 mod digest;
+pub mod fidelity;
 mod golden;
-pub mod known;
 mod settle;
 
 pub use auto::{Chosen, Why};

@@ -16,7 +16,7 @@ use crate::model::environment::{Block, Environment};
 use crate::model::{Hinge, Place, Robot, State};
 use crate::objective::Objective;
 use crate::physics::{Engine, Motion, Outcome, Physics, Request};
-use crate::plan::{Growth, PlannerSettings, Posture, Reuse, Root, Setting, TransitionKey, Transitions, Tree};
+use crate::plan::{Growth, PlannerSettings, Posture, Reuse, Root, TransitionKey, Transitions, Tree, TreeScene};
 use std::collections::BTreeSet;
 
 /// Rollouts between two checks of `stop` on an engine that simulates many at a time. On other engines `stop` is checked
@@ -62,8 +62,8 @@ pub trait Scene {
 }
 
 /// Returns the setting of a scene's trees.
-pub fn setting(scene: &dyn Scene) -> Setting<'_> {
-    Setting {
+pub fn setting(scene: &dyn Scene) -> TreeScene<'_> {
+    TreeScene {
         robot: scene.robot(),
         environment: scene.environment(),
         gaits: scene.gaits().count as usize,

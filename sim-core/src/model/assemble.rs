@@ -1,7 +1,7 @@
 //! Assembly of a robot file's modules in the neutral configuration: names, attachments, faces.
 
 use super::RobotSpec;
-use super::kind::{FaceKind, Kind};
+use super::kind::{FaceKind, ModuleKind};
 use crate::base::error::{Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
 use crate::base::registry::Registered;
@@ -42,7 +42,7 @@ impl Frame {
 /// Module placed in the neutral configuration.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
-    pub kind: &'static Kind,
+    pub kind: &'static ModuleKind,
     pub frame: Frame,
     /// Rigid dock: the module's own part, and (module, part) of the carrier.
     pub dock: Option<(usize, (usize, usize))>,
@@ -71,15 +71,15 @@ fn rotation(axis: usize, degrees: f64) -> Matrix3<f64> {
     }
 }
 
-fn kind_of(field: &str, kind: &str) -> Result<&'static Kind, Invalid> {
-    Kind::registry().find(kind).ok_or_else(|| Invalid::Unknown {
+fn kind_of(field: &str, kind: &str) -> Result<&'static ModuleKind, Invalid> {
+    ModuleKind::registry().find(kind).ok_or_else(|| Invalid::Unknown {
         field: format!("{field}.kind"),
         value: kind.to_owned(),
-        known: Kind::registry().names().into_iter().map(str::to_owned).collect(),
+        known: ModuleKind::registry().names().into_iter().map(str::to_owned).collect(),
     })
 }
 
-fn face_of(field: String, kind: &'static Kind, face: &str) -> Result<&'static FaceKind, Invalid> {
+fn face_of(field: String, kind: &'static ModuleKind, face: &str) -> Result<&'static FaceKind, Invalid> {
     kind.faces.iter().find(|p| p.name == face).ok_or_else(|| Invalid::Unknown {
         field,
         value: face.to_owned(),
@@ -218,7 +218,7 @@ impl RobotSpec {
         self.place(&docks)
     }
 
-    fn check_faces(&self, docks: &[(&'static Kind, Option<Dock>)]) -> Result<(), Invalid> {
+    fn check_faces(&self, docks: &[(&'static ModuleKind, Option<Dock>)]) -> Result<(), Invalid> {
         let mut taken: Vec<(usize, &str, usize)> = Vec::new();
         for (i, (_, dock)) in docks.iter().enumerate() {
             let Some((to, face, own, _)) = dock else { continue };
@@ -238,7 +238,7 @@ impl RobotSpec {
         Ok(())
     }
 
-    fn place(&self, docks: &[(&'static Kind, Option<Dock>)]) -> Result<Vec<Placed>, Invalid> {
+    fn place(&self, docks: &[(&'static ModuleKind, Option<Dock>)]) -> Result<Vec<Placed>, Invalid> {
         let mut placed: Vec<Option<Placed>> = vec![None; docks.len()];
         // Attachments may point forward, so several passes may be needed. There is no loop, so every pass places a
         // module.

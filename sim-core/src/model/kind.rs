@@ -7,7 +7,7 @@ pub const QUARTER_TURNS: [f32; 2] = [-std::f32::consts::FRAC_PI_2, std::f32::con
 
 /// Kind of module. Coordinates are in the module's own frame, mu.
 #[derive(Debug)]
-pub struct Kind {
+pub struct ModuleKind {
     /// Name in robot files.
     pub name: &'static str,
     /// Rigid boxes. The hinges join all of them to one tree.
@@ -74,7 +74,7 @@ pub struct FaceKind {
     pub up: [f64; 3],
 }
 
-impl Component for Kind {
+impl Component for ModuleKind {
     fn name(&self) -> &'static str {
         self.name
     }

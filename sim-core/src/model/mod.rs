@@ -15,7 +15,7 @@ mod spec;
 mod touch;
 
 pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, PartBox, Robot};
-pub use kind::{FaceKind, HingeKind, Kind, PartKind, QUARTER_TURNS};
+pub use kind::{FaceKind, HingeKind, ModuleKind, PartKind, QUARTER_TURNS};
 pub use place::{Place, Plane};
 pub use pose::{Connection, Face, Phase, State, Twist, Velocities};
 pub use spec::*;

@@ -13,7 +13,7 @@ use crate::physics::{Outcome, canonical};
 
 /// Robot, environment and gaits that a tree is grown for.
 #[derive(Clone, Copy, Debug)]
-pub struct Setting<'a> {
+pub struct TreeScene<'a> {
     /// The robot.
     pub robot: &'a Robot,
     /// The environment that it moves in.
@@ -88,7 +88,7 @@ impl Growth {
     }
 
     /// Grows the tree until transitions are missing and returns their keys. Returns no keys once the tree is complete.
-    pub fn advance(&mut self, setting: &Setting<'_>, table: &mut Transitions) -> Vec<TransitionKey> {
+    pub fn advance(&mut self, setting: &TreeScene<'_>, table: &mut Transitions) -> Vec<TransitionKey> {
         let ground = |x: f64, y: f64| {
             let over = setting.environment.terrain.iter().filter(|t| t.covers(x, y, 0.0));
             setting.height + over.map(|t| t.top).fold(0.0, f64::max)
@@ -125,7 +125,7 @@ impl Growth {
 
     /// Returns the transition to use from a node: the canonical one, or one bound to the node's place if the robot
     /// stands over terrain or the canonical transition passes over terrain.
-    fn key(&mut self, setting: &Setting<'_>, table: &mut Transitions, node: usize, gait: usize) -> TransitionKey {
+    fn key(&mut self, setting: &TreeScene<'_>, table: &mut Transitions, node: usize, gait: usize) -> TransitionKey {
         let place = self.tree().nodes[node].place;
         let local = TransitionKey { start: self.nodes[node].local, gait };
         let terrain = &setting.environment.terrain;
@@ -148,7 +148,7 @@ impl Growth {
         TransitionKey { start: bound, gait }
     }
 
-    fn arrival(&mut self, setting: &Setting<'_>, table: &Transitions, node: usize, key: TransitionKey) -> Arrival {
+    fn arrival(&mut self, setting: &TreeScene<'_>, table: &Transitions, node: usize, key: TransitionKey) -> Arrival {
         self.counts.edges += 1;
         let frame = self.frame(table, node, key);
         let completed = table.get(key).filter(|transition| transition.rollout.outcome == Outcome::Completed);

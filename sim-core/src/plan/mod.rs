@@ -11,7 +11,7 @@ mod transitions;
 mod tree;
 
 pub(crate) use grow::standing_at;
-pub use grow::{Growth, Setting};
+pub use grow::{Growth, TreeScene};
 pub use metric::{Metric, Posture};
 pub use nearest::Nearest;
 pub use planner::{Arrival, Ask, Planner, PlannerKind, PlannerSettings, Root};

@@ -22,7 +22,7 @@ use crate::base::score::Direction;
 use crate::base::settings::Settings;
 use crate::base::{limits, toml_file};
 use crate::control::{Controller, GaitsSpec, space_of, validate_gaits, whole_steps};
-use crate::engines::known::Known;
+use crate::engines::fidelity::FidelityTable;
 use crate::engines::{Chosen, Why, auto};
 use crate::engines::{Quiet, engine, engine_digest, engines_digest};
 use crate::genotype::{Genotype, Space};
@@ -89,7 +89,7 @@ impl Checked {
         if let Some(simulate) = &mut spec.simulate {
             faults.take(simulate.resolve());
         }
-        let evolves = Does::of(&spec) == Does::Evolve;
+        let evolves = JobKind::of(&spec) == JobKind::Evolve;
         let finish = match evolves {
             false => Some(None),
             true => faults.take(spec.finish.clone().unwrap_or_default().resolve(spec.physics.scale)),
@@ -99,7 +99,7 @@ impl Checked {
         let robot = robot_spec.as_ref().and_then(|robot_spec| faults.take(Robot::compile(robot_spec)));
         let chosen = match (&robot, &environment) {
             (Some(robot), Some(environment)) => {
-                faults.take(auto::choose(&spec.physics, robot, environment, Known::shipped()))
+                faults.take(auto::choose(&spec.physics, robot, environment, FidelityTable::shipped()))
             }
             _ => None,
         };
@@ -324,8 +324,8 @@ impl Checked {
     }
 
     /// Returns the kind of work that the job's procedure does.
-    pub fn does(&self) -> Does {
-        Does::of(&self.0.spec)
+    pub fn kind(&self) -> JobKind {
+        JobKind::of(&self.0.spec)
     }
 
     /// Returns the given gaits as a candidate of the job's space. `None` for a job that evolves gaits or moves without
@@ -352,9 +352,9 @@ impl Checked {
 }
 
 /// Kind of work that a job does, by the tables that it needs. A procedure that another program registers counts as
-/// [`Does::Evolve`].
+/// [`JobKind::Evolve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Does {
+pub enum JobKind {
     /// The search for gaits.
     Evolve,
     /// The growth of trees with given gaits.
@@ -363,7 +363,7 @@ pub enum Does {
     Simulate,
 }
 
-impl Does {
+impl JobKind {
     fn of(spec: &JobSpec) -> Self {
         match spec.procedure.as_deref() {
             Some(PLAN) => Self::Plan,
@@ -375,8 +375,8 @@ impl Does {
 
 /// Rejects jobs with a table that their procedure does not use, and jobs without a table that it needs.
 fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
-    let does = Does::of(spec);
-    let [evolves, plans, simulates] = [Does::Evolve, Does::Plan, Does::Simulate].map(|one| does == one);
+    let does = JobKind::of(spec);
+    let [evolves, plans, simulates] = [JobKind::Evolve, JobKind::Plan, JobKind::Simulate].map(|one| does == one);
     let needs_gaits = spec.simulate.as_ref().is_none_or(SimulateSpec::uses_gaits);
     let what = spec.procedure.as_deref().map_or("a job without `procedure`, which evolves,".to_owned(), |name| {
         format!("a job with procedure = \"{name}\"")
@@ -491,7 +491,7 @@ fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Res
 /// Makes a job with other physics and without a finish.
 fn with_physics(spec: &JobSpec, physics: PhysicsSpec) -> Result<Checked, Invalid> {
     let none = FinishSpec { kind: FinishKind::None, ..FinishSpec::default() };
-    let finish = (Does::of(spec) == Does::Evolve).then_some(none);
+    let finish = (JobKind::of(spec) == JobKind::Evolve).then_some(none);
     Checked::new(JobSpec { physics, finish, ..spec.clone() })
 }
 

@@ -9,7 +9,7 @@ use crate::evaluate;
 use crate::model::{Place, State};
 use crate::objective::Objective;
 use crate::physics::{PhysicsSpec, Unsettled, settle_until};
-use crate::plan::{Setting, standing_at};
+use crate::plan::{TreeScene, standing_at};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::Deref;
@@ -331,7 +331,7 @@ impl Job {
     }
 
     /// Returns robot, environment and gaits that trees are grown for.
-    pub fn setting(&self) -> Setting<'_> {
+    pub fn setting(&self) -> TreeScene<'_> {
         evaluate::setting(self)
     }
 }

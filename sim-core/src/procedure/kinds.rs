@@ -6,7 +6,8 @@ use crate::base::registry::{Registered, Registry};
 use crate::problem::JobSpec;
 
 /// All kinds of procedures; the first is the default.
-static KINDS: Registry<dyn ProcedureKind> = Registry::new(&[&evolve::Kind, &plan::Kind, &simulate::Kind]);
+static KINDS: Registry<dyn ProcedureKind> =
+    Registry::new(&[&evolve::EvolveProcedure, &plan::PlanProcedure, &simulate::SimulateProcedure]);
 
 impl Registered for dyn ProcedureKind {
     fn registry() -> &'static Registry<Self> {

@@ -89,7 +89,7 @@ impl PartialEq for Value {
 
 /// A row about a sealed round, in a series.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct SeriesRow {
     /// Name of the series, such as "generations".
     pub series: Cow<'static, str>,
     /// Index of the row in its series, from 0.
@@ -139,9 +139,9 @@ pub enum Step {
 
 /// Answer of a procedure to a round's results.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Told {
+pub struct RoundEnd {
     /// The row of the round's series, if it has one.
-    pub row: Option<Row>,
+    pub row: Option<SeriesRow>,
     /// The next step.
     pub step: Step,
 }
@@ -173,7 +173,7 @@ pub trait Procedure: Send {
     }
 
     /// Receives the results of the current round by index, all of them checked, and moves on.
-    fn tell(&mut self, results: &[Arc<[u8]>]) -> Told;
+    fn tell(&mut self, results: &[Arc<[u8]>]) -> RoundEnd;
 
     /// Receives a client's batch, if the procedure waits for one.
     fn offer(&mut self, _batch: &[u8]) -> Result<(), Refused> {

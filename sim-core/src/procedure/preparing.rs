@@ -1,6 +1,6 @@
 //! Round 0 of every job: a worker settles the robot. All tasks of later rounds share its result.
 
-use super::{BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Refused, Rejected, Round, Step, Told};
+use super::{BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Refused, Rejected, Round, RoundEnd, Step};
 use crate::base::encoding::{self, Bytes, encoded};
 use crate::base::error::Invalid;
 use crate::base::limits::MAX_REFUSAL;
@@ -19,14 +19,14 @@ const TASK: &str = "the preparation of the robot";
 
 /// Result of the only task of round 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Outcome {
+pub enum PreparationOutcome {
     /// The robot has settled.
     Prepared(Preparation),
     /// The robot can't stand, or its start is blocked, for this reason.
     Refused(String),
 }
 
-encoded!(Outcome = OUTCOME);
+encoded!(PreparationOutcome = OUTCOME);
 
 /// A job's procedure with its preparation. Rounds of the procedure itself follow as rounds 1, 2 and so on.
 pub(super) struct Preparing {
@@ -103,20 +103,22 @@ impl Procedure for Preparing {
             return self.inner.check(index, result);
         }
         let reject = |reason: String| Err(Rejected { task: TASK.to_owned(), reason });
-        match Outcome::decode(result) {
+        match PreparationOutcome::decode(result) {
             Err(unreadable) => reject(unreadable.to_string()),
-            Ok(Outcome::Prepared(preparation)) => self.problem.takes(&preparation).or_else(|e| reject(e.to_string())),
-            Ok(Outcome::Refused(reason)) if (1..=MAX_REFUSAL).contains(&reason.len()) => Ok(()),
-            Ok(Outcome::Refused(reason)) => {
+            Ok(PreparationOutcome::Prepared(preparation)) => {
+                self.problem.takes(&preparation).or_else(|e| reject(e.to_string()))
+            }
+            Ok(PreparationOutcome::Refused(reason)) if (1..=MAX_REFUSAL).contains(&reason.len()) => Ok(()),
+            Ok(PreparationOutcome::Refused(reason)) => {
                 reject(format!("its reason has {} bytes: 1 to {MAX_REFUSAL} are allowed", reason.len()))
             }
         }
     }
 
     fn show(&self, result: &[u8]) -> String {
-        match Outcome::decode(result) {
-            Ok(Outcome::Prepared(preparation)) => preparation.to_string(),
-            Ok(Outcome::Refused(reason)) => format!("refused: {reason}"),
+        match PreparationOutcome::decode(result) {
+            Ok(PreparationOutcome::Prepared(preparation)) => preparation.to_string(),
+            Ok(PreparationOutcome::Refused(reason)) => format!("refused: {reason}"),
             Err(unreadable) if self.preparation.is_none() => format!("an unreadable result: {unreadable}"),
             Err(_) => self.inner.show(result),
         }
@@ -126,20 +128,20 @@ impl Procedure for Preparing {
         self.preparation.as_ref().and_then(|_| self.inner.decided(so_far))
     }
 
-    fn tell(&mut self, results: &[Arc<[u8]>]) -> Told {
+    fn tell(&mut self, results: &[Arc<[u8]>]) -> RoundEnd {
         if self.preparation.is_some() {
             return self.inner.tell(results);
         }
-        let step = match results.first().map(|result| Outcome::decode(result)) {
-            Some(Ok(Outcome::Prepared(preparation))) => {
+        let step = match results.first().map(|result| PreparationOutcome::decode(result)) {
+            Some(Ok(PreparationOutcome::Prepared(preparation))) => {
                 self.preparation = Some(preparation.encode().into());
                 Step::Next
             }
-            Some(Ok(Outcome::Refused(reason))) => Step::Failed(reason),
+            Some(Ok(PreparationOutcome::Refused(reason))) => Step::Failed(reason),
             Some(Err(unreadable)) => Step::Failed(format!("the result of {TASK} is unusable: {unreadable}")),
             None => Step::Failed(format!("{TASK} has no result")),
         };
-        Told { row: None, step }
+        RoundEnd { row: None, step }
     }
 
     fn offer(&mut self, batch: &[u8]) -> Result<(), Refused> {
@@ -167,8 +169,8 @@ pub(super) fn run(problem: &Checked, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks
             return Err(NotRun::Task(format!("round 0 has one task without content, but this is task {index}")));
         }
         match problem.prepare(&|| hooks.stop()) {
-            Ok(preparation) => Ok(Outcome::Prepared(preparation).encode()),
-            Err(Unprepared::Refused(fault)) => Ok(Outcome::Refused(shortened(fault.to_string())).encode()),
+            Ok(preparation) => Ok(PreparationOutcome::Prepared(preparation).encode()),
+            Err(Unprepared::Refused(fault)) => Ok(PreparationOutcome::Refused(shortened(fault.to_string())).encode()),
             Err(Unprepared::Stopped) => Err(NotRun::Stopped),
         }
     };

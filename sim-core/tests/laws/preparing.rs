@@ -3,8 +3,8 @@
 use crate::procedure::{Batches, SMALL, StopAfter, assert_refused, evaluated, results_of, small};
 use sim_core::base::limits;
 use sim_core::problem::{Checked, Job, Preparation, Unprepared};
-use sim_core::procedure::preparing::Outcome;
-use sim_core::procedure::{self, Bench, NotRun, Step, Told};
+use sim_core::procedure::preparing::PreparationOutcome;
+use sim_core::procedure::{self, Bench, NotRun, RoundEnd, Step};
 use std::cell::Cell;
 
 #[test]
@@ -18,7 +18,7 @@ fn impossible_preparations_are_refused() {
     assert_eq!(procedure.describe(0), "the preparation of the robot");
     let of = |toml: &str| {
         let other = Checked::from_toml(toml).unwrap();
-        Outcome::Prepared(other.prepare(&|| false).unwrap()).encode()
+        PreparationOutcome::Prepared(other.prepare(&|| false).unwrap()).encode()
     };
     let sound = results_of(&*procedure, &bench, Batches::Full).swap_remove(0);
     assert_eq!(*sound, *of(SMALL));
@@ -38,8 +38,8 @@ fn impossible_preparations_are_refused() {
         (altered(0, 1.0), "impossible numbers"),
         (altered(2, f32::NAN), "impossible numbers"),
         (altered(6, 0.5), "impossible numbers"),
-        (Outcome::Refused(String::new()).encode(), "its reason has 0 bytes"),
-        (Outcome::Refused("x".repeat(5000)).encode(), "its reason has 5000 bytes"),
+        (PreparationOutcome::Refused(String::new()).encode(), "its reason has 0 bytes"),
+        (PreparationOutcome::Refused("x".repeat(5000)).encode(), "its reason has 5000 bytes"),
         (evaluated(Some(1.0)).encode(), "its format is "),
     ];
     assert_refused(&*procedure, 0, refused);
@@ -85,7 +85,7 @@ fn robot_that_keeps_moving_fails_in_round_0() {
     let mut procedure = procedure::start(&job).unwrap();
     let results = results_of(&*procedure, &bench, Batches::Full);
     assert_eq!(procedure.show(&results[0]), format!("refused: {refusal}"));
-    assert_eq!(procedure.tell(&results), Told { row: None, step: Step::Failed(refusal) });
+    assert_eq!(procedure.tell(&results), RoundEnd { row: None, step: Step::Failed(refusal) });
 }
 
 #[test]

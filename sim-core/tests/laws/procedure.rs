@@ -6,8 +6,8 @@ use sim_core::problem::Checked;
 use sim_core::procedure::evolve::finish::Question;
 use sim_core::procedure::evolve::report::Report;
 use sim_core::procedure::evolve::{Task, TaskResult};
-use sim_core::procedure::preparing::Outcome;
-use sim_core::procedure::{self, Bench, Hooks, NotRun, Procedure, Row, Step, Told};
+use sim_core::procedure::preparing::PreparationOutcome;
+use sim_core::procedure::{self, Bench, Hooks, NotRun, Procedure, RoundEnd, SeriesRow, Step};
 use sim_core::report::Traces;
 use std::cell::Cell;
 use std::fs;
@@ -40,7 +40,7 @@ pub enum Batches {
 }
 
 struct Ran {
-    rows: Vec<Row>,
+    rows: Vec<SeriesRow>,
     states: Vec<Vec<u8>>,
     phases: Vec<&'static str>,
     report: Report,
@@ -83,7 +83,7 @@ fn run(job: &Checked, batches: Batches) -> Ran {
         assert_eq!(procedure.progress().phase, round.phase);
         phases.push(round.phase);
         let results = results_of(&*procedure, &bench, batches);
-        let Told { row, step } = procedure.tell(&results);
+        let RoundEnd { row, step } = procedure.tell(&results);
         rows.extend(row);
         match step {
             Step::Next => {}
@@ -404,5 +404,5 @@ pub fn results_of_each_kind_have_their_own_format() {
     assert_eq!(result.to_string(), "score 12.5 (bits 4029000000000000)");
     assert_eq!(evaluated(None).to_string(), "failed");
     assert!(matches!(Task::decode(&result.encode()), Err(encoding::Unreadable::Format { .. })));
-    assert!(matches!(Outcome::decode(&result.encode()), Err(encoding::Unreadable::Format { .. })));
+    assert!(matches!(PreparationOutcome::decode(&result.encode()), Err(encoding::Unreadable::Format { .. })));
 }

@@ -2,7 +2,7 @@
 
 use super::{Fidelity, arrival, compare, disturbed};
 use crate::clock::Spent;
-use crate::setting::Setting;
+use crate::setting::PhysicsSetting;
 use crate::speed::{rollouts, simulated_per_cpu, turns};
 use crate::statistics::Estimate;
 use crate::threads::in_order;
@@ -16,11 +16,11 @@ use sim_core::problem::Job;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// Setting that all others are compared with.
-    pub reference: Setting,
+    pub reference: PhysicsSetting,
     /// Reference with half its substep, and reference with half its step.
-    pub halved: [Setting; 2],
+    pub halved: [PhysicsSetting; 2],
     /// Settings to compare with the reference.
-    pub settings: Vec<Setting>,
+    pub settings: Vec<PhysicsSetting>,
 }
 
 /// Results of a comparison on gaits of one kind.
@@ -31,7 +31,7 @@ pub struct Set {
     /// Speed of the reference, simulated s per CPU s.
     pub reference_speed: Estimate,
     /// Results of each setting compared with the reference.
-    pub settings: Vec<Row>,
+    pub settings: Vec<ComparisonRow>,
     /// Results of the reference with half its step or substep, compared with the reference.
     pub halved: Vec<Halved>,
     /// Results of the reference from disturbed starts, compared with the reference.
@@ -40,9 +40,9 @@ pub struct Set {
 
 /// Results of one setting compared with the reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct ComparisonRow {
     /// Engine setting.
-    pub setting: Setting,
+    pub setting: PhysicsSetting,
     /// Its speed and fidelity.
     #[serde(flatten)]
     pub against: Against,
@@ -70,7 +70,7 @@ pub struct Ceiling {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Halved {
     /// Engine setting.
-    pub setting: Setting,
+    pub setting: PhysicsSetting,
     /// True if halving changes the results no more than the disturbed starts do: the lower end of the interval of the
     /// median position error is at most the upper end of the ceiling's interval.
     pub within_ceiling: bool,
@@ -80,7 +80,7 @@ pub struct Halved {
 }
 
 impl Halved {
-    fn new(setting: Setting, against: Against, ceiling: &Ceiling) -> Self {
+    fn new(setting: PhysicsSetting, against: Against, ceiling: &Ceiling) -> Self {
         let within_ceiling = match (&against.fidelity, &ceiling.against.fidelity) {
             (Some(halved), Some(ceiling)) => halved.position.median.low <= ceiling.position.median.high,
             _ => false,
@@ -127,15 +127,18 @@ impl Comparison {
         let halved = halved.map(|(setting, variant)| Halved::new(*setting, against(variant), &ceiling)).collect();
         let settings = self.settings.iter().zip(2 + self.halved.len()..);
         let settings =
-            settings.map(|(setting, variant)| Row { setting: *setting, against: against(variant) }).collect();
+            settings.map(|(setting, variant)| ComparisonRow { setting: *setting, against: against(variant) }).collect();
         Set { gaits: name, reference_speed: speed(0), settings, halved, ceiling }
     }
 
     /// Returns the variants in this order: reference, reference from disturbed starts, reference with half its substep
     /// and step, settings.
     fn variants(&self, job: &Job) -> Vec<Variant> {
-        let variant =
-            |s: &Setting, disturbed| Variant { engine: engine(s.engine), physics: s.apply(job.physics()), disturbed };
+        let variant = |s: &PhysicsSetting, disturbed| Variant {
+            engine: engine(s.engine),
+            physics: s.apply(job.physics()),
+            disturbed,
+        };
         let mut variants = vec![variant(&self.reference, false), variant(&self.reference, true)];
         variants.extend(self.halved.iter().chain(&self.settings).map(|s| variant(s, false)));
         variants

@@ -1,9 +1,9 @@
 //! Results of a comparison as rows of the fidelity table that is shipped with the program
-//! ([`sim_core::engines::known`]).
+//! ([`sim_core::engines::fidelity`]).
 
 use super::comparison::{Comparison, Set};
-use crate::setting::Setting;
-use sim_core::engines::known::{Agreement, Known, Row};
+use crate::setting::PhysicsSetting;
+use sim_core::engines::fidelity::{Agreement, FidelityRow, FidelityTable};
 use sim_core::physics::{EngineKind, Scale, lockstep};
 use sim_core::problem::Job;
 use std::fmt;
@@ -12,7 +12,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unfit {
     /// The reference is a setting of another engine than lockstep.
-    Reference(Setting),
+    Reference(PhysicsSetting),
     /// All settings are of another engine than lockstep.
     Settings,
     /// Fewer than two random or two evolved gaits.
@@ -22,7 +22,7 @@ pub enum Unfit {
         /// Kind of the gaits: "random" or "evolved".
         gaits: &'static str,
         /// Setting compared with the reference.
-        setting: Setting,
+        setting: PhysicsSetting,
     },
 }
 
@@ -69,9 +69,9 @@ pub fn check(comparison: &Comparison, gaits: [u32; 2]) -> Result<(), Unfit> {
 
 /// Returns the table's default settings: the default setting of the lockstep engine at this scale, and the same with 2,
 /// 4 and 8 times as many steps per second for robots that need finer steps.
-pub fn settings(scale: Scale) -> Vec<Setting> {
-    let own = Setting::own(EngineKind::Lockstep, scale);
-    [1, 2, 4, 8].map(|finer| Setting { steps_per_second: finer * own.steps_per_second, ..own }).to_vec()
+pub fn settings(scale: Scale) -> Vec<PhysicsSetting> {
+    let own = PhysicsSetting::own(EngineKind::Lockstep, scale);
+    [1, 2, 4, 8].map(|finer| PhysicsSetting { steps_per_second: finer * own.steps_per_second, ..own }).to_vec()
 }
 
 /// Returns one row for each setting of the lockstep engine. `variant`: name of the robot's variant, if any; `sets`:
@@ -85,14 +85,14 @@ pub fn rows(
     scale: Scale,
     comparison: &Comparison,
     sets: &[Set],
-) -> Result<Vec<Row>, Unfit> {
+) -> Result<Vec<FidelityRow>, Unfit> {
     let reference = comparison.reference;
-    let row = |&setting: &Setting| {
+    let row = |&setting: &PhysicsSetting| {
         let agreement = |gaits| {
             let set = sets.iter().find(|set| set.gaits == gaits);
             set.and_then(|set| agreement(set, setting)).ok_or(Unfit::Unstable { gaits, setting })
         };
-        Ok(Row {
+        Ok(FidelityRow {
             robot: job.robot_spec().name.clone(),
             variant: variant.unwrap_or("none").to_owned(),
             mechanics: job.robot().mechanics(),
@@ -108,7 +108,7 @@ pub fn rows(
     comparison.settings.iter().filter(|setting| setting.engine == EngineKind::Lockstep).map(row).collect()
 }
 
-fn agreement(set: &Set, setting: Setting) -> Option<Agreement> {
+fn agreement(set: &Set, setting: PhysicsSetting) -> Option<Agreement> {
     let row = set.settings.iter().find(|row| row.setting == setting)?.against.fidelity.as_ref()?;
     let halved = set.halved.iter().map(|row| &row.against);
     let itself = std::iter::once(&set.ceiling.against).chain(halved);
@@ -123,9 +123,10 @@ fn rounded(value: f64) -> f64 {
 }
 
 /// Replaces all rows of a robot in the table with new ones.
-pub fn merge(known: &mut Known, rows: Vec<Row>) {
+pub fn merge(known: &mut FidelityTable, rows: Vec<FidelityRow>) {
     // If a robot's mechanics have changed, its old rows are found by name.
-    let same_name = |r: &Row, row: &Row| (&r.robot, &r.variant, r.scale) == (&row.robot, &row.variant, row.scale);
+    let same_name =
+        |r: &FidelityRow, row: &FidelityRow| (&r.robot, &r.variant, r.scale) == (&row.robot, &row.variant, row.scale);
     known.rows.retain(|r| !rows.iter().any(|row| row.replaces(r) || same_name(r, row)));
     known.rows.extend(rows);
 }
@@ -137,7 +138,7 @@ mod tests {
     use sim_core::base::digest::Digest;
 
     fn comparison(reference: &str, settings: &[&str]) -> Comparison {
-        let reference: Setting = reference.parse().unwrap();
+        let reference: PhysicsSetting = reference.parse().unwrap();
         let settings = settings.iter().map(|s| s.parse().unwrap()).collect();
         Comparison { reference, halved: reference.halved().unwrap(), settings }
     }
@@ -155,7 +156,7 @@ mod tests {
     #[test]
     fn merged_rows_replace_those_of_the_same_robot_only() {
         let agreement = Agreement { gaits: 10, spearman: 0.9, ceiling: 1.0 };
-        let row = |robot: &str, mechanics: &str, steps_per_second| Row {
+        let row = |robot: &str, mechanics: &str, steps_per_second| FidelityRow {
             robot: robot.to_owned(),
             variant: "none".to_owned(),
             mechanics: Digest::of("test", &mechanics),
@@ -170,14 +171,14 @@ mod tests {
         let (before, other) = (row("changed", "old", 400), row("other", "other", 200));
         let renamed = row("old name", "new", 200);
         let new = row("changed", "new", 200);
-        let mut known = Known { rows: vec![before, other.clone(), renamed] };
+        let mut known = FidelityTable { rows: vec![before, other.clone(), renamed] };
         merge(&mut known, vec![new.clone()]);
         assert_eq!(known.rows, [other, new]);
     }
 
     #[test]
     fn set_without_completed_gaits_has_no_agreement() {
-        let setting: Setting = "200x2-lockstep".parse().unwrap();
+        let setting: PhysicsSetting = "200x2-lockstep".parse().unwrap();
         let speed = crate::speed::simulated_per_cpu(&[]);
         let against = Against { speed, fidelity: None };
         let ceiling = Ceiling { against };

@@ -2,7 +2,7 @@
 
 use super::{Agreement, Measured, compare, measure};
 use crate::clock::{Spent, timed};
-use crate::setting::Setting;
+use crate::setting::PhysicsSetting;
 use crate::statistics::Estimate;
 use crate::threads::in_order;
 use serde::Serialize;
@@ -17,7 +17,7 @@ const TOGETHER: usize = 20;
 /// Setting and start with which every genotype is scored.
 #[derive(Clone, Debug)]
 pub struct Column {
-    setting: Setting,
+    setting: PhysicsSetting,
     job: Job,
     disturbed: bool,
 }
@@ -40,11 +40,11 @@ pub struct Subject {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Found {
     /// Setting that all others are compared with.
-    pub reference: Setting,
+    pub reference: PhysicsSetting,
     /// Results of the settings in their order, then of the reference.
-    pub settings: Vec<Row>,
+    pub settings: Vec<FitnessRow>,
     /// Results of the reference from starts with joint angles disturbed by 1e-6 rad, compared with the reference.
-    pub ceiling: Row,
+    pub ceiling: FitnessRow,
     /// Spearman's rank correlation of every pair of `settings`.
     pub pairs: Vec<Vec<Option<Estimate>>>,
     /// Final candidates of stored runs.
@@ -56,9 +56,9 @@ pub struct Found {
 
 /// Results of one setting over the genotypes from all generations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct FitnessRow {
     /// Engine setting.
-    pub setting: Setting,
+    pub setting: PhysicsSetting,
     /// Mean score; `null` without such genotypes.
     pub mean: Option<f64>,
     /// Agreement with the reference; `null` without such genotypes.
@@ -103,8 +103,12 @@ pub struct Entry {
 ///
 /// # Errors
 /// The setting that is invalid for the job, and the reason.
-pub fn columns(job: &Job, reference: Setting, settings: &[Setting]) -> Result<Vec<Column>, (Setting, Invalid)> {
-    let column = |(setting, disturbed): (Setting, bool)| {
+pub fn columns(
+    job: &Job,
+    reference: PhysicsSetting,
+    settings: &[PhysicsSetting],
+) -> Result<Vec<Column>, (PhysicsSetting, Invalid)> {
+    let column = |(setting, disturbed): (PhysicsSetting, bool)| {
         let mut physics = job.spec().physics.clone();
         setting.write(&mut physics);
         let job = job.with_physics(physics).map_err(|reason| (setting, reason))?;
@@ -168,7 +172,7 @@ fn found(columns: &[Column], subjects: &[Subject], runs: &[String], scored: &[Ve
     let average = |c: usize, of: &dyn Fn(&(Measured, Spent)) -> f64| {
         scored[c].iter().map(of).sum::<f64>() / scored[c].len() as f64
     };
-    let row = |c: usize| Row {
+    let row = |c: usize| FitnessRow {
         setting: columns[c].setting,
         mean: (!aged.is_empty()).then(|| scores(c).iter().sum::<f64>() / aged.len() as f64),
         agreement: (!aged.is_empty()).then(|| compare(&scores(0), &scores(c))),

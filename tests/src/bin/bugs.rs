@@ -43,7 +43,7 @@ struct Bug {
 
 /// Outcome of a test run.
 #[derive(Debug, PartialEq, Eq)]
-enum Outcome {
+enum TestOutcome {
     Passed,
     Failed,
     /// The run took longer than [`CHECK_WITHIN`].
@@ -136,7 +136,7 @@ fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
     let checks: BTreeSet<&String> = bugs.iter().flat_map(|bug| &bug.seen_by).collect();
     for check in checks {
         let outcome = tree.check("unchanged", check)?;
-        if outcome != Outcome::Passed {
+        if outcome != TestOutcome::Passed {
             return Err(format!(
                 "{check}: {outcome:?} on the unchanged code, but it must pass; see {}",
                 tree.log.display()
@@ -156,7 +156,7 @@ fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
             told.push((check.as_str(), tree.check(&bug.name, check)?));
         }
         write(&file, &right)?;
-        let seen = told.iter().all(|(_, outcome)| *outcome == Outcome::Failed);
+        let seen = told.iter().all(|(_, outcome)| *outcome == TestOutcome::Failed);
         unseen += usize::from(!seen);
         println!(
             "{} {} ({:.0} s)",
@@ -164,7 +164,7 @@ fn run(root: &Path, wanted: &Wanted) -> Result<usize, String> {
             bug.name,
             start.elapsed().as_secs_f64()
         );
-        for (check, outcome) in told.iter().filter(|(_, outcome)| !seen || *outcome != Outcome::Failed) {
+        for (check, outcome) in told.iter().filter(|(_, outcome)| !seen || *outcome != TestOutcome::Failed) {
             println!("         {outcome:?}: {check}");
         }
     }
@@ -221,7 +221,7 @@ impl Tree {
     }
 
     /// Runs a check in its own process group. A check that hangs is killed.
-    fn check(&self, name: &str, check: &str) -> Result<Outcome, String> {
+    fn check(&self, name: &str, check: &str) -> Result<TestOutcome, String> {
         let mut words = check.split_whitespace();
         let mut command = if check.starts_with("tests/") {
             let script = words.next().unwrap_or_default();
@@ -261,10 +261,10 @@ impl Tree {
         let ran =
             !said.contains("error: could not compile") && (check.starts_with("tests/") || said.lines().any(ran_some));
         Ok(match status {
-            None => Outcome::Hangs,
-            Some(_) if !ran => Outcome::Nothing,
-            Some(status) if status.success() => Outcome::Passed,
-            Some(_) => Outcome::Failed,
+            None => TestOutcome::Hangs,
+            Some(_) if !ran => TestOutcome::Nothing,
+            Some(status) if status.success() => TestOutcome::Passed,
+            Some(_) => TestOutcome::Failed,
         })
     }
 

@@ -36,7 +36,7 @@ struct Arguments {
     real: bool,
     /// Steps per second and substeps, such as 60x8 or 200x2-lockstep; may be given several times
     #[arg(long = "setting", value_parser = setting)]
-    settings: Vec<Setting>,
+    settings: Vec<EngineSetting>,
     /// Print the tables of joint targets
     #[arg(long)]
     tables: bool,
@@ -47,20 +47,20 @@ struct Arguments {
 
 /// Steps per second and substeps of an engine.
 #[derive(Clone, Copy, Debug)]
-struct Setting {
+struct EngineSetting {
     engine: EngineKind,
     steps: u32,
     substeps: u32,
 }
 
-impl Setting {
+impl EngineSetting {
     fn own(engine: EngineKind, scale: Scale) -> Self {
         let Physics { steps_per_second: steps, substeps, .. } = Physics::of(engine, scale);
         Self { engine, steps, substeps }
     }
 }
 
-impl Serialize for Setting {
+impl Serialize for EngineSetting {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let Self { engine, steps, substeps } = self;
         match engine {
@@ -70,13 +70,13 @@ impl Serialize for Setting {
     }
 }
 
-fn setting(text: &str) -> Result<Setting, String> {
+fn setting(text: &str) -> Result<EngineSetting, String> {
     let (numbers, engine) =
         text.strip_suffix("-lockstep").map_or((text, EngineKind::Rapier), |n| (n, EngineKind::Lockstep));
     let parts = numbers.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
     parts
         .filter(|(a, b)| *a > 0 && *b > 0)
-        .map(|(steps, substeps)| Setting { engine, steps, substeps })
+        .map(|(steps, substeps)| EngineSetting { engine, steps, substeps })
         .ok_or_else(|| "a setting must be STEPSxSUBSTEPS, both at least 1, such as 60x8 or 200x2-lockstep".to_owned())
 }
 
@@ -85,7 +85,7 @@ struct Answer {
     robot: String,
     scale: Scale,
     /// Settings that a job gets by default, by engine.
-    default_settings: BTreeMap<&'static str, Setting>,
+    default_settings: BTreeMap<&'static str, EngineSetting>,
     gravity: f32,
     joints: Vec<String>,
     bodies: Vec<BodyFacts>,
@@ -137,7 +137,7 @@ struct Drop {
 
 #[derive(Serialize)]
 struct Run {
-    setting: Setting,
+    setting: EngineSetting,
     /// Wall-clock time and simulated time of all gaits together on one core, s.
     wall: f64,
     simulated: f64,
@@ -189,7 +189,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         robot: arguments.robot.clone(),
         scale,
         default_settings: [EngineKind::Rapier, EngineKind::Lockstep]
-            .map(|engine| (engine.name(), Setting::own(engine, scale)))
+            .map(|engine| (engine.name(), EngineSetting::own(engine, scale)))
             .into(),
         gravity: physics.gravity,
         joints: robot.joint_names(),

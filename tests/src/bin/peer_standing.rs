@@ -35,7 +35,7 @@ finish = { archive = 5, seeds = 5 }
 #[derive(Parser)]
 struct Arguments {
     /// Kind of parts that the robots consist of
-    kind: Kind,
+    kind: PoseKind,
     /// Index of the first robot
     first: u32,
     /// Number of robots
@@ -47,14 +47,14 @@ struct Arguments {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
-enum Kind {
+enum PoseKind {
     Modules,
     Boxes,
 }
 
 #[derive(Serialize)]
 struct Answer {
-    kind: Kind,
+    kind: PoseKind,
     index: u32,
     heading: f64,
     /// Robot file.
@@ -70,8 +70,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for index in arguments.first..arguments.first + arguments.count {
         let kind = arguments.kind;
         let drawn = match kind {
-            Kind::Modules => modules(&mut Stream::new(arguments.seed, Purpose::Sample, index, 0, 3)),
-            Kind::Boxes => boxes(&mut Stream::new(arguments.seed, Purpose::Sample, index, 0, 4)),
+            PoseKind::Modules => modules(&mut Stream::new(arguments.seed, Purpose::Sample, index, 0, 3)),
+            PoseKind::Boxes => boxes(&mut Stream::new(arguments.seed, Purpose::Sample, index, 0, 4)),
         };
         for heading in HEADINGS {
             let spec = turned(&drawn, heading);

@@ -8,12 +8,12 @@ use sim_core::base::settings::{Configurable, Setting, Settings};
 use sim_core::control::{Controller, Infeasible, Parameter, Signals};
 use sim_core::genotype::Space;
 use sim_core::model::environment::Environment;
-use sim_core::model::{FaceKind, HingeKind, Kind, PartKind};
+use sim_core::model::{FaceKind, HingeKind, ModuleKind, PartKind};
 use sim_core::objective::{Objective, ObjectiveKind};
 use sim_core::plan::{Arrival, Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Root, Tree};
 use sim_core::problem::{Checked, Job};
 use sim_core::procedure::{
-    Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told,
+    Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, RoundEnd, Step,
 };
 use sim_core::search::{self, Ask, Batch, Evaluation, GENERATIONS, Search, SearchKind};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -23,7 +23,7 @@ use std::sync::{Arc, Once};
 pub fn add() {
     static ADDED: Once = Once::new();
     ADDED.call_once(|| {
-        Kind::registry().add(&ELBOW).unwrap();
+        ModuleKind::registry().add(&ELBOW).unwrap();
         <dyn Controller>::registry().add(&Square).unwrap();
         <dyn PlannerKind>::registry().add(&BreadthFirst).unwrap();
         <dyn ObjectiveKind>::registry().add(&Reach).unwrap();
@@ -33,7 +33,7 @@ pub fn add() {
 }
 
 /// Kind of module with two cubes and a hinge between them.
-pub static ELBOW: Kind = Kind {
+pub static ELBOW: ModuleKind = ModuleKind {
     name: "elbow",
     parts: &[
         PartKind { name: "rear", center: [-0.25, 0.0, 0.0], half: [0.24; 3], mass: 0.5 },
@@ -290,10 +290,10 @@ impl Procedure for Asked {
         format!("{result:?}")
     }
 
-    fn tell(&mut self, results: &[Arc<[u8]>]) -> Told {
+    fn tell(&mut self, results: &[Arc<[u8]>]) -> RoundEnd {
         let content = results.concat();
         let artefact = Artefact { name: "heights".into(), media_type: "application/octet-stream".into(), content };
-        Told { row: None, step: Step::Done(vec![artefact]) }
+        RoundEnd { row: None, step: Step::Done(vec![artefact]) }
     }
 
     fn save(&self) -> Vec<u8> {

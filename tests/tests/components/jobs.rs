@@ -1,7 +1,7 @@
 //! Jobs that use the example components, run by the standard coordinator and workers.
 
 use crate::examples;
-use cluster_tests::sandbox::PATIENCE;
+use cluster_tests::sandbox::TIMEOUT;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{GetJobRequest, GetResultRequest, GetResultResponse, JobState, SubmitJobRequest};
 use sim_core::problem::Job;
@@ -70,7 +70,7 @@ async fn result(job_toml: &str, workers: usize) -> GetResultResponse {
         match job.state() {
             JobState::Succeeded => break,
             JobState::Failed => panic!("{}", job.reason),
-            _ => assert!(start.elapsed() < PATIENCE, "the job did not end in time: {job:?}"),
+            _ => assert!(start.elapsed() < TIMEOUT, "the job did not end in time: {job:?}"),
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }

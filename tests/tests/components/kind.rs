@@ -3,7 +3,7 @@
 use sim_core::base::math::{Vector, about, angle_between};
 use sim_core::base::registry::Registered;
 use sim_core::engines::engine;
-use sim_core::model::{FaceKind, HingeKind, Kind, PartKind, Robot, RobotSpec};
+use sim_core::model::{FaceKind, HingeKind, ModuleKind, PartKind, Robot, RobotSpec};
 use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, Targets};
 
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -11,7 +11,7 @@ const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// Module with two halves at the ends of a link of 1 mu. Each half turns about an axis through its middle; the axes are
 /// parallel. Layout of an M-TRAN module (Murata et al. 2002).
-static TWO_AXES: Kind = Kind {
+static TWO_AXES: ModuleKind = ModuleKind {
     name: "two-axes",
     parts: &[
         PartKind { name: "rear", center: [-0.5, 0.0, 0.0], half: [0.24; 3], mass: 0.4 },
@@ -56,7 +56,7 @@ fn kind_with_two_hinges_moves_on_both_engines() {
     let unknown = "name = \"a\"\npivot = \"a\"\n[[module]]\nname = \"a\"\nkind = \"two-axes\"";
     let refused = Robot::compile(&toml::from_str(unknown).unwrap()).unwrap_err().to_string();
     assert!(refused.contains("two-axes") && refused.contains("cosmo"), "{refused}");
-    Kind::registry().add(&TWO_AXES).unwrap();
+    ModuleKind::registry().add(&TWO_AXES).unwrap();
 
     let whole = robot("");
     assert_eq!(whole.joint_names(), ["a.rear", "a.front", "b.rear", "b.front"]);

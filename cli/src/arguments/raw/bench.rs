@@ -9,7 +9,7 @@ use super::{JobFile, RobotScale};
 use clap::{Args, Subcommand, ValueEnum};
 use sim_core::base::limits::{MAX_REPEATS, MAX_VARIANTS};
 use std::path::PathBuf;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 #[derive(Debug, Args)]
 pub struct Bench {
@@ -200,7 +200,7 @@ pub struct BenchRollout {
 
     /// Engine settings to measure [default: the default setting of the scale]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
-    pub settings: Vec<Setting>,
+    pub settings: Vec<PhysicsSetting>,
 
     /// Number of random gaits
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = whole(1..=100_000))]
@@ -244,12 +244,12 @@ pub struct BenchFidelity {
 
     /// Engine settings to compare [default: the default setting of the scale, on the reference's engine]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
-    pub settings: Vec<Setting>,
+    pub settings: Vec<PhysicsSetting>,
 
     /// Converged setting as the reference [default: 480x8 for the scale paper, 960x16 for real; if all settings are
     /// lockstep, 1600x4-lockstep and 4800x4-lockstep]
     #[arg(long, value_name = "SETTING")]
-    pub reference: Option<Setting>,
+    pub reference: Option<PhysicsSetting>,
 
     /// Number of random gaits
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = whole(0..=10_000))]
@@ -427,11 +427,11 @@ pub struct BenchFitness {
 
     /// Engine settings to compare [default: the job's own, the default of rapier at its scale, that of its finish]
     #[arg(long, value_name = "SETTING,…", value_delimiter = ',')]
-    pub settings: Vec<Setting>,
+    pub settings: Vec<PhysicsSetting>,
 
     /// Setting to compare the others with [default: 480x8 for the scale paper, 960x16 for real]
     #[arg(long, value_name = "SETTING")]
-    pub reference: Option<Setting>,
+    pub reference: Option<PhysicsSetting>,
 
     /// Number of genomes, from all generations
     #[arg(long, value_name = "G", default_value_t = 100, value_parser = whole(0..=10_000))]
@@ -462,7 +462,7 @@ pub struct BenchFitness {
 pub struct BenchSoundness {
     /// Engine setting to check
     #[arg(long, value_name = "SETTING", default_value = "200x2-lockstep")]
-    pub setting: Setting,
+    pub setting: PhysicsSetting,
 
     /// Size of the robots' modules, which decides gravity and motors: paper for 1 m, real for 0.105 m
     #[arg(long, value_enum, default_value_t = RobotScale::Paper)]

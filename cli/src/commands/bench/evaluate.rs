@@ -11,7 +11,7 @@ use sim_core::base::digest::Digest;
 use sim_core::base::score::Counts;
 use std::time::Duration;
 use study::cost::{self, Budget, Shares};
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 #[derive(Serialize)]
 struct View<'a> {
@@ -19,7 +19,7 @@ struct View<'a> {
     job_digest: Digest,
     evaluations: u32,
     /// Engine and its setting.
-    engine: Setting,
+    engine: PhysicsSetting,
     /// Candidates evaluated together.
     at_once: u32,
     machine: Machine,
@@ -50,7 +50,7 @@ pub fn run(args: BenchEvaluate, quiet: bool) -> Result<(), Error> {
         job: &job.spec().name,
         job_digest: job.digest(),
         evaluations: cost.evaluations,
-        engine: Setting::of(&job),
+        engine: PhysicsSetting::of(&job),
         at_once,
         machine: Machine::here(),
         evaluations_per_second: n / cost.total.wall,

@@ -22,7 +22,7 @@ use std::path::Path;
 use study::fidelity::comparison::Comparison;
 use study::fidelity::table;
 use study::gaits;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 use view::View;
 
 /// Names of the files in the output folder.
@@ -44,7 +44,7 @@ pub fn run(args: BenchFidelity, quiet: bool) -> Result<(), Error> {
         [] => vec![own],
         given => given.to_vec(),
     };
-    let reference = Setting::of(&job);
+    let reference = PhysicsSetting::of(&job);
     let comparison = Comparison { reference, halved: halves(reference)?, settings };
     subject::check(&comparison.settings, duration)?;
     subject::supported(&comparison.settings, &job)?;
@@ -106,10 +106,10 @@ fn engine_meant(args: &BenchFidelity) -> EngineKind {
 
 /// Returns the job with robot, physics (of the reference) and gaits; the default setting of that job; and the stored
 /// winner's gaits if `--gaits` is given.
-fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype>>), Error> {
+fn subject_of(args: &BenchFidelity) -> Result<(Job, PhysicsSetting, Option<Vec<Genotype>>), Error> {
     let meant = engine_meant(args);
     let Some(folder) = &args.gaits else {
-        let reference = args.reference.unwrap_or_else(|| Setting::finest(meant, args.subject.scale.into()));
+        let reference = args.reference.unwrap_or_else(|| PhysicsSetting::finest(meant, args.subject.scale.into()));
         subject::check(&[reference], args.duration)?;
         let ground = ground(args)?;
         let job = subject::job(&args.subject, ground, reference, args.duration, args.seed)?;
@@ -118,12 +118,12 @@ fn subject_of(args: &BenchFidelity) -> Result<(Job, Setting, Option<Vec<Genotype
     let stored = Stored::read(folder)?;
     let Some(winner) = &stored.result.winner else { return Err(Error::NoWinner { folder: folder.clone() }) };
     let mut spec = stored.job.spec().clone();
-    let reference = args.reference.unwrap_or_else(|| Setting::finest(meant, spec.physics.scale));
+    let reference = args.reference.unwrap_or_else(|| PhysicsSetting::finest(meant, spec.physics.scale));
     subject::check(&[reference], stored.job.gaits().duration)?;
     reference.write(&mut spec.physics);
     let job = Job::new(spec).map_err(|source| Error::Invalid { file: folder.display().to_string(), source })?;
     let gaits = gaits::of_set(&job, &winner.scored().genotype).collect();
-    Ok((job, Setting::of(&stored.job), Some(gaits)))
+    Ok((job, PhysicsSetting::of(&stored.job), Some(gaits)))
 }
 
 /// Returns the environment of `--environment`, if given.
@@ -132,7 +132,7 @@ fn ground(args: &BenchFidelity) -> Result<Option<Environment>, Error> {
 }
 
 /// Returns the reference with twice its substeps, and with twice its steps.
-fn halves(reference: Setting) -> Result<[Setting; 2], Error> {
+fn halves(reference: PhysicsSetting) -> Result<[PhysicsSetting; 2], Error> {
     reference.halved().ok_or_else(|| Error::Usage {
         message: format!(
             "--reference {reference} can't be halved: allowed are at most 5000 steps a second and 500 substeps"

@@ -19,7 +19,7 @@ use std::fs;
 use std::path::Path;
 use study::fitness::comparison::{self, Column, Found, Subject, study};
 use study::genotypes::of_all_ages;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 use view::View;
 
 /// Names of the files in the output folder.
@@ -38,7 +38,8 @@ pub fn run(args: BenchFitness, quiet: bool) -> Result<(), Error> {
     if let Some(out) = &args.out {
         inputs::refuse_all(out, FILES)?;
     }
-    let reference = args.reference.unwrap_or_else(|| Setting::finest(EngineKind::Rapier, base.spec().physics.scale));
+    let reference =
+        args.reference.unwrap_or_else(|| PhysicsSetting::finest(EngineKind::Rapier, base.spec().physics.scale));
     let columns = columns(&base, reference, &settings(&args, &base))?;
     let subjects = match &runs[..] {
         [] => evolved(&args, &base, threads, quiet)?,
@@ -91,12 +92,13 @@ fn base(args: &BenchFitness, runs: &[Stored]) -> Result<Job, Error> {
 }
 
 /// Returns the settings of `--settings`, or else the job's own, rapier's default at its scale, and that of its finish.
-fn settings(args: &BenchFitness, base: &Job) -> Vec<Setting> {
+fn settings(args: &BenchFitness, base: &Job) -> Vec<PhysicsSetting> {
     if !args.settings.is_empty() {
         return args.settings.clone();
     }
-    let mut settings = vec![Setting::of(base), Setting::own(EngineKind::Rapier, base.spec().physics.scale)];
-    settings.extend(base.on_reference().map(Setting::of));
+    let mut settings =
+        vec![PhysicsSetting::of(base), PhysicsSetting::own(EngineKind::Rapier, base.spec().physics.scale)];
+    settings.extend(base.on_reference().map(PhysicsSetting::of));
     (1..settings.len()).rev().for_each(|i| {
         if settings[..i].contains(&settings[i]) {
             settings.remove(i);
@@ -105,7 +107,7 @@ fn settings(args: &BenchFitness, base: &Job) -> Vec<Setting> {
     settings
 }
 
-fn columns(base: &Job, reference: Setting, settings: &[Setting]) -> Result<Vec<Column>, Error> {
+fn columns(base: &Job, reference: PhysicsSetting, settings: &[PhysicsSetting]) -> Result<Vec<Column>, Error> {
     let duration = base.gaits().duration;
     subject::check(&[&[reference], settings].concat(), duration)?;
     comparison::columns(base, reference, settings).map_err(|(setting, source)| {

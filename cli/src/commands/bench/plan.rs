@@ -8,7 +8,7 @@ use crate::load;
 use crate::progress::Pieces;
 use serde::Serialize;
 use sim_core::base::digest::Digest;
-use study::planning::{self, Row};
+use study::planning::{self, PlanningRow};
 
 #[derive(Serialize)]
 struct View<'a> {
@@ -17,7 +17,7 @@ struct View<'a> {
     /// Index of the candidate in generation 0 that supplied the gaits.
     candidate: u32,
     machine: Machine,
-    trees: Vec<Row>,
+    trees: Vec<PlanningRow>,
 }
 
 /// Measures the trees and prints the result.

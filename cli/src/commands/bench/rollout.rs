@@ -8,7 +8,7 @@ use crate::progress::Pieces;
 use serde::Serialize;
 use sim_core::physics::EngineKind;
 use study::gaits;
-use study::speed::{self, Row};
+use study::speed::{self, SpeedRow};
 
 #[derive(Serialize)]
 struct View {
@@ -18,7 +18,7 @@ struct View {
     duration: f64,
     seed: u64,
     machine: Machine,
-    settings: Vec<Row>,
+    settings: Vec<SpeedRow>,
 }
 
 /// Measures the settings and prints the result.

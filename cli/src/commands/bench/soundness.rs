@@ -9,7 +9,7 @@ use serde::Serialize;
 use sim_core::engines::engine;
 use sim_core::physics::{Physics, Scale};
 use study::clock::timed;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 use study::soundness::{Soundness, of_robot};
 use study::threads::in_order;
 
@@ -18,7 +18,7 @@ const EACH: u32 = 64;
 
 #[derive(Serialize)]
 struct View {
-    setting: Setting,
+    setting: PhysicsSetting,
     scale: Scale,
     /// Duration of a rollout, s.
     duration: f64,

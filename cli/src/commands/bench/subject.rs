@@ -10,7 +10,7 @@ use sim_core::model::environment::Environment;
 use sim_core::physics::{EngineKind, Motion, lockstep};
 use sim_core::problem::Job;
 use study::gaits;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 use study::subject::Subject;
 
 /// Reads a subject's robot and puts it on flat ground or into an environment. Also returns the robot's name for errors.
@@ -25,7 +25,7 @@ pub fn read(subject: &arguments::Subject, environment: Option<Environment>) -> R
 pub fn job(
     subject: &arguments::Subject,
     environment: Option<Environment>,
-    setting: Setting,
+    setting: PhysicsSetting,
     duration: f64,
     seed: u64,
 ) -> Result<Job, Error> {
@@ -34,12 +34,12 @@ pub fn job(
 }
 
 /// Returns the default setting of an engine at the subject's scale.
-pub fn own(subject: &arguments::Subject, engine: EngineKind) -> Setting {
-    Setting::own(engine, subject.scale.into())
+pub fn own(subject: &arguments::Subject, engine: EngineKind) -> PhysicsSetting {
+    PhysicsSetting::own(engine, subject.scale.into())
 }
 
 /// Fails if a setting's engine can't simulate the job's robot or terrain.
-pub fn supported(settings: &[Setting], job: &Job) -> Result<(), Error> {
+pub fn supported(settings: &[PhysicsSetting], job: &Job) -> Result<(), Error> {
     let lockstep = settings.iter().find(|s| s.engine == EngineKind::Lockstep);
     match (lockstep, lockstep::supports(job.robot(), &job.environment().terrain)) {
         (Some(setting), Err(why)) => {
@@ -50,7 +50,7 @@ pub fn supported(settings: &[Setting], job: &Job) -> Result<(), Error> {
 }
 
 /// Fails if a gait of `duration` s is not a whole number of steps with one of the settings.
-pub fn check(settings: &[Setting], duration: f64) -> Result<(), Error> {
+pub fn check(settings: &[PhysicsSetting], duration: f64) -> Result<(), Error> {
     match settings.iter().find(|s| !s.divides(duration)) {
         None => Ok(()),
         Some(setting) => Err(Error::Usage {

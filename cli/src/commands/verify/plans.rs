@@ -33,5 +33,5 @@ pub(super) fn checks(stored: &StoredPlans, full: bool) -> Result<Vec<Check>, Err
 
 /// Runs a task of the procedure again.
 fn again(job: &Job, task: Task) -> Result<TaskResult, Error> {
-    super::again(&plan::Kind, job, task.encode(), TaskResult::decode)
+    super::again(&plan::PlanProcedure, job, task.encode(), TaskResult::decode)
 }

@@ -30,5 +30,5 @@ pub(super) fn checks(stored: &StoredSimulation, full: bool) -> Result<Vec<Check>
 
 /// Runs a task of the procedure again.
 fn again(job: &Job, task: Task) -> Result<TaskResult, Error> {
-    super::again(&simulate::Kind, job, task.encode(), TaskResult::decode)
+    super::again(&simulate::SimulateProcedure, job, task.encode(), TaskResult::decode)
 }

@@ -118,7 +118,7 @@ fn arbiter_is_on_another_host_if_possible() {
     rig.greet(elsewhere);
     rig.pause(&job, false);
     rig.settle();
-    let mut asked = rig.scheduler.leases.all.values().filter(|l| l.kind == lease::Kind::Arbitration);
+    let mut asked = rig.scheduler.leases.all.values().filter(|l| l.kind == lease::LeaseKind::Arbitration);
     assert_eq!(
         asked.next().map(|l| l.worker.to_string()).as_deref(),
         Some("z"),
@@ -210,7 +210,7 @@ fn deliver_next(rig: &mut Rig, worker: &str, wrong: bool) {
 }
 
 fn is_arbiter(rig: &Rig, worker: &str) -> bool {
-    rig.scheduler.leases.all.values().any(|l| l.kind == lease::Kind::Arbitration && &*l.worker.0 == worker)
+    rig.scheduler.leases.all.values().any(|l| l.kind == lease::LeaseKind::Arbitration && &*l.worker.0 == worker)
 }
 
 /// "bad" on one host and "good" on another deliver different results of a task, and no arbiter has decided.

@@ -1,7 +1,9 @@
 //! A procedure for tests. Each round's tasks follow from the results of the previous round, so a change of one bit
 //! changes everything after it.
 
-use sim_core::procedure::{Artefact, BadState, Procedure, Progress, Refused, Rejected, Round, Row, Step, Told, Value};
+use sim_core::procedure::{
+    Artefact, BadState, Procedure, Progress, Refused, Rejected, Round, RoundEnd, SeriesRow, Step, Value,
+};
 use std::sync::Arc;
 
 const PHASES: [&str; 3] = ["searching", "finishing", "reporting"];
@@ -143,13 +145,13 @@ impl Procedure for Fake {
         Some(last as u32 + 1)
     }
 
-    fn tell(&mut self, results: &[Arc<[u8]>]) -> Told {
+    fn tell(&mut self, results: &[Arc<[u8]>]) -> RoundEnd {
         for result in results {
             self.memory = mix(self.memory, word(result, 1) + u64::from(result[0]));
         }
         let failed = results.iter().all(|result| result[0] == 0);
         let value = Value { name: "memory".into(), unit: "".into(), value: Some((self.memory >> 12) as f64) };
-        let row = Row { series: "rounds".into(), index: self.number, values: vec![value] };
+        let row = SeriesRow { series: "rounds".into(), index: self.number, values: vec![value] };
         let row = (self.phase() == 0).then_some(row);
         self.number += 1;
         self.waits = self.serves && self.number < self.rounds;
@@ -163,7 +165,7 @@ impl Procedure for Fake {
         } else {
             Step::Next
         };
-        Told { row, step }
+        RoundEnd { row, step }
     }
 
     fn offer(&mut self, batch: &[u8]) -> Result<(), Refused> {

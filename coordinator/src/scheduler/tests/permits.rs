@@ -189,7 +189,7 @@ fn quarantine_keeps_a_bounded_number_of_entries() {
     ));
     rig.restart();
     rig.now.unix_ms = MAX_QUARANTINED as i64;
-    let finder = crate::record::Finder { worker: "one more".into(), host: "".into() };
+    let finder = crate::record::Claimant { worker: "one more".into(), host: "".into() };
     let source = crate::record::Source { finder, name: "".into() };
     trust::quarantine(&mut rig.scheduler, rig.now, &source, "it is a test");
     rig.settle();

@@ -95,7 +95,7 @@ fn result_of_quarantined_worker_or_ended_job_is_ignored() {
     let late = rig.given_to("late", &first);
     let late = late.completed(late.delivery());
     assert_eq!(on_result(&mut rig.scheduler, rig.now, late.clone()), Ok(Verdict::Older));
-    let finder = crate::record::Finder { worker: "late".into(), host: "".into() };
+    let finder = crate::record::Claimant { worker: "late".into(), host: "".into() };
     let source = crate::record::Source { finder, name: "".into() };
     trust::quarantine(&mut rig.scheduler, rig.now, &source, "it is a test");
     rig.settle();

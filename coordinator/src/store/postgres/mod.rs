@@ -14,7 +14,7 @@ pub use url::{BadPostgresUrl, PostgresUrl};
 
 use self::failure::failure;
 use self::migrations::{FIRST, MIGRATIONS};
-use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
+use super::sql::{Dialect, ResultRow, Sql, SqlRow as _, Value, statement};
 use super::{Loaded, OLDER, StoreError, Write, tables};
 use crate::fail_point;
 use proto::credentials::PemError;
@@ -31,7 +31,7 @@ const READERS: u32 = 4;
 /// Pause between two attempts to reach the database.
 const RETRY: Duration = Duration::from_millis(100);
 /// Shortest time limit of an attempt, for any takeover time.
-const LEAST_PATIENCE: Duration = Duration::from_secs(1);
+const LEAST_TIMEOUT: Duration = Duration::from_secs(1);
 /// Limit on the time for connecting.
 const CONNECT_WITHIN: Duration = Duration::from_secs(10);
 /// Limit on the time for creating the tables or loading all jobs at a takeover. A large store takes long.
@@ -80,7 +80,7 @@ impl PostgresStore {
             let unusable = |e: PemError| StoreError::Open { store: name.clone(), reason: e.to_string() };
             proto::credentials::authority(&file).map_err(unusable)?;
         }
-        let patience = takeover.max(LEAST_PATIENCE);
+        let patience = takeover.max(LEAST_TIMEOUT);
         let pool = |connections, options: PgConnectOptions| {
             let settings = format!(
                 "SET search_path TO evogait;
@@ -171,7 +171,7 @@ impl PostgresStore {
 
     /// Time limit for an answer.
     fn patience(&self) -> Duration {
-        self.takeover.max(LEAST_PATIENCE)
+        self.takeover.max(LEAST_TIMEOUT)
     }
 
     /// Returns the error for a missing answer.
@@ -203,7 +203,7 @@ impl PostgresStore {
             let mut connection = self.readers.acquire().await?;
             sqlx::query_scalar::<_, i64>("SELECT epoch FROM coordinator").fetch_one(&mut *connection).await
         };
-        let by = tokio::time::timeout(LEAST_PATIENCE, current).await.ok()?.ok()? as u64;
+        let by = tokio::time::timeout(LEAST_TIMEOUT, current).await.ok()?.ok()? as u64;
         (by != epoch).then_some(StoreError::Superseded { own: epoch, by })
     }
 
@@ -247,7 +247,7 @@ impl PostgresStore {
     /// Begins an epoch, unless another coordinator did meanwhile, and loads the jobs.
     async fn take_over(&self, connection: &mut PgConnection) -> Result<Loaded, StoreError> {
         let mut tx = connection.begin().await.map_err(|e| self.failure(e))?;
-        self.nobody_at_work(&mut tx, at_work!(" FOR UPDATE")).await?;
+        self.refuse_if_active(&mut tx, at_work!(" FOR UPDATE")).await?;
         let next = "UPDATE coordinator SET epoch = epoch + 1, commits = 0, takeover_ms = $1, released = FALSE
                     RETURNING epoch, key";
         let takeover = Value::Number(self.takeover.as_millis() as i64);
@@ -261,7 +261,7 @@ impl PostgresStore {
     }
 
     /// Returns an error if another coordinator is active.
-    async fn nobody_at_work(&self, connection: &mut PgConnection, query: &'static str) -> Result<(), StoreError> {
+    async fn refuse_if_active(&self, connection: &mut PgConnection, query: &'static str) -> Result<(), StoreError> {
         let row = sqlx::query(query).fetch_one(connection).await.map_err(|e| self.failure(e))?;
         let column = |i| row.number(i).map_err(|e| self.failure(e));
         let (at_work, epoch, stamp) = (column(0)? == 1, column(1)? as u64, column(2)?);
@@ -334,7 +334,7 @@ impl Dialect for PostgresStore {
         let mut commits = self.commits.lock().await;
         let mut connection = self.writers.acquire().await.map_err(|e| self.failure(e))?;
         // The first check takes no row lock: the active coordinator would have to wait for it.
-        let look = self.nobody_at_work(&mut connection, at_work!(""));
+        let look = self.refuse_if_active(&mut connection, at_work!(""));
         let (answer, within) = match tokio::time::timeout(self.patience(), look).await {
             Ok(Ok(())) => {
                 let within = self.prepare_within;
@@ -384,7 +384,7 @@ impl Dialect for PostgresStore {
             self.writers.close().await;
         };
         // An unreachable database does not receive the end of the connections.
-        if tokio::time::timeout(LEAST_PATIENCE, close).await.is_err() {
+        if tokio::time::timeout(LEAST_TIMEOUT, close).await.is_err() {
             tracing::warn!(store = %self.name, "connections dropped without a clean close: the database does not respond");
         }
         Ok(())

@@ -125,13 +125,13 @@ async fn coordinator_cut_off_in_commit_delays_takeover_briefly() {
 async fn takeover_without_answer_fails_and_can_be_repeated() {
     let (_, url) = new_database("").await;
     let mut store = open(&url, LONG).await;
-    store.prepare_within = LEAST_PATIENCE;
+    store.prepare_within = LEAST_TIMEOUT;
     let other = open(&url, LONG).await;
     let mut silence = other.writers.begin().await.unwrap();
     silence.run("LOCK TABLE jobs IN ACCESS EXCLUSIVE MODE", vec![]).await.unwrap();
     // More attempts than the store has connections.
     for _ in 0..4 {
-        let heard = tokio::time::timeout(LEAST_PATIENCE * 2, start(&store)).await.expect("the start fails in time");
+        let heard = tokio::time::timeout(LEAST_TIMEOUT * 2, start(&store)).await.expect("the start fails in time");
         assert!(matches!(heard, Err(StoreError::Unreachable { .. })), "{heard:?}");
     }
     silence.rollback().await.unwrap();
@@ -144,13 +144,13 @@ async fn coordinator_suspended_in_commit_reports_takeover() {
     // On a busy machine the commit may be sent as a whole before the pause: then the attempt is repeated.
     for _ in 0..20 {
         let (name, url) = new_database("").await;
-        let store = open(&url, LEAST_PATIENCE).await;
+        let store = open(&url, LEAST_TIMEOUT).await;
         let epoch = start(&store).await.unwrap().epoch;
         Store::commit(&store, epoch, vec![]).await.unwrap();
         let mut late = std::pin::pin!(Store::commit(&store, epoch, vec![submit(&record(1))]));
         // The commit begins, and then the process pauses for longer than its time limit.
         let begun = tokio::time::timeout(Duration::ZERO, late.as_mut()).await;
-        std::thread::sleep(LEAST_PATIENCE * 2);
+        std::thread::sleep(LEAST_TIMEOUT * 2);
         ask_server(&name, "UPDATE evogait.coordinator SET epoch = epoch + 1, commits = 0").await;
         let found = match begun {
             Ok(through) => through,
@@ -198,8 +198,8 @@ async fn unusable_store_is_refused_with_reason() {
     let (text, error) = refused(&url).await;
     assert!(matches!(error, StoreError::Open { .. }) && text.contains("createdb"), "{text}");
 
-    let nobody: PostgresUrl = "postgres://ann:s3cret@127.0.0.1:1/gaits".parse().unwrap();
-    let (text, error) = refused(&nobody).await;
+    let unreachable: PostgresUrl = "postgres://ann:s3cret@127.0.0.1:1/gaits".parse().unwrap();
+    let (text, error) = refused(&unreachable).await;
     assert!(matches!(error, StoreError::Unreachable { .. }) && !text.contains("s3cret"), "{text}");
 }
 

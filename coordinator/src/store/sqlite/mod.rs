@@ -8,7 +8,7 @@ mod migrations;
 mod place;
 
 use self::migrations::{APPLICATION_ID, FIRST, MIGRATIONS};
-use super::sql::{Dialect, ResultRow, Row as _, Sql, Value, statement};
+use super::sql::{Dialect, ResultRow, Sql, SqlRow as _, Value, statement};
 use super::{Loaded, OLDER, StoreError, Write, tables};
 use crate::fail_point;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteLockingMode, SqliteRow, SqliteSynchronous};

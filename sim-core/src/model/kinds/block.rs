@@ -1,10 +1,10 @@
 //! Kind `block`: a module without a hinge.
 
 use super::{CUBE_MASS, HALF, NEG_X, NEG_Y, NEG_Z, X, Y, Z, face};
-use crate::model::kind::{Kind, PartKind};
+use crate::model::kind::{ModuleKind, PartKind};
 
 /// Passive cube with six faces, to attach legs to.
-pub(super) static BLOCK: Kind = Kind {
+pub(super) static BLOCK: ModuleKind = ModuleKind {
     name: "block",
     parts: &[PartKind { name: "cube", center: [0.0; 3], half: HALF, mass: CUBE_MASS }],
     hinges: &[],

@@ -1,11 +1,11 @@
 //! Kind `cosmo`: the module of the CoSMO platform.
 
 use super::{CUBE_MASS, HALF, NEG_X, NEG_Y, NEG_Z, X, Y, Z, face};
-use crate::model::kind::{HingeKind, Kind, PartKind};
+use crate::model::kind::{HingeKind, ModuleKind, PartKind};
 
 /// CoSMO module (Liedke et al. 2013, as Vonásek and Faigl 2016, section V, use it): two cubes with one hinge about z
 /// between them. Cube `a` is at −x, cube `b` at +x.
-pub(super) static COSMO: Kind = Kind {
+pub(super) static COSMO: ModuleKind = ModuleKind {
     name: "cosmo",
     parts: &[
         PartKind { name: "a", center: [-0.25, 0.0, 0.0], half: HALF, mass: CUBE_MASS },

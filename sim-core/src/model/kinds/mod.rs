@@ -3,13 +3,13 @@
 mod block;
 mod cosmo;
 
-use super::kind::{FaceKind, Kind};
+use super::kind::{FaceKind, ModuleKind};
 use crate::base::registry::{Registered, Registry};
 
 /// Kinds that ship. Messages list them in this order.
-static KINDS: Registry<Kind> = Registry::new(&[&cosmo::COSMO, &block::BLOCK]);
+static KINDS: Registry<ModuleKind> = Registry::new(&[&cosmo::COSMO, &block::BLOCK]);
 
-impl Registered for Kind {
+impl Registered for ModuleKind {
     fn registry() -> &'static Registry<Self> {
         &KINDS
     }
@@ -38,7 +38,7 @@ mod tests {
     /// A tree has one part more than hinges, and each hinge joins a part that no hinge before it has reached.
     #[test]
     fn hinges_of_each_kind_form_one_tree() {
-        for kind in Kind::registry().all() {
+        for kind in ModuleKind::registry().all() {
             let mut group: Vec<usize> = (0..kind.parts.len()).collect();
             for hinge in kind.hinges {
                 let (from, to) = (group[hinge.from], group[hinge.to]);

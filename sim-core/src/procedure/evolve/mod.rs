@@ -15,7 +15,7 @@ pub use check::Fault;
 pub use task::{Task, TaskResult};
 
 use super::{
-    Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told, Value,
+    Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, RoundEnd, Step, Value,
 };
 use crate::base::encoding::Unreadable;
 use crate::base::error::Invalid;
@@ -34,15 +34,15 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// The procedure `evolve`, for the registry.
-pub struct Kind;
+pub struct EvolveProcedure;
 
-impl Component for Kind {
+impl Component for EvolveProcedure {
     fn name(&self) -> &'static str {
         "evolve"
     }
 }
 
-impl ProcedureKind for Kind {
+impl ProcedureKind for EvolveProcedure {
     fn start(&self, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
         Ok(Box::new(Evolve::new(problem)))
     }
@@ -190,7 +190,7 @@ impl Evolve {
         }
     }
 
-    fn seal_generation(&mut self, generation: u32, sent: Vec<Genotype>, results: Vec<TaskResult>) -> Told {
+    fn seal_generation(&mut self, generation: u32, sent: Vec<Genotype>, results: Vec<TaskResult>) -> RoundEnd {
         let (mut evaluations, mut counts) = (Vec::with_capacity(results.len()), Counts::default());
         for (sent, result) in sent.into_iter().zip(results) {
             let TaskResult::Evaluated { genotype, score, descriptors, counts: took } = result else {
@@ -209,7 +209,7 @@ impl Evolve {
         self.optimiser.tell(&evaluations);
         let best = self.best().map(|best| best.score);
         let row = statistics::row(generation, &scores, counts, best, self.job.score_label().1);
-        Told { row: Some(row), step: self.next() }
+        RoundEnd { row: Some(row), step: self.next() }
     }
 
     /// Makes the report, once all examinations are complete.
@@ -240,8 +240,8 @@ impl Evolve {
 }
 
 /// Fails a job because results do not fit their tasks although they were checked.
-fn unusable(reason: &str) -> Told {
-    Told { row: None, step: Step::Failed(format!("a result is unusable: {reason}")) }
+fn unusable(reason: &str) -> RoundEnd {
+    RoundEnd { row: None, step: Step::Failed(format!("a result is unusable: {reason}")) }
 }
 
 impl Procedure for Evolve {
@@ -298,7 +298,7 @@ impl Procedure for Evolve {
         TaskResult::decode(result).map_or_else(|e| format!("an unreadable result: {e}"), |result| result.to_string())
     }
 
-    fn tell(&mut self, results: &[Arc<[u8]>]) -> Told {
+    fn tell(&mut self, results: &[Arc<[u8]>]) -> RoundEnd {
         let wanted = self.round().tasks as usize;
         if results.len() != wanted {
             return unusable(&format!("the round has {wanted} tasks, but {} results", results.len()));
@@ -322,11 +322,11 @@ impl Procedure for Evolve {
                     Some(answers) => self.examined = Some(answers),
                     None => return unusable("an evaluation's result for an examination"),
                 }
-                Told { row: None, step: self.next() }
+                RoundEnd { row: None, step: self.next() }
             }
             Work::Reporting(examinations) => {
                 let examinations = examinations.clone();
-                Told { row: None, step: self.report(&examinations, results) }
+                RoundEnd { row: None, step: self.report(&examinations, results) }
             }
         }
     }

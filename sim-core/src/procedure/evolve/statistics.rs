@@ -3,7 +3,7 @@
 use crate::base::score::Counts;
 use crate::base::statistics::quantile;
 use crate::procedure::values::{counted, number};
-use crate::procedure::{Row, Value};
+use crate::procedure::{SeriesRow, Value};
 
 /// Name of the series.
 pub(super) const SERIES: &str = "generations";
@@ -16,7 +16,7 @@ pub(super) fn row(
     counts: Counts,
     best_so_far: Option<f64>,
     unit: &'static str,
-) -> Row {
+) -> SeriesRow {
     let scored: Vec<f64> = scores.iter().flatten().copied().filter(|s| !s.is_nan()).collect();
     let mean = scored.iter().sum::<f64>() / scored.len() as f64;
     let of = |p: f64| quantile(&scored, p);
@@ -32,14 +32,14 @@ pub(super) fn row(
         number("failed", scores.iter().filter(|s| s.is_none()).count() as u64),
     ];
     values.extend(counted(&counts));
-    Row { series: SERIES.into(), index: generation, values }
+    SeriesRow { series: SERIES.into(), index: generation, values }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn values(row: &Row) -> Vec<Option<f64>> {
+    fn values(row: &SeriesRow) -> Vec<Option<f64>> {
         row.values.iter().map(|value| value.value).collect()
     }
 

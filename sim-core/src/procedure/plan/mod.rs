@@ -16,7 +16,7 @@ pub use task::{Grown, Step as PlanStep, Task, TaskResult, stream};
 use super::possible::Uncountable;
 use super::values::{counted, number};
 use super::{
-    Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told, Value,
+    Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, RoundEnd, Step, Value,
 };
 use crate::base::encoding::{self, Unreadable};
 use crate::base::error::Invalid;
@@ -30,15 +30,15 @@ use std::sync::Arc;
 const FORMAT: u8 = 0xD2;
 
 /// The procedure `plan`, for the registry.
-pub struct Kind;
+pub struct PlanProcedure;
 
-impl Component for Kind {
+impl Component for PlanProcedure {
     fn name(&self) -> &'static str {
         PLAN
     }
 }
 
-impl ProcedureKind for Kind {
+impl ProcedureKind for PlanProcedure {
     fn start(&self, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
         Ok(Box::new(Planning { job: problem.clone(), grown: None }))
     }
@@ -169,7 +169,7 @@ impl Procedure for Planning {
         TaskResult::decode(result).map_or_else(|e| format!("an unreadable result: {e}"), |result| result.to_string())
     }
 
-    fn tell(&mut self, results: &[Arc<[u8]>]) -> Told {
+    fn tell(&mut self, results: &[Arc<[u8]>]) -> RoundEnd {
         let wanted = self.round().tasks as usize;
         let read: Result<Vec<TaskResult>, Unreadable> = results.iter().map(|r| TaskResult::decode(r)).collect();
         let step = match (read, &self.grown) {
@@ -192,7 +192,7 @@ impl Procedure for Planning {
                 _ => Step::Failed("a result is unusable: a tree instead of traces".to_owned()),
             },
         };
-        Told { row: None, step }
+        RoundEnd { row: None, step }
     }
 
     fn save(&self) -> Vec<u8> {

@@ -16,7 +16,7 @@ pub use task::{Ended, Recorded, Run, Task, TaskResult};
 pub use vary::Drawn;
 
 use super::values::{counted, number};
-use super::{Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, Step, Told};
+use super::{Artefact, BadState, Hooks, NotRun, Procedure, ProcedureKind, Progress, Rejected, Round, RoundEnd, Step};
 use crate::base::encoding::{self, Unreadable};
 use crate::base::error::Invalid;
 use crate::base::registry::Component;
@@ -30,15 +30,15 @@ const FORMAT: u8 = 0xD4;
 const PHASE: &str = "simulating";
 
 /// The procedure `simulate`, for the registry.
-pub struct Kind;
+pub struct SimulateProcedure;
 
-impl Component for Kind {
+impl Component for SimulateProcedure {
     fn name(&self) -> &'static str {
         SIMULATE
     }
 }
 
-impl ProcedureKind for Kind {
+impl ProcedureKind for SimulateProcedure {
     fn start(&self, problem: &Checked) -> Result<Box<dyn Procedure>, Invalid> {
         Ok(Box::new(Simulating { job: problem.clone(), counts: None }))
     }
@@ -134,7 +134,7 @@ impl Procedure for Simulating {
         TaskResult::decode(result).map_or_else(|e| format!("an unreadable result: {e}"), |result| result.to_string())
     }
 
-    fn tell(&mut self, results: &[Arc<[u8]>]) -> Told {
+    fn tell(&mut self, results: &[Arc<[u8]>]) -> RoundEnd {
         let wanted = self.round().tasks as usize;
         let step = if results.len() == wanted {
             match self.report(results) {
@@ -148,7 +148,7 @@ impl Procedure for Simulating {
         } else {
             Step::Failed(format!("the round has {wanted} tasks, but {} results", results.len()))
         };
-        Told { row: None, step }
+        RoundEnd { row: None, step }
     }
 
     fn save(&self) -> Vec<u8> {

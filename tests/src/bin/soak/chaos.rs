@@ -3,7 +3,7 @@
 use crate::coordinators::Coordinators;
 use crate::random::Random;
 use cluster_tests::proxy::{Direction, Proxy};
-use cluster_tests::sandbox::{PATIENCE, Process};
+use cluster_tests::sandbox::{Process, TIMEOUT};
 use proto::v1::ListWorkersRequest;
 use proto::v1::job_service_client::JobServiceClient;
 use std::time::{Duration, Instant};
@@ -96,7 +96,7 @@ impl Chaos {
     }
 
     pub async fn assert_slots_are_free(&self) -> Result<(), String> {
-        let mut client = JobServiceClient::new(self.coordinators.dial().way());
+        let mut client = JobServiceClient::new(self.coordinators.dial().channel());
         let start = Instant::now();
         loop {
             // The first coordinator that receives the request may be a standby.
@@ -104,7 +104,7 @@ impl Chaos {
             if answer.as_ref().is_ok_and(|workers| workers.len() == WORKERS && workers.iter().all(|w| w.busy == 0)) {
                 return Ok(());
             }
-            if start.elapsed() > PATIENCE {
+            if start.elapsed() > TIMEOUT {
                 return Err(format!("all workers must be connected with no busy slot: {answer:?}"));
             }
             tokio::time::sleep(Duration::from_millis(100)).await;

@@ -6,7 +6,7 @@ use cluster_tests::postgres::{ask, beyond_a_network};
 use cluster_tests::proxy::{Direction, Proxy};
 use cluster_tests::sandbox::{Process, Sandbox};
 use proto::credentials::Credentials;
-use proto::dial::{Dial, Way};
+use proto::dial::{Dial, FailoverChannel};
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -68,7 +68,7 @@ struct Seat {
     sandbox: Sandbox,
     /// Proxy to the PostgreSQL database; none on SQLite.
     network: Option<Proxy>,
-    health: HealthClient<Way>,
+    health: HealthClient<FailoverChannel>,
     process: Option<Process>,
     trouble: Option<Trouble>,
 }
@@ -99,7 +99,7 @@ pub struct Coordinators {
     /// Index of the last coordinator that was active.
     last: usize,
     /// Time since which no coordinator has been active.
-    nobody_since: Instant,
+    idle_since: Instant,
     next: Instant,
     tally: Tally,
     start: Instant,
@@ -124,7 +124,7 @@ impl Coordinators {
             certificates,
             at_work: None,
             last: 0,
-            nobody_since: now,
+            idle_since: now,
             next: now + EVERY,
             tally: Tally::default(),
             start: now,
@@ -253,7 +253,7 @@ impl Coordinators {
             }
         };
         self.at_work = None;
-        self.nobody_since = now;
+        self.idle_since = now;
         self.say(at, told);
     }
 
@@ -324,7 +324,7 @@ impl Coordinators {
             }
         }
         if let Some(at) = found {
-            let without = self.nobody_since.elapsed();
+            let without = self.idle_since.elapsed();
             // The first coordinator to become active replaces none.
             let struck = self.tally.kills + self.tally.stops + self.tally.cuts > 0;
             if struck && self.at_work != found {
@@ -334,10 +334,10 @@ impl Coordinators {
                 self.say(at, &format!("{what} after {:.1} s", without.as_secs_f64()));
             }
             self.last = at;
-            self.nobody_since = Instant::now();
+            self.idle_since = Instant::now();
         }
         self.at_work = found;
-        if self.nobody_since.elapsed() > WITHIN {
+        if self.idle_since.elapsed() > WITHIN {
             Err("no coordinator became active within a minute".to_owned())
         } else {
             Ok(())
@@ -378,7 +378,13 @@ impl Seat {
     fn new(mut sandbox: Sandbox, network: Option<Proxy>, logs: &Path, dial: impl Fn(&str) -> Dial) -> Self {
         sandbox.log_to(logs);
         sandbox.reserve_port();
-        Self { health: HealthClient::new(dial(&sandbox.url()).way()), sandbox, network, process: None, trouble: None }
+        Self {
+            health: HealthClient::new(dial(&sandbox.url()).channel()),
+            sandbox,
+            network,
+            process: None,
+            trouble: None,
+        }
     }
 
     /// Restores the connection to the database.

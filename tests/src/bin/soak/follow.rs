@@ -2,7 +2,7 @@
 //! undisturbed run.
 
 use cluster_tests::sandbox::is_last;
-use proto::dial::{Dial, Way};
+use proto::dial::{Dial, FailoverChannel};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{
@@ -36,7 +36,7 @@ impl Expected {
 
 /// Runs a job repeatedly until `end`, at least once, and returns the number of runs.
 pub async fn follow(dial: &Dial, number: u32, toml: &str, expected: &Expected, end: Instant) -> Result<u32, String> {
-    let mut client = JobServiceClient::new(dial.way());
+    let mut client = JobServiceClient::new(dial.channel());
     let mut rounds = 0;
     while rounds == 0 || Instant::now() < end {
         let wrong = |what: String| format!("job {number}, run {rounds}: {what}");
@@ -63,7 +63,7 @@ pub async fn follow(dial: &Dial, number: u32, toml: &str, expected: &Expected, e
     Ok(rounds)
 }
 
-type Client = JobServiceClient<Way>;
+type Client = JobServiceClient<FailoverChannel>;
 
 /// Repeats a call until it is answered: the coordinator may be down or on standby.
 async fn patiently<T, F>(client: &mut Client, ask: impl Fn(Client) -> F) -> Result<T, String>

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::output::atomic::write_file;
-use sim_core::engines::known::{Known, Row};
+use sim_core::engines::fidelity::{FidelityRow, FidelityTable};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -14,12 +14,11 @@ pub fn refused(why: Unfit) -> Error {
 }
 
 /// Replaces the rows of one robot in a table's file. Creates the file if it does not exist.
-pub fn keep(path: &Path, rows: Vec<Row>) -> Result<(), Error> {
+pub fn keep(path: &Path, rows: Vec<FidelityRow>) -> Result<(), Error> {
     let mut known = match fs::read_to_string(path) {
-        Ok(text) => {
-            Known::from_toml(&text).map_err(|source| Error::Invalid { file: path.display().to_string(), source })?
-        }
-        Err(e) if e.kind() == ErrorKind::NotFound => Known::default(),
+        Ok(text) => FidelityTable::from_toml(&text)
+            .map_err(|source| Error::Invalid { file: path.display().to_string(), source })?,
+        Err(e) if e.kind() == ErrorKind::NotFound => FidelityTable::default(),
         Err(e) => return Err(Error::read(path, e)),
     };
     merge(&mut known, rows);

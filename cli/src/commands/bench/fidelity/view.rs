@@ -3,7 +3,7 @@
 use super::super::subject::Machine;
 use serde::Serialize;
 use study::fidelity::comparison::Set;
-use study::setting::Setting;
+use study::setting::PhysicsSetting;
 
 #[derive(Serialize)]
 pub struct View {
@@ -19,6 +19,6 @@ pub struct View {
     /// Source of the evolved gaits, as a text.
     pub evolved: String,
     pub machine: Machine,
-    pub reference: Setting,
+    pub reference: PhysicsSetting,
     pub sets: Vec<Set>,
 }

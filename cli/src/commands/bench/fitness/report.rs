@@ -3,7 +3,7 @@
 use super::view::View;
 use crate::console::table;
 use crate::draw::{self, Picture, ScatterSet};
-use study::fitness::comparison::{Finalist, Row, ratio};
+use study::fitness::comparison::{Finalist, FitnessRow, ratio};
 use study::statistics::Estimate;
 
 const HEAD: [&str; 8] = [
@@ -100,7 +100,7 @@ fn sections(view: &View) -> Vec<Section> {
     sections
 }
 
-fn row(name: String, row: &Row) -> Vec<String> {
+fn row(name: String, row: &FitnessRow) -> Vec<String> {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
     let agreement = row.agreement.as_ref();
     vec![

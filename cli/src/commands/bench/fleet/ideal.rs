@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// Size of a schedule.
 #[derive(Clone, Copy, Debug)]
-pub struct Setting {
+pub struct FleetSize {
     /// Slots of all workers together.
     pub slots: u64,
     /// Number of jobs, all of one size.
@@ -20,7 +20,7 @@ pub struct Setting {
     pub population: u32,
 }
 
-impl Setting {
+impl FleetSize {
     /// Returns the share of the slots that are busy while all jobs are at the beginning of a generation.
     pub fn fill(&self) -> f64 {
         let candidates = f64::from(self.jobs) * f64::from(self.population);
@@ -40,8 +40,8 @@ struct Job {
 
 /// Returns the busy share of the slots' time in a window, if all jobs begin at time 0.
 /// `time(job, generation, candidate)` is the time of an evaluation and must be more than zero.
-pub fn efficiency(setting: Setting, window: Range<Duration>, time: impl Fn(u32, u32, u32) -> Duration) -> f64 {
-    let Setting { slots, jobs, population } = setting;
+pub fn efficiency(setting: FleetSize, window: Range<Duration>, time: impl Fn(u32, u32, u32) -> Duration) -> f64 {
+    let FleetSize { slots, jobs, population } = setting;
     let mut all = vec![Job::default(); jobs as usize];
     let mut waiting: BTreeSet<(Duration, u32)> = (0..jobs).map(|job| (Duration::ZERO, job)).collect();
     let mut running: BinaryHeap<Reverse<(Duration, u32)>> = BinaryHeap::new();
@@ -80,7 +80,7 @@ mod tests {
     }
 
     fn of(slots: u64, jobs: u32, population: u32, time: impl Fn(u32, u32, u32) -> Duration) -> f64 {
-        efficiency(Setting { slots, jobs, population }, s(100)..s(1100), time)
+        efficiency(FleetSize { slots, jobs, population }, s(100)..s(1100), time)
     }
 
     fn near(a: f64, b: f64) -> bool {
@@ -93,7 +93,7 @@ mod tests {
             [(40, 1, 20, 0.5), (20, 1, 20, 1.0), (10, 1, 20, 1.0), (1000, 20, 20, 0.4)]
         {
             assert!(near(of(slots, jobs, population, |_, _, _| s(1)), share), "{slots} {jobs} {population}");
-            assert!(near(Setting { slots, jobs, population }.fill(), share));
+            assert!(near(FleetSize { slots, jobs, population }.fill(), share));
         }
         // Twelve slots need two turns for twenty candidates.
         assert!(near(of(12, 1, 20, |_, _, _| s(1)), 20.0 / 24.0));

@@ -8,7 +8,7 @@ use super::tally::{Busy, Tally};
 use super::times::{Times, lifetime};
 use crate::client::Url;
 use proto::PROTOCOL;
-use proto::dial::Way;
+use proto::dial::FailoverChannel;
 use proto::limits::MAX_MESSAGE;
 use proto::v1::complete_request::Outcome;
 use proto::v1::worker_service_client::WorkerServiceClient;
@@ -91,7 +91,7 @@ struct Assigned {
 }
 
 async fn session(url: &Url, id: &str, behaviour: &Arc<Behaviour>, tally: &Arc<Tally>) -> Result<(), Status> {
-    let mut client = WorkerServiceClient::new(url.way())
+    let mut client = WorkerServiceClient::new(url.channel())
         .max_decoding_message_size(MAX_MESSAGE)
         .max_encoding_message_size(MAX_MESSAGE);
     let (said, outgoing) = unbounded_channel();
@@ -260,7 +260,7 @@ fn result(genotype: &Genotype) -> Vec<u8> {
 }
 
 /// Sends the result until it is answered.
-async fn deliver(mut client: WorkerServiceClient<Way>, result: CompleteRequest) {
+async fn deliver(mut client: WorkerServiceClient<FailoverChannel>, result: CompleteRequest) {
     while let Err(status) = client.complete(result.clone()).await {
         // Any other status would be returned again.
         if !matches!(status.code(), Code::Unavailable | Code::Cancelled | Code::Unknown | Code::DeadlineExceeded) {

@@ -2,7 +2,7 @@
 
 use super::super::dispatch::Scratch;
 use super::host::{self, Host};
-use super::ideal::{self, Setting};
+use super::ideal::{self, FleetSize};
 use super::light::{Behaviour, work};
 use super::scrape::Numbers;
 use super::tally::Tally;
@@ -17,7 +17,7 @@ use sim_core::base::statistics::{median, quantile};
 use sim_core::job::JobSpec;
 use sim_core::physics::EngineChoice;
 use sim_core::problem::{Checked, Unprepared};
-use sim_core::procedure::preparing::Outcome;
+use sim_core::procedure::preparing::PreparationOutcome;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -127,7 +127,7 @@ impl Moment {
 /// physics.
 pub fn prepared(job: &Checked) -> Result<Vec<u8>, Error> {
     match variant(job, 1, 0)?.prepare(&|| false) {
-        Ok(preparation) => Ok(Outcome::Prepared(preparation).encode()),
+        Ok(preparation) => Ok(PreparationOutcome::Prepared(preparation).encode()),
         Err(Unprepared::Refused(source)) => Err(Error::Invalid { file: "the job of the fleet".to_owned(), source }),
         Err(Unprepared::Stopped) => Err(Error::Interrupted { hint: String::new() }),
     }
@@ -175,7 +175,7 @@ pub async fn measure(
     pass(&mut watched, seconds(args.seconds)).await?;
     let to = Moment::now(&host, &tally).await?;
 
-    let setting = Setting { slots: u64::from(workers) * u64::from(args.slots), jobs, population: args.population };
+    let setting = FleetSize { slots: u64::from(workers) * u64::from(args.slots), jobs, population: args.population };
     let window = from.at - begun..to.at - begun;
     let seeds: Vec<u64> = all.iter().map(|job| job.spec().seed).collect();
     let time = |job: u32, generation, candidate| times.of(seeds[job as usize], generation, candidate);

@@ -3,7 +3,7 @@
 use super::View;
 use crate::console::table;
 use crate::draw::{self, Picture, ScatterSet};
-use study::reuse::{Column, Found, Row};
+use study::reuse::{Column, Found, ReuseRow};
 use study::statistics::Estimate;
 
 const HEAD: [&str; 9] = [
@@ -79,7 +79,7 @@ fn title(found: &Found) -> String {
     format!("{}: {random} random and {evolved} evolved genomes", found.environment)
 }
 
-fn row(view: &View, row: &Row) -> Vec<String> {
+fn row(view: &View, row: &ReuseRow) -> Vec<String> {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
     let number = |v: f64| format!("{v:.3}");
     vec![
@@ -95,7 +95,7 @@ fn row(view: &View, row: &Row) -> Vec<String> {
     ]
 }
 
-fn name(view: &View, row: &Row) -> String {
+fn name(view: &View, row: &ReuseRow) -> String {
     if row.tolerance == 0.0 && row.repeats == 1 {
         return "plain".to_owned();
     }

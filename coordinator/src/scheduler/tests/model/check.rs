@@ -1,7 +1,7 @@
 //! Invariants that must hold after every event.
 
 use super::*;
-use crate::scheduler::lease::Kind;
+use crate::scheduler::lease::LeaseKind;
 use sim_core::procedure::result_digest;
 
 impl World {
@@ -34,10 +34,10 @@ impl World {
             assert!(worker.held.contains(id) && worker.expires > now, "the lease outlives its worker's deadline");
             assert!(scheduler.jobs.active.contains_key(&lease.job), "an ended job has a lease");
             assert!(!lease.solo || worker.held.len() == 1 || self.adopted, "a suspect runs beside another lease");
-            if let Kind::Copy(original) = lease.kind {
+            if let LeaseKind::Copy(original) = lease.kind {
                 let first = &scheduler.leases.all[&original];
                 assert!(scheduler.leases.copies[&original] == *id && first.range == lease.range);
-                assert!(first.worker != lease.worker && first.kind == Kind::Ordinary);
+                assert!(first.worker != lease.worker && first.kind == LeaseKind::Ordinary);
             }
             // A worker that reports progress is watched: a lease without progress for the allowed time is revoked, at
             // the latest at the next heartbeat.
@@ -53,7 +53,7 @@ impl World {
         assert_eq!(held, scheduler.leases.all.len());
         assert_eq!(
             scheduler.leases.copies.len(),
-            scheduler.leases.all.values().filter(|l| matches!(l.kind, Kind::Copy(_))).count()
+            scheduler.leases.all.values().filter(|l| matches!(l.kind, LeaseKind::Copy(_))).count()
         );
         for worker in scheduler.fleet.workers.values() {
             assert!(!worker.draining || worker.held.is_empty());
@@ -68,7 +68,7 @@ impl World {
         let round = &job.round;
         let leases = || scheduler.leases.all.values().filter(|l| l.job == *id);
         let open = |l: &lease::Lease| l.range.indexes().filter(|i| !round.is_done(&one(round.number(), *i))).count();
-        let leased: usize = leases().filter(|l| l.kind == Kind::Ordinary).map(open).sum();
+        let leased: usize = leases().filter(|l| l.kind == LeaseKind::Ordinary).map(open).sum();
         assert_eq!(round.pending() + round.done() + leased as u32, round.size());
         assert!(
             round.done() < round.size() || job.open_disputes().next().is_some(),

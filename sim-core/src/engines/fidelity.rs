@@ -15,16 +15,16 @@ pub const STANDS: f64 = 0.98;
 /// Table of the lockstep engine's fidelity.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Known {
+pub struct FidelityTable {
     /// One row for each robot, scale and setting.
     #[serde(default, rename = "row")]
-    pub rows: Vec<Row>,
+    pub rows: Vec<FidelityRow>,
 }
 
 /// Fidelity of one robot at one setting of the lockstep engine, against a converged setting of the same engine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Row {
+pub struct FidelityRow {
     /// Name of the robot, only for readers.
     pub robot: String,
     /// Failed modules, only for readers: "none" or the name of a variant.
@@ -66,7 +66,7 @@ impl Agreement {
     }
 }
 
-impl Row {
+impl FidelityRow {
     /// Returns true if lockstep may replace rapier.
     pub fn stands(&self) -> bool {
         self.random.stands() && self.evolved.stands()
@@ -78,25 +78,27 @@ impl Row {
     }
 
     /// Returns true if both rows have the same robot, scale and setting. Their revisions may differ.
-    pub fn replaces(&self, other: &Row) -> bool {
-        let what = |row: &Row| (row.mechanics, row.scale, row.steps_per_second, row.substeps);
+    pub fn replaces(&self, other: &FidelityRow) -> bool {
+        let what = |row: &FidelityRow| (row.mechanics, row.scale, row.steps_per_second, row.substeps);
         what(self) == what(other)
     }
 }
 
-impl Known {
+impl FidelityTable {
     /// Returns the shipped table.
     ///
     /// # Panics
     /// If the compiled-in file is invalid, which a test rules out.
-    pub fn shipped() -> &'static Known {
-        static TABLE: OnceLock<Known> = OnceLock::new();
-        TABLE.get_or_init(|| Known::from_toml(SHIPPED).expect("the compiled-in scenarios/fidelity.toml is valid"))
+    pub fn shipped() -> &'static FidelityTable {
+        static TABLE: OnceLock<FidelityTable> = OnceLock::new();
+        TABLE.get_or_init(|| {
+            FidelityTable::from_toml(SHIPPED).expect("the compiled-in scenarios/fidelity.toml is valid")
+        })
     }
 
     /// Reads and checks a table.
-    pub fn from_toml(text: &str) -> Result<Known, Invalid> {
-        let known: Known = toml::from_str(text)?;
+    pub fn from_toml(text: &str) -> Result<FidelityTable, Invalid> {
+        let known: FidelityTable = toml::from_str(text)?;
         for (i, row) in known.rows.iter().enumerate() {
             for (name, agreement) in [("random", row.random), ("evolved", row.evolved)] {
                 let field = |of: &str| format!("row[{i}].{name}.{of}");
@@ -124,10 +126,11 @@ impl Known {
     }
 
     /// Returns the rows of a robot at a scale for this revision of the engine, the fastest setting first.
-    pub fn of(&self, robot: &Robot, scale: Scale) -> Vec<&Row> {
+    pub fn of(&self, robot: &Robot, scale: Scale) -> Vec<&FidelityRow> {
         let mechanics = robot.mechanics();
-        let is = |row: &&Row| (row.mechanics, row.scale, row.revision) == (mechanics, scale, lockstep::REVISION);
-        let mut rows: Vec<&Row> = self.rows.iter().filter(is).collect();
+        let is =
+            |row: &&FidelityRow| (row.mechanics, row.scale, row.revision) == (mechanics, scale, lockstep::REVISION);
+        let mut rows: Vec<&FidelityRow> = self.rows.iter().filter(is).collect();
         rows.sort_by_key(|row| row.steps_per_second * row.substeps);
         rows
     }
@@ -152,9 +155,9 @@ mod tests {
         Robot::compile(&variant.map_or_else(|| spec.clone(), |v| spec.variant(v).unwrap())).unwrap()
     }
 
-    fn row(random: (f64, f64), evolved: (f64, f64)) -> Row {
+    fn row(random: (f64, f64), evolved: (f64, f64)) -> FidelityRow {
         let agreement = |(spearman, ceiling)| Agreement { gaits: 100, spearman, ceiling };
-        Row {
+        FidelityRow {
             robot: "some name".into(),
             variant: "none".into(),
             mechanics: robot(None).mechanics(),
@@ -170,7 +173,7 @@ mod tests {
 
     #[test]
     fn shipped_table_is_valid_and_in_written_form() {
-        let known = Known::from_toml(SHIPPED).unwrap();
+        let known = FidelityTable::from_toml(SHIPPED).unwrap();
         assert_eq!(known.to_toml(), SHIPPED);
         for row in &known.rows {
             assert_eq!(
@@ -195,7 +198,8 @@ mod tests {
     #[test]
     fn row_applies_to_one_mechanics_scale_and_revision() {
         let good = row((0.99, 1.0), (0.99, 1.0));
-        let knows = |row: Row, robot: &Robot, scale| !Known { rows: vec![row] }.of(robot, scale).is_empty();
+        let knows =
+            |row: FidelityRow, robot: &Robot, scale| !FidelityTable { rows: vec![row] }.of(robot, scale).is_empty();
         let mut whole = robot(None);
         assert!(knows(good.clone(), &whole, Scale::Paper));
         whole.name = "other".into();
@@ -203,7 +207,7 @@ mod tests {
         assert!(knows(good.clone(), &whole, Scale::Paper));
         assert!(!knows(good.clone(), &whole, Scale::Real));
         assert!(!knows(good.clone(), &robot(Some("E1")), Scale::Paper));
-        assert!(!knows(Row { revision: 0, ..good.clone() }, &whole, Scale::Paper));
+        assert!(!knows(FidelityRow { revision: 0, ..good.clone() }, &whole, Scale::Paper));
         whole.bodies[0].mass *= 1.0001;
         assert!(!knows(good, &whole, Scale::Paper));
     }
@@ -211,20 +215,20 @@ mod tests {
     #[test]
     fn fastest_setting_comes_first() {
         let good = row((0.99, 1.0), (0.99, 1.0));
-        let fine = Row { steps_per_second: 400, ..good.clone() };
-        let known = Known { rows: vec![fine.clone(), good.clone()] };
+        let fine = FidelityRow { steps_per_second: 400, ..good.clone() };
+        let known = FidelityTable { rows: vec![fine.clone(), good.clone()] };
         assert_eq!(known.of(&robot(None), Scale::Paper), [&good, &fine]);
         assert!(known.to_toml().find("= 200").unwrap() < known.to_toml().find("= 400").unwrap());
     }
 
     #[test]
     fn table_round_trips_and_invalid_table_is_refused() {
-        let known = Known { rows: vec![row((0.99, 1.0), (0.98, 0.99))] };
-        assert_eq!(Known::from_toml(&known.to_toml()).unwrap(), known);
-        let twice = Known { rows: [known.rows.clone(), known.rows.clone()].concat() };
-        let said = Known::from_toml(&twice.to_toml()).unwrap_err().to_string();
+        let known = FidelityTable { rows: vec![row((0.99, 1.0), (0.98, 0.99))] };
+        assert_eq!(FidelityTable::from_toml(&known.to_toml()).unwrap(), known);
+        let twice = FidelityTable { rows: [known.rows.clone(), known.rows.clone()].concat() };
+        let said = FidelityTable::from_toml(&twice.to_toml()).unwrap_err().to_string();
         assert!(said.starts_with("row[1].mechanics = "), "{said}");
-        let said = Known::from_toml(&known.to_toml().replace("0.98", "1.5")).unwrap_err().to_string();
+        let said = FidelityTable::from_toml(&known.to_toml().replace("0.98", "1.5")).unwrap_err().to_string();
         assert!(said.starts_with("row[0].evolved.spearman = 1.5 is out of range"), "{said}");
     }
 }

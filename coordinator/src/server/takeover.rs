@@ -22,29 +22,29 @@ use tokio::task::JoinSet;
 type Engines = Arc<[(&'static str, Digest)]>;
 
 /// Active coordinator.
-pub(super) struct Lead {
+pub(super) struct ActiveCoordinator {
     actor: Actor,
     /// Renews the lock on the store. Ends when the lock is lost.
     touch: JoinSet<StoreError>,
 }
 
 /// Waits until this coordinator is active, and resumes the jobs.
-pub(super) async fn lead(
+pub(super) async fn take_over(
     store: Arc<dyn Store>,
     standby: bool,
     lease: Duration,
     engines: Engines,
     live: Live,
     metrics: Arc<Metrics>,
-) -> Result<Lead, Error> {
+) -> Result<ActiveCoordinator, Error> {
     let loaded = standby::turn(&*store, standby).await?;
     // Renewed before the jobs are resumed, which takes a while.
     let mut touch = JoinSet::new();
     touch.spawn(standby::stay_in_touch(store.clone(), loaded.epoch));
-    Ok(Lead { actor: take_up(store, loaded, lease, engines, live, metrics).await?, touch })
+    Ok(ActiveCoordinator { actor: take_up(store, loaded, lease, engines, live, metrics).await?, touch })
 }
 
-impl Lead {
+impl ActiveCoordinator {
     /// Works until a stop command, or until the store fails or is taken over.
     pub(super) async fn work(mut self, inbox: mpsc::Receiver<Command>) -> Result<(), Error> {
         let (store, epoch) = (self.actor.store.clone(), self.actor.epoch);

@@ -10,13 +10,13 @@ use telemetry::endpoint::Answer;
 use tokio::sync::{mpsc, oneshot};
 
 /// Source of `/metrics` and `/healthz`.
-pub(crate) struct Pulse {
+pub(crate) struct CoordinatorVitals {
     metrics: Arc<Metrics>,
     /// Set once this coordinator is active.
     commands: OnceLock<mpsc::Sender<Command>>,
 }
 
-impl Pulse {
+impl CoordinatorVitals {
     /// Creates the source for a coordinator that is not active yet.
     pub fn new(metrics: Arc<Metrics>) -> Self {
         Self { metrics, commands: OnceLock::new() }
@@ -53,7 +53,7 @@ impl Pulse {
     }
 }
 
-impl Vitals for Pulse {
+impl Vitals for CoordinatorVitals {
     fn metrics(&self) -> Answer<'_, String> {
         Box::pin(async move {
             if let Some(commands) = self.commands.get() {

@@ -13,7 +13,7 @@ use tonic::{Extensions, Status};
 
 /// Permission of a call. A call without a token, on a coordinator that requires none, stays permitted.
 #[derive(Clone, Default)]
-pub(crate) struct Pass(Option<Held>);
+pub(crate) struct CallPermit(Option<Held>);
 
 #[derive(Clone)]
 struct Held {
@@ -23,7 +23,7 @@ struct Held {
     tokens: Tokens,
 }
 
-impl Pass {
+impl CallPermit {
     pub(super) fn new(token: TokenDigest, rule: Rule, path: &str, tokens: Tokens) -> Self {
         Self(Some(Held { token, rule, path: path.into(), tokens }))
     }
@@ -71,10 +71,10 @@ impl Held {
     }
 }
 
-/// Stream that ends with an error when its [`Pass`] does.
+/// Stream that ends with an error when its [`CallPermit`] does.
 pub(crate) struct Passing<S> {
     stream: S,
-    pass: Pass,
+    pass: CallPermit,
     /// `None` after the end.
     ended: Option<Pin<Box<dyn Future<Output = Status> + Send>>>,
 }
@@ -114,7 +114,7 @@ mod tests {
     const OLD: &str = "worker old-token-0123456789\n";
     const NEW: &str = "worker new-token-0123456789\n";
 
-    fn session(access: &Access) -> Pass {
+    fn session(access: &Access) -> CallPermit {
         let headers: HeaderMap =
             [(AUTHORIZATION, "Bearer old-token-0123456789".parse().unwrap())].into_iter().collect();
         match admit(Some(access), "/evogait.v1.WorkerService/Session", &headers) {
@@ -178,7 +178,7 @@ mod tests {
 
     #[tokio::test]
     async fn permission_without_token_never_ends() {
-        let mut pass = Pass::of(&Extensions::default());
+        let mut pass = CallPermit::of(&Extensions::default());
         assert!(tokio::time::timeout(Duration::from_millis(20), pass.ended()).await.is_err());
     }
 }

@@ -130,7 +130,7 @@ impl Counts {
 }
 
 /// Stream of accepted connections.
-pub(crate) struct Door {
+pub(crate) struct Listener {
     listener: TcpListener,
     counts: Arc<Mutex<Counts>>,
     admission: Admission,
@@ -138,7 +138,7 @@ pub(crate) struct Door {
     told: LogLimit,
 }
 
-impl Door {
+impl Listener {
     /// Creates the stream. `connections` is the gauge of open connections.
     pub fn new(listener: TcpListener, admission: Admission, connections: Gauge) -> Self {
         let counts = Arc::new(Mutex::new(Counts { told: connections, ..Counts::default() }));
@@ -161,7 +161,7 @@ impl Door {
     }
 }
 
-impl Stream for Door {
+impl Stream for Listener {
     /// Never an error: a failed accept is repeated after a pause.
     type Item = Result<Guest, io::Error>;
 
@@ -371,34 +371,34 @@ mod tests {
     }
 
     /// Opens a connection. Returns the listener, the client's end and the accepted connection.
-    async fn visit(patience: Duration) -> (Door, TcpStream, Guest) {
+    async fn visit(patience: Duration) -> (Listener, TcpStream, Guest) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let admission = Admission { patience, ..Admission::of_service(true) };
-        let mut door = Door::new(listener, admission, Gauge::default());
-        let (client, guest) = tokio::join!(TcpStream::connect(address), door.next());
+        let mut listener = Listener::new(listener, admission, Gauge::default());
+        let (client, guest) = tokio::join!(TcpStream::connect(address), listener.next());
         let guest = guest.unwrap().unwrap();
-        (door, client.unwrap(), guest)
+        (listener, client.unwrap(), guest)
     }
 
     #[tokio::test]
     async fn idle_connection_is_closed_unless_authenticated() {
         let patience = Duration::from_millis(50);
-        let (door, _client, mut guest) = visit(patience).await;
+        let (listener, _client, mut guest) = visit(patience).await;
         let start = Instant::now();
         assert_eq!(guest.read_u8().await.unwrap_err().kind(), io::ErrorKind::TimedOut);
         assert!(start.elapsed() >= patience / 2);
         drop(guest);
-        assert_eq!(lock(&door.counts).total, Count::default());
+        assert_eq!(lock(&listener.counts).total, Count::default());
 
-        let (door, _client, mut guest) = visit(patience).await;
+        let (listener, _client, mut guest) = visit(patience).await;
         guest.visit.is_known();
         guest.visit.is_known();
-        assert_eq!(lock(&door.counts).total, Count { all: 1, unauthenticated: 0 });
+        assert_eq!(lock(&listener.counts).total, Count { all: 1, unauthenticated: 0 });
         assert!(tokio::time::timeout(4 * patience, guest.read_u8()).await.is_err(), "it stays open");
         let visit = guest.visit.clone();
         drop(guest);
         visit.is_known();
-        assert_eq!(lock(&door.counts).total, Count::default());
+        assert_eq!(lock(&listener.counts).total, Count::default());
     }
 }

@@ -13,12 +13,12 @@ use tower_service::Service;
 /// Channel to the address that serves. If it does not serve, the call fails with UNAVAILABLE, and the next call uses
 /// the next address. Adds the token to each call. Clones share connections.
 #[derive(Clone, Debug)]
-pub struct Way {
+pub struct FailoverChannel {
     dial: Dial,
     channels: Arc<[Channel]>,
 }
 
-impl Way {
+impl FailoverChannel {
     pub(super) fn new(dial: &Dial) -> Self {
         let channels = dial.endpoints.iter().map(|endpoint| endpoint.connect_lazy()).collect();
         Self { dial: dial.clone(), channels }
@@ -30,7 +30,7 @@ impl Way {
     }
 }
 
-impl Service<http::Request<Body>> for Way {
+impl Service<http::Request<Body>> for FailoverChannel {
     type Response = http::Response<Body>;
     type Error = tonic::transport::Error;
     type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Self::Error>> + Send>>;

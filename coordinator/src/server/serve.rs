@@ -5,10 +5,10 @@ use super::{Error, Tls};
 use crate::access::{self, Access};
 use crate::actor::Command;
 use crate::api::Api;
-use crate::door::{self, Admission, Door};
 use crate::limits::{
     HANDSHAKE_WITHIN, KEEPALIVE, MAX_CALLS_OF_CONNECTION, MAX_CLIENT_REQUEST, MAX_HEADERS, STOP_WITHIN,
 };
+use crate::listener::{self, Admission, Listener};
 use crate::standby::Gate;
 use prometheus_client::metrics::gauge::Gauge;
 use proto::limits::{MAX_ANSWER, MAX_MESSAGE};
@@ -26,7 +26,7 @@ use tower::util::MapRequestLayer;
 pub(crate) const DESCRIPTORS: [&[u8]; 2] = [proto::DESCRIPTORS, tonic_health::pb::FILE_DESCRIPTOR_SET];
 
 /// Listener for clients and workers, with its access rules.
-pub(super) struct Doors {
+pub(super) struct ServiceListener {
     pub listener: TcpListener,
     /// Gauge of open connections.
     pub connections: Gauge,
@@ -39,7 +39,7 @@ pub(super) struct Doors {
 
 /// Serves until a stop request, or until the work fails.
 pub(super) async fn run(
-    doors: Doors,
+    listener: ServiceListener,
     api: Api,
     mut work: JoinHandle<Result<(), Error>>,
     commands: mpsc::Sender<Command>,
@@ -47,7 +47,7 @@ pub(super) async fn run(
     mut stopping: watch::Receiver<bool>,
 ) -> Result<(), Error> {
     let store = api.store.clone();
-    let Doors { listener, connections, tls, access, gate, health } = doors;
+    let ServiceListener { listener, connections, tls, access, gate, health } = listener;
     let mut reflection = tonic_reflection::server::Builder::configure();
     for descriptors in DESCRIPTORS {
         reflection = reflection.register_encoded_file_descriptor_set(descriptors);
@@ -59,7 +59,7 @@ pub(super) async fn run(
     let workers =
         WorkerServiceServer::new(api).max_decoding_message_size(MAX_MESSAGE).max_encoding_message_size(MAX_MESSAGE);
     let mut told = stopping.clone();
-    let door = Door::new(listener, Admission::of_service(access.is_some()), connections);
+    let listener = Listener::new(listener, Admission::of_service(access.is_some()), connections);
     let mut server = Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE))
         .http2_keepalive_timeout(Some(KEEPALIVE))
@@ -69,14 +69,14 @@ pub(super) async fn run(
         server = server.tls_config(tls_config(tls)).map_err(unusable)?;
     }
     let server = server
-        .layer(MapRequestLayer::new(door::introduce))
+        .layer(MapRequestLayer::new(listener::introduce))
         .layer(telemetry::calls::layer())
         .layer(access::layer(access, gate.clone()))
         .add_service(health.service())
         .add_service(reflection)
         .add_service(InterceptedService::new(jobs, gate.clone()))
         .add_service(InterceptedService::new(workers, gate))
-        .serve_with_incoming_shutdown(door, async move {
+        .serve_with_incoming_shutdown(listener, async move {
             // An error means that the sender, and so the server, no longer exists.
             let _ = told.wait_for(|stop| *stop).await;
         });
