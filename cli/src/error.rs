@@ -208,7 +208,7 @@ pub enum Error {
         folder: PathBuf,
     },
     /// Rollouts that exceeded a bound without a report of the engine.
-    #[error("{rollouts} rollouts exceeded a bound that the engine did not report")]
+    #[error("{rollouts} rollouts exceeded a bound that the engine did not report: use a setting with smaller steps")]
     Unsound {
         /// Number of these rollouts.
         rollouts: u64,
@@ -220,6 +220,12 @@ pub enum Error {
         folder: PathBuf,
         /// The two values, and possible reasons.
         difference: String,
+    },
+    /// Task of a stored result that can't be carried out again.
+    #[error("can't compute the result again: {reason}; verify it with the version of evogait that made it")]
+    NotRepeated {
+        /// Cause of the failure.
+        reason: String,
     },
     /// Picture that can't be drawn.
     #[error("can't draw {what}: {reason}")]
@@ -259,7 +265,7 @@ fn alias(path: &Path, input: &Path) -> String {
 }
 
 /// Formats an I/O error without the system's number, "(os error 2)".
-fn plain(error: &io::Error) -> String {
+pub fn plain(error: &io::Error) -> String {
     let text = error.to_string();
     match text.find(" (os error") {
         Some(end) => text[..end].to_owned(),

@@ -50,11 +50,11 @@ struct Arguments {
     standby: bool,
 
     /// If this coordinator can't reach a PostgreSQL store for this long, it stops and another one may take over
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "5")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds, default_value = "5")]
     takeover_seconds: Duration,
 
     /// If a worker sends nothing for this long, its tasks go to other workers
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "15")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds, default_value = "15")]
     lease_seconds: Duration,
 
     /// Certificate for encrypted connections, PEM [default: $EVOGAIT_TLS_CERT]
@@ -97,9 +97,10 @@ fn store_url(text: &str) -> Result<Result<StoreUrl, BadStoreUrl>, Infallible> {
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| "it must be a number of seconds".to_owned())?;
-    // Negative, too large or non-finite numbers become 0, which the later check refuses as out of range.
-    Ok(Duration::try_from_secs_f64(seconds).unwrap_or_default())
+    let wrong = || "it must be a number of seconds that is not negative, such as 15 or 0.5".to_owned();
+    let seconds = text.parse().map_err(|_| wrong())?;
+    // Fails for numbers that are negative, not finite, or beyond the range of a duration.
+    Duration::try_from_secs_f64(seconds).map_err(|_| wrong())
 }
 
 /// Exit code if another coordinator has taken over the store.

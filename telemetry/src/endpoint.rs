@@ -71,7 +71,7 @@ pub enum BindError {
         addr: SocketAddr,
     },
     /// The operating system refuses the address.
-    #[error("can't serve metrics at {addr}: {source}")]
+    #[error("can't serve metrics at {addr}: {source}; choose another --metrics address")]
     Bind {
         /// The address.
         addr: SocketAddr,

@@ -66,21 +66,24 @@ struct Arguments {
     telemetry: telemetry::Options,
 
     /// Time to finish running tasks after a request to stop
-    #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = time_left::seconds,
+        default_value = "10")]
     grace: Duration,
 
     /// Wall time left to this process: it drains before the end. Seconds, or Slurm's format
     /// ([DAYS-]HOURS:MINUTES:SECONDS)
-    #[arg(long, value_name = "TIME", value_parser = time_left::slurm)]
+    #[arg(long, value_name = "TIME", allow_negative_numbers = true, value_parser = time_left::slurm)]
     time_left: Option<Duration>,
 
     /// Time without a finished batch of rollouts after which a slot is stuck: its tasks count as failed, and a new
     /// thread replaces it
-    #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "600")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = time_left::seconds,
+        default_value = "600")]
     stuck_after: Duration,
 
     /// Time between checks of an idle connection, and time limit for the coordinator's answer
-    #[arg(long, value_name = "SECONDS", value_parser = time_left::seconds, default_value = "10")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = time_left::seconds,
+        default_value = "10")]
     keepalive: Duration,
 }
 

@@ -1,17 +1,19 @@
 //! Parsers of times on the command line.
 
+use proto::limits::MAX_TIME;
 use std::time::Duration;
 
 /// Parses seconds, such as `10` or `0.5`.
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let seconds: f64 =
         text.parse().map_err(|_| format!("'{text}' is not a number: give seconds, such as 10 or 0.5"))?;
-    Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
+    let out_of_range = |_| format!("'{text}' is out of range: give 0 to {} seconds", MAX_TIME.as_secs());
+    Duration::try_from_secs_f64(seconds).map_err(out_of_range)
 }
 
 /// Parses seconds, or the time left that Slurm prints: `[DAYS-]HOURS:MINUTES:SECONDS` or `MINUTES:SECONDS`.
 pub fn slurm(text: &str) -> Result<Duration, String> {
-    if !text.contains([':', '-']) {
+    if text.parse::<f64>().is_ok() {
         return seconds(text);
     }
     let wrong = || format!("'{text}' is not a time: give seconds or [DAYS-]HOURS:MINUTES:SECONDS");

@@ -3,7 +3,7 @@
 use super::make::{Host, Pair, Signer, authority};
 use crate::error::Error;
 use crate::inputs;
-use proto::credentials::Token;
+use proto::credentials::{PemError, Token};
 use sha2::{Digest as _, Sha256};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
@@ -50,9 +50,14 @@ pub fn renew(folder: &Path, hosts: &[Host], days: u32) -> Result<(), Error> {
         Ok::<_, Error>(text)
     };
     let ca = Pair { cert: read("ca.pem")?, key: read("ca.key")? };
-    // Fails if the CA has expired.
-    proto::credentials::authority(&folder.join("ca.pem")).map_err(|e| Error::Usage { message: e.to_string() })?;
-    let made = |e: rcgen::Error| Error::read(&folder.join("ca.key"), io::Error::other(e));
+    let unusable = |name: &str, reason: String| Error::read(&folder.join(name), io::Error::other(reason));
+    proto::credentials::authority(&folder.join("ca.pem")).map_err(|e| match e {
+        PemError::Expired { day, .. } => {
+            unusable("ca.pem", format!("the CA expired on {day}: create a new one with `evogait certs init`"))
+        }
+        other => Error::Usage { message: other.to_string() },
+    })?;
+    let made = |e: rcgen::Error| unusable("ca.key", format!("it is not the private key of the CA in PEM ({e})"));
     let files = certificates(&ca, hosts, days).map_err(made)?;
     inputs::refuse_all(folder, files.iter().map(|(name, ..)| name.as_str()))?;
     for (name, content, secret) in &files {

@@ -3,7 +3,7 @@
 use crate::arguments::{Health, HealthOf};
 use crate::client::Client;
 use crate::console;
-use crate::error::Error;
+use crate::error::{Error, plain};
 use serde::Serialize;
 use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
@@ -37,7 +37,7 @@ pub async fn run(args: Health, quiet: bool) -> Result<(), Error> {
                 ErrorKind::WouldBlock | ErrorKind::TimedOut => {
                     silent(format!("no answer within {} s", TIMEOUT.as_secs()))
                 }
-                _ => silent(e.to_string()),
+                _ => silent(format!("{}; give the address of its --metrics", plain(&e))),
             })?;
             let unwell = (!well).then(|| silent(says.clone()));
             (HealthView { well, says }, unwell)

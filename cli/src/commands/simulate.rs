@@ -137,7 +137,7 @@ fn of_robot(args: &Simulate, robot: &str) -> Result<(JobSpec, String), Error> {
     if args.fine {
         spec.physics = finer(&spec.physics);
     }
-    Ok((simulating(spec, simulate), file.label))
+    Ok((simulating(spec, simulate), format!("{what} of {}", file.label)))
 }
 
 fn simulating(spec: JobSpec, simulate: SimulateSpec) -> JobSpec {

@@ -38,7 +38,8 @@ impl SourceRun {
     /// # Errors
     /// If the plan has no step.
     pub fn plan(&self) -> Result<Plan, Error> {
-        let message = || format!("{} has no plan: its best path has no step", self.called);
+        let message =
+            || format!("{} has no plan, as its best path has no step: simulate a gait with --gait N", self.called);
         self.plan.clone().filter(|(steps, _)| !steps.is_empty()).ok_or_else(|| Error::Usage { message: message() })
     }
 }

@@ -77,10 +77,24 @@ pub enum TokensError {
         file: PathBuf,
     },
     /// The file has more than `MAX_TOKENS` tokens.
-    #[error("{file} has more than {MAX_TOKENS} tokens: at most {MAX_TOKENS} are allowed", file = .file.display())]
+    #[error(
+        "{file} has more than the allowed {MAX_TOKENS} tokens: remove those that are no longer used",
+        file = .file.display()
+    )]
     TooMany {
         /// Path of the file.
         file: PathBuf,
+    },
+    /// The text has more than `MAX_FILE` bytes.
+    #[error(
+        "{file} has {length} bytes: at most {MAX_FILE} are allowed; remove comments and tokens that are no longer used",
+        file = .file.display()
+    )]
+    TooLong {
+        /// Path of the file.
+        file: PathBuf,
+        /// Length of the text, bytes.
+        length: usize,
     },
 }
 
@@ -137,7 +151,7 @@ fn table(file: &Path) -> Result<Table, TokensError> {
 
 fn parse(file: &Path, text: &str) -> Result<Table, TokensError> {
     if text.len() > MAX_FILE {
-        return Err(TokensError::TooMany { file: file.to_owned() });
+        return Err(TokensError::TooLong { file: file.to_owned(), length: text.len() });
     }
     let mut table = Table::new();
     for (index, content) in text.lines().enumerate() {
@@ -227,6 +241,12 @@ mod tests {
             assert!(error.to_string().contains(told), "{text:?}: {error}");
             assert!(!format!("{error} {error:?}").contains("secret"), "{error}");
         }
+    }
+
+    #[test]
+    fn text_beyond_limit_is_refused_with_its_length() {
+        let said = Access::parse(&"#".repeat(MAX_FILE + 1)).unwrap_err().to_string();
+        assert!(said.contains("has 1048577 bytes: at most 1048576 are allowed"), "{said}");
     }
 
     #[test]

@@ -45,7 +45,7 @@ pub enum ScalerError {
         addr: SocketAddr,
     },
     /// The system refuses the address.
-    #[error("can't serve KEDA at {addr}: {source}")]
+    #[error("can't serve KEDA at {addr}: {source}; choose another --keda address")]
     Bind {
         /// Address of the listener.
         addr: SocketAddr,

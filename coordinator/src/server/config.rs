@@ -118,7 +118,7 @@ pub enum Error {
         reason: String,
     },
     /// The system refuses the address.
-    #[error("can't listen on {addr}: {source}")]
+    #[error("can't listen on {addr}: {source}; choose another --listen address")]
     Bind {
         /// Address to listen on.
         addr: SocketAddr,

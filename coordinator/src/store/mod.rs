@@ -340,7 +340,7 @@ pub enum StoreError {
         what: String,
     },
     /// Any other error of the database.
-    #[error("the store failed: {0}")]
+    #[error("the store failed: {0}; check the disk or the database that holds it, then start again")]
     Database(String),
 }
 

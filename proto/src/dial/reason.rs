@@ -52,11 +52,18 @@ pub fn bad_certificate(error: &(dyn Error + 'static)) -> Option<BadCertificate> 
         // A bad signature means another CA with the same name.
         CertificateError::UnknownIssuer | CertificateError::BadSignature => BadCertificate::UnknownIssuer,
         CertificateError::Expired | CertificateError::ExpiredContext { .. } => BadCertificate::Expired,
-        CertificateError::NotValidForNameContext { expected, presented } => {
-            BadCertificate::OtherName { dialed: expected.to_str().into_owned(), names: presented.clone() }
-        }
+        CertificateError::NotValidForNameContext { expected, presented } => BadCertificate::OtherName {
+            dialed: expected.to_str().into_owned(),
+            names: presented.iter().map(|name| bare(name)).collect(),
+        },
         other => BadCertificate::Other(other.to_string()),
     })
+}
+
+/// Returns a name in a certificate without the kind that the TLS library adds, as in `DnsName("node1.example")`.
+fn bare(name: &str) -> String {
+    let inner = name.split_once('(').and_then(|(_, rest)| rest.strip_suffix(')'));
+    inner.unwrap_or(name).trim_matches('"').to_owned()
 }
 
 /// Returns the first TLS error in a chain, or else the innermost error.
@@ -83,7 +90,11 @@ fn of_tls(error: &Tls) -> String {
         Tls::InvalidCertificate(CertificateError::NotValidForNameContext { expected, presented }) => format!(
             "its certificate is not for {}, but for {}: use one of these names, or create one with `evogait certs init --host`",
             expected.to_str(),
-            if presented.is_empty() { "no name".to_owned() } else { presented.join(", ") }
+            if presented.is_empty() {
+                "no name".to_owned()
+            } else {
+                presented.iter().map(|name| bare(name)).collect::<Vec<_>>().join(", ")
+            }
         ),
         Tls::AlertReceived(AlertDescription::CertificateRequired) => {
             "it requires a client certificate: give --cert FILE and --key FILE".to_owned()

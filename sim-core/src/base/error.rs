@@ -154,12 +154,19 @@ impl From<toml::de::Error> for Invalid {
 }
 
 /// Rust types in the TOML parser's messages, with wording that needs no knowledge of Rust.
-const EXPECTED: [(&str, &str); 4] = [
+const EXPECTED: [(&str, &str); 11] = [
     // The parser adds this to integers that are too large for the field.
     ("` as i128", "`"),
     ("expected u32", "expected a whole number, 0 to 4294967295"),
     ("expected u64", "expected a whole number, 0 to 9223372036854775807"),
     ("expected f64", "expected a number"),
+    ("expected i32", "expected a whole number"),
+    ("expected a tuple of size", "expected an array of length"),
+    ("expected a sequence", "expected an array"),
+    ("invalid type: sequence", "invalid type: array"),
+    ("expected a map", "expected a table"),
+    ("invalid type: map", "invalid type: table"),
+    ("wanted string or table", "expected a string"),
 ];
 
 impl Invalid {
@@ -242,7 +249,11 @@ struct Known<'a>(&'a [String]);
 
 impl fmt::Display for Known<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.0.is_empty() { f.write_str("there is none") } else { write!(f, "known are {}", self.0.join(", ")) }
+        if self.0.is_empty() {
+            f.write_str("there is none, so leave this key out")
+        } else {
+            write!(f, "known are {}", self.0.join(", "))
+        }
     }
 }
 

@@ -131,7 +131,7 @@ impl RobotSpec {
         for (i, failed) in self.failed.iter().enumerate() {
             let field = format!("robot.failed[{i}]");
             let module = self.module(&field, failed)?;
-            if kind_of(&field, &self.modules[module].kind)?.hinges.is_empty() {
+            if kind_of(&format!("robot.module[{module}]"), &self.modules[module].kind)?.hinges.is_empty() {
                 let reason = format!("module \"{failed}\" has no joint that could fail: remove it from the list");
                 return Err(Invalid::Conflict { field, reason });
             }

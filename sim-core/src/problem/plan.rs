@@ -50,7 +50,7 @@ impl GaitSet {
         let joints = robot.joint_names();
         if self.joints != joints {
             let reason = format!(
-                "they belong to a robot with joints {}, but \"{}\" has {}",
+                "they belong to a robot with joints {}, but \"{}\" has {}: give gaits of this robot",
                 self.joints.join(", "),
                 robot.name,
                 joints.join(", ")
@@ -58,13 +58,15 @@ impl GaitSet {
             return conflict(field.to_owned(), reason);
         }
         if self.genome.len() != gaits.count as usize {
-            let reason = format!("it has {} gaits, but gaits.count = {}", self.genome.len(), gaits.count);
+            let reason =
+                format!("it has {} gaits, but gaits.count = {}: both must be the same", self.genome.len(), gaits.count);
             return conflict(format!("{field}.genome"), reason);
         }
         let genes = space.genes.len() / self.genome.len();
         if let Some((i, gait)) = self.genome.iter().enumerate().find(|(_, gait)| gait.len() != genes) {
             let reason = format!(
-                "it has {} numbers, but a gait of controller \"{}\" on this robot has {genes}",
+                "it has {} numbers, but a gait of controller \"{}\" on this robot has {genes}: give gaits of \
+                 this controller",
                 gait.len(),
                 gaits.controller.0.name()
             );
@@ -93,7 +95,8 @@ pub(super) fn written_out<'a>(field: &str, gaits: &'a Reference<GaitSet>) -> Res
         Reference::Named(path) => Err(Invalid::Conflict {
             field: field.into(),
             reason: format!(
-                "\"{path}\" is a path, and only the `evogait` command reads paths: write the gaits into the job"
+                "\"{path}\" is a path, which only the `evogait` command reads, and only if the robot and [gaits] are \
+                 valid: correct them, or write the gaits into the job"
             ),
         }),
     }

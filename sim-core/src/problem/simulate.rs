@@ -187,7 +187,10 @@ impl SimulateSpec {
             (true, false) => {
                 Err(conflict("simulate.gaits", "simulate.steps and simulate.replan need gaits: add this key"))
             }
-            (false, true) => Err(conflict("simulate.gaits", "neither simulate.steps nor simulate.replan uses them")),
+            (false, true) => Err(conflict(
+                "simulate.gaits",
+                "neither simulate.steps nor simulate.replan uses them: leave this key out",
+            )),
             _ => Ok(()),
         }
     }
@@ -247,7 +250,7 @@ impl SimulateSpec {
         let off_map = |[x, y, ..]: &[f64; 4]| !environment.contains(*x, *y);
         if let Some(i) = self.places.iter().flatten().position(off_map) {
             let reason = format!(
-                "it lies outside the map of environment \"{}\": the plan belongs to another environment",
+                "it lies outside the map of environment \"{}\": give the places of a plan in this environment",
                 environment.name
             );
             faults.take::<()>(Err(conflict(&format!("simulate.places[{i}]"), &reason)));
@@ -308,7 +311,10 @@ impl TargetTable {
         }
         let told = if self.joints.is_empty() { "none".to_owned() } else { self.joints.join(", ") };
         let (name, joints) = (&robot.name, joints.join(", "));
-        Err(conflict("simulate.targets.joints", &format!("they are {told}, but robot \"{name}\" has {joints}")))
+        Err(conflict(
+            "simulate.targets.joints",
+            &format!("they are {told}, but robot \"{name}\" has {joints}: name the robot's joints, in this order"),
+        ))
     }
 
     /// Returns the targets on ticks, up to a time, s, that is not before the last row.
@@ -339,7 +345,10 @@ impl VarySpec {
             faults.take(in_range(format!("{field}[0]"), low, allowed, unit));
             faults.take(in_range(format!("{field}[1]"), high, allowed, unit));
             if low > high {
-                faults.take::<()>(Err(conflict(&field, &format!("the range begins at {low}, above its end {high}"))));
+                faults.take::<()>(Err(conflict(
+                    &field,
+                    &format!("the range begins at {low}, above its end {high}: put the smaller number first"),
+                )));
             }
         }
         if let Some(noise) = self.target_noise {

@@ -136,7 +136,7 @@ fn again<R>(
             false
         }
     }
-    let failed = |message: String| Error::Usage { message };
+    let failed = |reason: String| Error::NotRepeated { reason };
     let results = kind.run(job, &[(0, task)], &Never).map_err(|e| failed(e.to_string()))?;
     decode(&results.concat()).map_err(|e| failed(e.to_string()))
 }

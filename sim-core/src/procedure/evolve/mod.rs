@@ -183,8 +183,8 @@ impl Evolve {
                 Step::Next
             }
             None => Step::Failed(format!(
-                "all {} evaluations failed (the robot was unstable at its start): there is no winner; check the \
-                 robot, the start and the [physics] table",
+                "all {} evaluations failed, so there is no winner: each needs more rollouts than planner.max_rollouts \
+                 allows, or a gait has no motion; raise planner.max_rollouts, or change gaits.bounds",
                 self.evaluations()
             )),
         }

@@ -125,7 +125,8 @@ impl Planning {
                 Step::Next
             }
             None => Step::Failed(format!(
-                "all {} trees failed: each needs more rollouts than planner.max_rollouts allows, or a gait has no motion",
+                "all {} trees failed: each needs more rollouts than planner.max_rollouts allows, or a gait has no \
+                 motion; raise planner.max_rollouts, or give other gaits",
                 tried.len()
             )),
         }
