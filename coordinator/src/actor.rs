@@ -73,32 +73,10 @@ pub(crate) enum Command {
         outbox: mpsc::UnboundedSender<v1::CoordinatorMessage>,
         reply: oneshot::Sender<SessionId>,
     },
-    Heartbeat {
+    Session {
         worker: WorkerId,
         session: SessionId,
-        running: Vec<AssignmentId>,
-        progress: Vec<u64>,
-    },
-    Reject {
-        worker: WorkerId,
-        session: SessionId,
-        assignment: AssignmentId,
-        reason: String,
-    },
-    Drain {
-        worker: WorkerId,
-        session: SessionId,
-        finishing: Vec<AssignmentId>,
-    },
-    Disconnect {
-        worker: WorkerId,
-        session: SessionId,
-    },
-    /// Ends the session of a worker with a revoked token.
-    Expel {
-        worker: WorkerId,
-        session: SessionId,
-        reason: String,
+        event: SessionEvent,
     },
     Complete {
         completed: Completed,
@@ -111,6 +89,26 @@ pub(crate) enum Command {
         reply: oneshot::Sender<Result<Verdict, RefusedResult>>,
     },
     Stop,
+}
+
+/// Event in the session of a connected worker.
+pub(crate) enum SessionEvent {
+    Heartbeat {
+        running: Vec<AssignmentId>,
+        progress: Vec<u64>,
+    },
+    Reject {
+        assignment: AssignmentId,
+        reason: String,
+    },
+    Drain {
+        finishing: Vec<AssignmentId>,
+    },
+    Disconnect,
+    /// The token of the worker is revoked, so its session ends.
+    Expel {
+        reason: String,
+    },
 }
 
 /// State of an active job that its record does not hold.
@@ -219,6 +217,7 @@ impl Actor {
         Ok(())
     }
 
+    /// Handles a command, and adds its reply to `replies`.
     async fn handle(&mut self, command: Command, replies: &mut Vec<Reply>) -> Result<(), StoreError> {
         let now = self.clock.now();
         match command {
@@ -255,39 +254,10 @@ impl Actor {
             Command::Needs { engines, reply } => later(replies, reply, self.scheduler.needs(&engines)),
             Command::Census { reply } => later(replies, reply, scheduler::census(&self.scheduler)),
             Command::Connect { greeting, outbox, reply } => {
-                let worker = greeting.worker.clone();
-                let Greeting { name, address, slots, running, .. } = &greeting;
-                tracing::info!(%worker, name, peer = address, slots, running = running.len(), "worker connected");
-                let welcome = scheduler::on_connect(&mut self.scheduler, now, greeting);
-                // Sent before all other messages of this session.
-                let _ = outbox.send(convert::welcome(&welcome, self.epoch, self.lease, self.heartbeat));
-                self.sessions.insert(worker, (welcome.session, outbox));
-                later(replies, reply, welcome.session);
+                let session = self.open_session(now, greeting, outbox);
+                later(replies, reply, session);
             }
-            Command::Heartbeat { worker, session, running, progress } => {
-                if !scheduler::on_heartbeat(&mut self.scheduler, now, &worker, session, &running, &progress) {
-                    // The lease has expired, so the worker has to connect again.
-                    self.hang_up(&worker, session);
-                }
-            }
-            Command::Reject { worker, session, assignment, reason } => {
-                tracing::warn!(%worker, assignment = assignment.0, reason, "assignment rejected");
-                scheduler::on_return(&mut self.scheduler, now, &worker, session, assignment);
-            }
-            Command::Drain { worker, session, finishing } => {
-                tracing::info!(%worker, finishing = finishing.len(), "worker drains");
-                scheduler::on_drain(&mut self.scheduler, now, &worker, session, &finishing);
-            }
-            Command::Disconnect { worker, session } => {
-                tracing::info!(%worker, "worker disconnected");
-                self.hang_up(&worker, session);
-                scheduler::on_disconnect(&mut self.scheduler, now, &worker, session);
-            }
-            Command::Expel { worker, session, reason } => {
-                tracing::warn!(%worker, reason, "worker expelled");
-                self.hang_up(&worker, session);
-                scheduler::on_expel(&mut self.scheduler, now, &worker, session);
-            }
+            Command::Session { worker, session, event } => self.handle_session(now, &worker, session, event),
             Command::Complete { completed, reply } => {
                 let about = About::of(&completed);
                 let verdict = scheduler::on_result(&mut self.scheduler, now, completed);
@@ -303,6 +273,53 @@ impl Actor {
             Command::Stop => {}
         }
         Ok(())
+    }
+
+    /// Connects a worker and sends it the welcome.
+    fn open_session(
+        &mut self,
+        now: Now,
+        greeting: Greeting,
+        outbox: mpsc::UnboundedSender<v1::CoordinatorMessage>,
+    ) -> SessionId {
+        let worker = greeting.worker.clone();
+        let Greeting { name, address, slots, running, .. } = &greeting;
+        tracing::info!(%worker, name, peer = address, slots, running = running.len(), "worker connected");
+        let welcome = scheduler::on_connect(&mut self.scheduler, now, greeting);
+        // Sent before all other messages of this session.
+        let _ = outbox.send(convert::welcome(&welcome, self.epoch, self.lease, self.heartbeat));
+        self.sessions.insert(worker, (welcome.session, outbox));
+        welcome.session
+    }
+
+    /// Handles an event in the session of a worker. It has no reply.
+    fn handle_session(&mut self, now: Now, worker: &WorkerId, session: SessionId, event: SessionEvent) {
+        match event {
+            SessionEvent::Heartbeat { running, progress } => {
+                if !scheduler::on_heartbeat(&mut self.scheduler, now, worker, session, &running, &progress) {
+                    // The lease has expired, so the worker has to connect again.
+                    self.hang_up(worker, session);
+                }
+            }
+            SessionEvent::Reject { assignment, reason } => {
+                tracing::warn!(%worker, assignment = assignment.0, reason, "assignment rejected");
+                scheduler::on_return(&mut self.scheduler, now, worker, session, assignment);
+            }
+            SessionEvent::Drain { finishing } => {
+                tracing::info!(%worker, finishing = finishing.len(), "worker drains");
+                scheduler::on_drain(&mut self.scheduler, now, worker, session, &finishing);
+            }
+            SessionEvent::Disconnect => {
+                tracing::info!(%worker, "worker disconnected");
+                self.hang_up(worker, session);
+                scheduler::on_disconnect(&mut self.scheduler, now, worker, session);
+            }
+            SessionEvent::Expel { reason } => {
+                tracing::warn!(%worker, reason, "worker expelled");
+                self.hang_up(worker, session);
+                scheduler::on_expel(&mut self.scheduler, now, worker, session);
+            }
+        }
     }
 
     /// Logs and counts the verdict on a result.

@@ -54,67 +54,10 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
         "robot" => shipped(catalogue::robots()),
         "environment" => shipped(catalogue::environments()),
         "fidelity" => vec![FidelityTable::shipped().to_toml().into_bytes()],
-        "exchange" => {
-            let specs = catalogue::robots().iter().filter_map(|entry| toml::from_str::<RobotSpec>(entry.toml).ok());
-            let robots = specs.filter_map(|spec| Robot::compile(&spec).ok());
-            let physics = Physics::of_scale(Scale::Paper);
-            robots
-                .flat_map(|robot| [Format::Mjcf, Format::Urdf].map(|f| f.write(&robot, &physics).into_bytes()))
-                .collect()
-        }
-        "hello" => {
-            let running =
-                v1::RunningAssignment { assignment_id: 7, job_id: "j1".to_owned(), count: 3, ..Default::default() };
-            let hello = v1::Hello {
-                protocol: proto::PROTOCOL,
-                worker_id: "w".to_owned(),
-                name: "node:1".to_owned(),
-                slots: 2,
-                engine_digests: vec![vec![7; 32]],
-                running: vec![running],
-                version: "0.1.0".to_owned(),
-                ..Default::default()
-            };
-            vec![hello.encode_to_vec()]
-        }
-        "complete" => {
-            let with = |outcome| v1::CompleteRequest {
-                worker_id: "w".to_owned(),
-                assignment_id: 7,
-                job_id: "j1".to_owned(),
-                engine_digest: vec![7; 32],
-                round: 2,
-                first: 2,
-                count: 2,
-                permit: vec![1; 64],
-                compute_us: 1000,
-                outcome: Some(outcome),
-                tasks: vec![vec![2]; 2],
-            };
-            [
-                v1::complete_request::Outcome::Results(v1::Results { results: vec![vec![3; 9]; 2] }),
-                v1::complete_request::Outcome::Failure("it panicked".to_owned()),
-            ]
-            .map(|outcome| with(outcome).encode_to_vec())
-            .into()
-        }
-        "messages" => {
-            let best = v1::Value { name: "best".to_owned(), unit: "%".to_owned(), value: Some(f64::NAN) };
-            let row = v1::Row { series: "generations".to_owned(), index: 1, values: vec![best.clone()] };
-            let progress = v1::Progress { phase: "searching".to_owned(), values: vec![best], ..Default::default() };
-            let job = v1::Job { id: "j1".to_owned(), progress: Some(progress.clone()), ..Default::default() };
-            let event = v1::JobEvent { sequence: 1, job: Some(job), ..Default::default() };
-            let assign = v1::Assign { job_id: "j1".to_owned(), tasks: vec![vec![1; 9]], ..Default::default() };
-            let message = Some(v1::coordinator_message::Message::Assign(assign));
-            [
-                (4, event.encode_to_vec()),
-                (8, row.encode_to_vec()),
-                (9, progress.encode_to_vec()),
-                (10, v1::CoordinatorMessage { message }.encode_to_vec()),
-            ]
-            .map(|(kind, message)| [&[kind], message.as_slice()].concat())
-            .into()
-        }
+        "exchange" => exchanged_seeds(),
+        "hello" => hello_seeds(),
+        "complete" => complete_seeds(),
+        "messages" => message_seeds(),
         "task" => EXAMPLES.iter().flat_map(|example| example.tasks.clone()).collect(),
         "task-result" => EXAMPLES.iter().flat_map(|example| example.results.clone()).collect(),
         "preparation" => EXAMPLES.iter().flat_map(|e| [e.outcome.clone(), e.preparation.clone()]).collect(),
@@ -133,6 +76,72 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
         "addresses" => vec![b"https://a.example:7077,http://[::1]:7078".to_vec()],
         _ => Vec::new(),
     }
+}
+
+/// Returns every shipped robot as MJCF and as URDF.
+fn exchanged_seeds() -> Vec<Vec<u8>> {
+    let specs = catalogue::robots().iter().filter_map(|entry| toml::from_str::<RobotSpec>(entry.toml).ok());
+    let robots = specs.filter_map(|spec| Robot::compile(&spec).ok());
+    let physics = Physics::of_scale(Scale::Paper);
+    robots.flat_map(|robot| [Format::Mjcf, Format::Urdf].map(|f| f.write(&robot, &physics).into_bytes())).collect()
+}
+
+/// Returns the first message of a worker that still runs an assignment.
+fn hello_seeds() -> Vec<Vec<u8>> {
+    let running = v1::RunningAssignment { assignment_id: 7, job_id: "j1".to_owned(), count: 3, ..Default::default() };
+    let hello = v1::Hello {
+        protocol: proto::PROTOCOL,
+        worker_id: "w".to_owned(),
+        name: "node:1".to_owned(),
+        slots: 2,
+        engine_digests: vec![vec![7; 32]],
+        running: vec![running],
+        version: "0.1.0".to_owned(),
+        ..Default::default()
+    };
+    vec![hello.encode_to_vec()]
+}
+
+/// Returns the completion of an assignment by results and by a failure.
+fn complete_seeds() -> Vec<Vec<u8>> {
+    let with = |outcome| v1::CompleteRequest {
+        worker_id: "w".to_owned(),
+        assignment_id: 7,
+        job_id: "j1".to_owned(),
+        engine_digest: vec![7; 32],
+        round: 2,
+        first: 2,
+        count: 2,
+        permit: vec![1; 64],
+        compute_us: 1000,
+        outcome: Some(outcome),
+        tasks: vec![vec![2]; 2],
+    };
+    [
+        v1::complete_request::Outcome::Results(v1::Results { results: vec![vec![3; 9]; 2] }),
+        v1::complete_request::Outcome::Failure("it panicked".to_owned()),
+    ]
+    .map(|outcome| with(outcome).encode_to_vec())
+    .into()
+}
+
+/// Returns messages of four types, each behind the byte that selects its type in [`messages`].
+fn message_seeds() -> Vec<Vec<u8>> {
+    let best = v1::Value { name: "best".to_owned(), unit: "%".to_owned(), value: Some(f64::NAN) };
+    let row = v1::Row { series: "generations".to_owned(), index: 1, values: vec![best.clone()] };
+    let progress = v1::Progress { phase: "searching".to_owned(), values: vec![best], ..Default::default() };
+    let job = v1::Job { id: "j1".to_owned(), progress: Some(progress.clone()), ..Default::default() };
+    let event = v1::JobEvent { sequence: 1, job: Some(job), ..Default::default() };
+    let assign = v1::Assign { job_id: "j1".to_owned(), tasks: vec![vec![1; 9]], ..Default::default() };
+    let message = Some(v1::coordinator_message::Message::Assign(assign));
+    [
+        (4, event.encode_to_vec()),
+        (8, row.encode_to_vec()),
+        (9, progress.encode_to_vec()),
+        (10, v1::CoordinatorMessage { message }.encode_to_vec()),
+    ]
+    .map(|(kind, message)| [&[kind], message.as_slice()].concat())
+    .into()
 }
 
 /// Passes texts up to the allowed length on to the parser; longer ones are refused before parsing.

@@ -3,7 +3,8 @@
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
 use proto::v1::{
-    GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState, Standing, SubmitJobRequest,
+    GetJobRequest, GetResultRequest, GetResultResponse, Job, JobEvent, JobState, ListWorkersRequest, Standing,
+    SubmitJobRequest, WorkerInfo,
 };
 use sim_core::problem::Checked;
 use std::ffi::OsString;
@@ -321,6 +322,12 @@ impl Sandbox {
         let answer =
             self.client().get_job(GetJobRequest { id: id.to_owned() }).await.expect("the job exists").into_inner();
         answer.standing.expect("the job has not ended")
+    }
+
+    /// Returns the workers that the coordinator lists.
+    pub async fn workers(&self) -> Vec<WorkerInfo> {
+        let answer = self.client().list_workers(ListWorkersRequest {}).await;
+        answer.expect("the coordinator lists its workers").into_inner().workers
     }
 
     /// Waits until a job fulfils a condition.

@@ -2,7 +2,7 @@
 
 use cluster_tests::chains::{chain_job, costliest_job};
 use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT};
-use proto::v1::{ListJobsRequest, ListWorkersRequest, SubmitJobRequest};
+use proto::v1::{ListJobsRequest, SubmitJobRequest};
 use std::time::{Duration, Instant};
 use tonic::{Code, Status};
 
@@ -88,13 +88,7 @@ async fn worker_exits_within_grace_while_settling() {
     let worker = Process::start(worker.args(["--grace", "2"]));
     let start = Instant::now();
     loop {
-        let workers = sandbox
-            .client()
-            .list_workers(ListWorkersRequest {})
-            .await
-            .expect("the coordinator lists its workers")
-            .into_inner()
-            .workers;
+        let workers = sandbox.workers().await;
         if workers.iter().any(|worker| worker.busy > 0) {
             break;
         }

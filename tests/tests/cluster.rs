@@ -4,9 +4,7 @@ use cluster_tests::sandbox::{
     Process, Sandbox, output_of, phase, planning_job, program, simulating_job, tiny_job, value,
 };
 use proto::v1::job_event::Event;
-use proto::v1::{
-    CancelJobRequest, JobEvent, JobState, ListWorkersRequest, RoundSealed, SubmitJobRequest, WatchJobRequest,
-};
+use proto::v1::{CancelJobRequest, JobEvent, JobState, RoundSealed, SubmitJobRequest, WatchJobRequest};
 use std::time::Duration;
 use tonic::{Code, Status};
 
@@ -76,7 +74,7 @@ async fn stopped_worker_returns_its_leases_at_once() {
     assert_eq!(leaves.terminate(), Some(0));
     let running = sandbox.job(&job.id).await;
     assert_eq!(running.state(), JobState::Running, "the worker must stop before the job ends");
-    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.unwrap().into_inner().workers;
+    let workers = sandbox.workers().await;
     assert!(workers.iter().all(|w| w.slots == 1), "{workers:?}");
     assert_eq!(sandbox.result(&job.id).await.result_digest, undisturbed(13, GENERATIONS).await);
 }
@@ -313,7 +311,7 @@ async fn worker_retries_until_its_coordinator_starts() {
     let _coordinator = sandbox.coordinator();
     let job = sandbox.submit("r", &tiny_job(12, 1)).await;
     sandbox.result(&job.id).await;
-    let workers = sandbox.client().list_workers(ListWorkersRequest {}).await.unwrap().into_inner().workers;
+    let workers = sandbox.workers().await;
     assert_eq!(workers.iter().map(|w| w.slots).collect::<Vec<_>>(), [3]);
     assert_eq!(worker.terminate(), Some(0));
 }
@@ -338,7 +336,7 @@ fn coordinator_start_failure_prints_one_line() {
     let (code, text) = again(&["--listen", "127.0.0.1:0", "--store", "sqlite:/nowhere/at/all.db"]);
     assert!(code == Some(1) && text.contains("there is no folder /nowhere/at"), "{text}");
     let (code, text) = again(&["--listen", "127.0.0.1:0", "--store", "memory:", "--lease-seconds", "NaN"]);
-    assert!(code == Some(1) && text.contains("out of range"), "{text}");
+    assert!(code == Some(2) && text.contains("it must be a number of seconds that is not negative"), "{text}");
     let (code, text) = again(&["--lease-seconds", "soon"]);
     assert!(code == Some(2) && text.contains("'--lease-seconds <SECONDS>': it must be a number of seconds"), "{text}");
 }

@@ -5,7 +5,7 @@ use cluster_tests::proxy::{Direction, Proxy};
 use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT, is_last, tiny_job, undisturbed};
 use proto::v1::job_event::Event;
 use proto::v1::job_service_client::JobServiceClient;
-use proto::v1::{CancelJobRequest, Job, JobEvent, JobState, ListWorkersRequest, WatchJobRequest};
+use proto::v1::{CancelJobRequest, Job, JobEvent, JobState, WatchJobRequest};
 use std::time::{Duration, Instant};
 
 /// Returns a tiny job on the lockstep engine, which is faster.
@@ -27,13 +27,7 @@ fn has_progressed_since(before: &Job) -> impl Fn(&Job) -> bool {
 async fn assert_slots_are_free(sandbox: &Sandbox) {
     let start = Instant::now();
     loop {
-        let workers = sandbox
-            .client()
-            .list_workers(ListWorkersRequest {})
-            .await
-            .expect("the coordinator lists its workers")
-            .into_inner()
-            .workers;
+        let workers = sandbox.workers().await;
         if !workers.is_empty() && workers.iter().all(|w| w.busy == 0) {
             break;
         }

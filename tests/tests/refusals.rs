@@ -4,7 +4,7 @@
 use cluster_tests::sandbox::{Sandbox, tiny_job, undisturbed};
 use cluster_tests::scripted::{Outcome, ScriptedWorker, one_bit_off, with_first};
 use proto::v1::complete_response::Verdict;
-use proto::v1::{Assign, CancelJobRequest, CompleteRequest, JobState, ListWorkersRequest, Results};
+use proto::v1::{Assign, CancelJobRequest, CompleteRequest, JobState, Results};
 use sim_core::base::score::Counts;
 use sim_core::procedure::evolve::TaskResult;
 use tonic::{Code, Status};
@@ -157,13 +157,7 @@ fn why(answer: Result<Verdict, Status>, what: &str) -> String {
 
 /// Returns the ids of connected workers that are quarantined.
 async fn quarantined(sandbox: &Sandbox) -> Vec<String> {
-    let workers = sandbox
-        .client()
-        .list_workers(ListWorkersRequest {})
-        .await
-        .expect("the coordinator lists its workers")
-        .into_inner()
-        .workers;
+    let workers = sandbox.workers().await;
     workers.into_iter().filter(|worker| worker.quarantined).map(|worker| worker.id).collect()
 }
 

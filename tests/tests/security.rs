@@ -106,6 +106,14 @@ impl Cluster {
     fn dial(&self, certificate: Option<&str>, token: Option<&str>) -> FailoverChannel {
         self.certificates.dial(&self.sandbox.url(), certificate, token).channel()
     }
+
+    fn client(&self) -> FailoverChannel {
+        self.dial(Some("client"), Some("client"))
+    }
+
+    fn admin(&self) -> FailoverChannel {
+        self.dial(Some("client"), Some("admin"))
+    }
 }
 
 /// Returns the command of a program with debug logs.
@@ -142,14 +150,8 @@ fn code<T>(answer: Result<T, Status>) -> Code {
     answer.map_or_else(|status| status.code(), |_| Code::Ok)
 }
 
-#[tokio::test]
-async fn secured_cluster_gives_same_result_and_enforces_roles() {
-    let mut cluster = Cluster::new();
-    let coordinator = cluster.coordinator();
-    let mut command = cluster.shown(verbose_program("worker"), "worker");
-    let mut worker = Started(command.args(["--slots", "2"]).stderr(cluster.log("worker.log")).spawn().unwrap());
-
-    // Runs a small job with `evogait run`, from submission to results.
+/// Runs a small job with `evogait run`, from submission to results.
+fn run_job(cluster: &Cluster) {
     let job = cluster.sandbox.file("job.toml");
     fs::write(&job, tiny_job(21, 2)).unwrap();
     let mut command = verbose_program("evogait");
@@ -157,36 +159,42 @@ async fn secured_cluster_gives_same_result_and_enforces_roles() {
     let run = cluster.shown(command, "client").output().unwrap();
     assert!(run.status.success(), "{}", text(&run));
     fs::write(cluster.sandbox.file("evogait.log"), &run.stderr).unwrap();
+}
 
-    let client = || cluster.dial(Some("client"), Some("client"));
-    let listed = list(client()).await.unwrap();
+/// Asserts that a cluster without encryption computes the same result as the first job of this one.
+async fn result_is_that_of_open_cluster(cluster: &Cluster) {
+    let listed = list(cluster.client()).await.unwrap();
     let id = listed.jobs[0].id.clone();
-    let mut service = JobServiceClient::new(client()).max_decoding_message_size(1 << 28);
+    let mut service = JobServiceClient::new(cluster.client()).max_decoding_message_size(1 << 28);
     let digest = service.get_result(GetResultRequest { id }).await.unwrap().into_inner().result_digest;
     let mut open = Sandbox::new();
     let _open = open.coordinator();
     let _open_worker = open.worker(2);
     let job = open.submit("r", &tiny_job(21, 2)).await;
     assert_eq!(open.result(&job.id).await.result_digest, digest, "encryption must not change the result");
+}
 
-    // Each role may call only its own methods.
+/// Asserts that each role may call only its own methods.
+async fn roles_are_enforced(cluster: &Cluster) {
     let tiny = || tiny_job(22, 1);
     let refused = submit(cluster.dial(Some("worker"), Some("worker")), "w", tiny()).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
     assert!(refused.message().contains("SubmitJob requires a token with role client"), "{refused}");
-    assert_eq!(code(complete(client()).await), Code::PermissionDenied);
+    assert_eq!(code(complete(cluster.client()).await), Code::PermissionDenied);
     // InvalidArgument shows that the call was authorised: only the message is invalid.
     assert_eq!(code(complete(cluster.dial(Some("worker"), Some("worker"))).await), Code::InvalidArgument);
-    let admin = || cluster.dial(Some("client"), Some("admin"));
-    assert_eq!(code(complete(admin()).await), Code::InvalidArgument);
-    assert_eq!(code(list(admin()).await), Code::Ok);
+    assert_eq!(code(complete(cluster.admin()).await), Code::InvalidArgument);
+    assert_eq!(code(list(cluster.admin()).await), Code::Ok);
     let without_token = || cluster.dial(Some("client"), None);
     assert_eq!(code(submit(without_token(), "n", tiny()).await), Code::Unauthenticated);
     assert_eq!(code(complete(without_token()).await), Code::Unauthenticated);
     assert_eq!(code(list(without_token()).await), Code::Unauthenticated);
+}
 
-    // Connections without a client certificate, in plain text, or with another CA fail. The connection may break before
-    // the client reads the coordinator's alert. The client then does not learn the reason, so the call is repeated.
+/// Asserts that connections without a client certificate, in plain text, or with another CA fail.
+async fn connections_without_credentials_fail(cluster: &Cluster) {
+    // The connection may break before the client reads the coordinator's alert. The client then does not learn the
+    // reason, so the call is repeated.
     let start = Instant::now();
     loop {
         let refused = list(cluster.dial(None, Some("client"))).await.unwrap_err();
@@ -202,15 +210,18 @@ async fn secured_cluster_gives_same_result_and_enforces_roles() {
     command.args(["list", "--coordinator", &cluster.url()]).env("EVOGAIT_CA", other.cert("ca.pem"));
     let output = command.env("EVOGAIT_TOKEN_FILE", cluster.cert("client.token")).output().unwrap();
     assert!(text(&output).contains("not signed by the CA that --ca names"), "{}", text(&output));
+}
 
-    // When the coordinator reloads its tokens, a revoked token becomes invalid, and streams that it opened end.
-    let id = submit(client(), "long", tiny_job(23, 1000)).await.unwrap();
-    let mut watched = watch(client(), &id).await;
-    let mut by_admin = watch(admin(), &id).await;
+/// Asserts that a revoked token becomes invalid when the coordinator reloads its tokens, and that streams and workers
+/// with this token end.
+async fn revocation_ends_streams_and_workers(cluster: &Cluster, mut worker: Started) {
+    let id = submit(cluster.client(), "long", tiny_job(23, 1000)).await.unwrap();
+    let mut watched = watch(cluster.client(), &id).await;
+    let mut by_admin = watch(cluster.admin(), &id).await;
     while !matches!(watched.message().await.unwrap().unwrap().event, Some(Event::RoundSealed(_))) {}
     cluster.revoke_all_tokens_but_admin().await;
-    assert_eq!(code(list(client()).await), Code::Unauthenticated);
-    assert_eq!(code(list(admin()).await), Code::Ok);
+    assert_eq!(code(list(cluster.client()).await), Code::Unauthenticated);
+    assert_eq!(code(list(cluster.admin()).await), Code::Ok);
     let end = tokio::time::timeout(TIMEOUT, async {
         loop {
             match watched.message().await {
@@ -232,15 +243,17 @@ async fn secured_cluster_gives_same_result_and_enforces_roles() {
     assert!(by_admin.message().await.unwrap().is_some(), "streams of the valid token must stay open");
     cluster.wait_for_log("worker expelled", 1).await;
     let request = GetJobRequest { id: id.clone() };
-    let answer = JobServiceClient::new(admin()).get_job(request).await.unwrap().into_inner();
+    let answer = JobServiceClient::new(cluster.admin()).get_job(request).await.unwrap().into_inner();
     let (job, standing) = (answer.job.unwrap(), answer.standing.unwrap());
     assert!(
         standing.held.is_empty() && standing.attempts.is_empty(),
         "leases must be revoked at once, without an attempt: {standing:?}"
     );
     assert!(job.reason.contains("none is connected"), "{}", job.reason);
-    assert_eq!(coordinator.terminate(), Some(0));
-    // No process may log a secret.
+}
+
+/// Asserts that no process logs a secret.
+fn logs_hold_no_token(cluster: &Cluster) {
     for log in ["coordinator.log", "worker.log", "evogait.log"] {
         let text = fs::read_to_string(cluster.sandbox.file(log)).unwrap();
         assert!(!text.is_empty(), "{log} must have lines at level debug");
@@ -248,6 +261,21 @@ async fn secured_cluster_gives_same_result_and_enforces_roles() {
             assert!(!text.contains(&cluster.certificates.token(who)), "the {who} token must not be in {log}");
         }
     }
+}
+
+#[tokio::test]
+async fn secured_cluster_gives_same_result_and_enforces_roles() {
+    let mut cluster = Cluster::new();
+    let coordinator = cluster.coordinator();
+    let mut command = cluster.shown(verbose_program("worker"), "worker");
+    let worker = Started(command.args(["--slots", "2"]).stderr(cluster.log("worker.log")).spawn().unwrap());
+    run_job(&cluster);
+    result_is_that_of_open_cluster(&cluster).await;
+    roles_are_enforced(&cluster).await;
+    connections_without_credentials_fail(&cluster).await;
+    revocation_ends_streams_and_workers(&cluster, worker).await;
+    assert_eq!(coordinator.terminate(), Some(0));
+    logs_hold_no_token(&cluster);
 }
 
 /// Number of workers that lose their token at the same time. None of them may count as crashed, in any order of
@@ -259,7 +287,7 @@ async fn worker_with_revoked_token_loses_leases_without_attempts() {
     let mut cluster = Cluster::new();
     let _coordinator = cluster.coordinator();
     let job = tiny_job(24, 1000).replace("particles = 5", &format!("particles = {EXPELLED}"));
-    let id = submit(cluster.dial(Some("client"), Some("client")), "r", job).await.unwrap();
+    let id = submit(cluster.client(), "r", job).await.unwrap();
     let mut workers = Vec::new();
     for i in 0..EXPELLED {
         let channel = cluster.dial(Some("worker"), Some("worker"));
@@ -267,7 +295,7 @@ async fn worker_with_revoked_token_loses_leases_without_attempts() {
     }
     workers[0].receive_lease().await;
     let standing = async || {
-        let admin = cluster.dial(Some("client"), Some("admin"));
+        let admin = cluster.admin();
         let answer = JobServiceClient::new(admin).get_job(GetJobRequest { id: id.clone() }).await.unwrap();
         answer.into_inner().standing.unwrap()
     };

@@ -5,7 +5,7 @@ use cluster_tests::scripted::ScriptedWorker;
 use coordinator::record::Claimant;
 use coordinator::store::{SqliteStore, Store as _, Write};
 use proto::v1::job_event::Event;
-use proto::v1::{Job, JobState, ListWorkersRequest, WatchJobRequest};
+use proto::v1::{Job, JobState, WatchJobRequest};
 use sim_core::base::digest::{Digest, ResultDigest};
 use sim_core::problem::Checked;
 use std::fs;
@@ -37,19 +37,62 @@ async fn age(sandbox: &Sandbox, job: &Checked) {
     store.close().await.expect("the store can be closed");
 }
 
+/// Runs a job until some of its rounds are sealed, then changes it as if an older build had run it. Returns its id.
+async fn run_by_older_build(sandbox: &mut Sandbox, toml: &str) -> String {
+    let job = Checked::from_toml(toml).expect("the job is valid");
+    let coordinator = sandbox.coordinator();
+    let worker = sandbox.worker(1);
+    let id = sandbox.submit("r", toml).await.id;
+    sandbox.until(&id, |job| job.rounds_sealed > 2).await;
+    assert_eq!(coordinator.terminate(), Some(0));
+    drop(worker);
+    age(sandbox, &job).await;
+    id
+}
+
+/// Asserts that the watch and `evogait show` name the build that a waiting job needs.
+async fn shows_needed_build(sandbox: &Sandbox, job: &Job) {
+    let request = WatchJobRequest { id: job.id.clone(), after: job.last_event - 1 };
+    let mut events = sandbox.client().watch_job(request).await.expect("the watch starts").into_inner();
+    let told = events.message().await.expect("the stream is open").expect("the stream has the last event").event;
+    assert!(matches!(&told, Some(Event::Waits(reason)) if reason.contains("070707070707")), "{told:?}");
+    let shown = sandbox.told(&["show", &job.id]);
+    for part in ["waits for a worker of the build", "evogait 0.0.9 with engine 070707070707", "none of those connected"]
+    {
+        assert!(shown.contains(part), "missing \"{part}\" in\n{shown}");
+    }
+    let here = sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest.short());
+    assert!(here.into_iter().all(|digest| shown.contains(&digest)), "missing digest of an offered engine in\n{shown}");
+}
+
+/// Asserts that a worker with an engine that no job needs is refused.
+async fn worker_of_third_build_is_refused(sandbox: &Sandbox) {
+    let refused =
+        ScriptedWorker::of_another_build(sandbox, "other", Digest([8; 32])).await.err().expect("the worker is refused");
+    assert_eq!(refused.code(), Code::FailedPrecondition);
+    assert!(refused.message().contains("080808080808") && refused.message().contains("no active job"), "{refused}");
+}
+
+/// Asserts that the worker of the new build, which has two slots, computed the tasks of the job `beside` alone.
+async fn new_worker_computed_only(sandbox: &Sandbox, beside: &str) {
+    let workers = sandbox.workers().await;
+    let new = workers.iter().find(|w| w.slots == 2).expect("the new worker is still connected");
+    let of_beside = sandbox.job(beside).await;
+    // Tasks of the other job: the preparation and one generation. Its finish takes fewer than 30 more.
+    let tasks_of_beside = 1.0 + value(&of_beside, "evaluations");
+    assert!(new.tasks as f64 >= tasks_of_beside, "{workers:?}");
+    assert!(
+        (new.tasks as f64) < tasks_of_beside + 30.0,
+        "the new worker must compute no task of the old job: {workers:?}"
+    );
+}
+
 // The scripted worker computes in this process.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn job_of_older_build_waits_for_its_workers() {
     let toml = tiny_job(41, GENERATIONS);
-    let job = Checked::from_toml(&toml).expect("the job is valid");
     let mut sandbox = Sandbox::new();
-    let coordinator = sandbox.coordinator();
-    let worker = sandbox.worker(1);
-    let id = sandbox.submit("r", &toml).await.id;
-    sandbox.until(&id, |job| job.rounds_sealed > 2).await;
-    assert_eq!(coordinator.terminate(), Some(0));
-    drop(worker);
-    age(&sandbox, &job).await;
+    let id = run_by_older_build(&mut sandbox, &toml).await;
 
     let coordinator = sandbox.coordinator();
     let before = sandbox.job(&id).await;
@@ -68,25 +111,8 @@ async fn job_of_older_build_waits_for_its_workers() {
         (JobState::Running, before.last_event),
         "the waiting job must not progress"
     );
-    let request = WatchJobRequest { id: id.clone(), after: before.last_event - 1 };
-    let mut events = sandbox.client().watch_job(request).await.expect("the watch starts").into_inner();
-    let told = events.message().await.expect("the stream is open").expect("the stream has the last event").event;
-    assert!(matches!(&told, Some(Event::Waits(reason)) if reason.contains("070707070707")), "{told:?}");
-    let shown = sandbox.told(&["show", &id]);
-    for part in ["waits for a worker of the build", "evogait 0.0.9 with engine 070707070707", "none of those connected"]
-    {
-        assert!(shown.contains(part), "missing \"{part}\" in\n{shown}");
-    }
-    let here = sim_core::engines::engine_digests().into_iter().map(|(_, digest)| digest.short());
-    assert!(here.into_iter().all(|digest| shown.contains(&digest)), "missing digest of an offered engine in\n{shown}");
-
-    // A worker with a third engine is refused.
-    let refused = ScriptedWorker::of_another_build(&sandbox, "other", Digest([8; 32]))
-        .await
-        .err()
-        .expect("the worker is refused");
-    assert_eq!(refused.code(), Code::FailedPrecondition);
-    assert!(refused.message().contains("080808080808") && refused.message().contains("no active job"), "{refused}");
+    shows_needed_build(&sandbox, &waits).await;
+    worker_of_third_build_is_refused(&sandbox).await;
 
     let old = ScriptedWorker::of_another_build(&sandbox, "old", OLD)
         .await
@@ -94,22 +120,7 @@ async fn job_of_older_build_waits_for_its_workers() {
     let works = tokio::spawn(old.works());
     let result = sandbox.result(&id).await;
     works.abort();
-    let workers = sandbox
-        .client()
-        .list_workers(ListWorkersRequest {})
-        .await
-        .expect("the coordinator lists its workers")
-        .into_inner()
-        .workers;
-    let new = workers.iter().find(|w| w.slots == 2).expect("the new worker is still connected");
-    let of_beside = sandbox.job(&beside.id).await;
-    // Tasks of the other job: the preparation and one generation. Its finish takes fewer than 30 more.
-    let tasks_of_beside = 1.0 + value(&of_beside, "evaluations");
-    assert!(new.tasks as f64 >= tasks_of_beside, "{workers:?}");
-    assert!(
-        (new.tasks as f64) < tasks_of_beside + 30.0,
-        "the new worker must compute no task of the old job: {workers:?}"
-    );
+    new_worker_computed_only(&sandbox, &beside.id).await;
     assert_eq!(result.job.as_ref().map(|job| job.engine_digest.clone()), Some(OLD.0.to_vec()));
     sandbox.told(&["fetch", &id, "--out", "fetched"]);
     let file = fs::read_to_string(sandbox.file("fetched").join("result.json")).expect("the result file exists");

@@ -2,7 +2,7 @@
 
 use cluster_tests::proxy::{Direction, Proxy};
 use cluster_tests::sandbox::{Process, Sandbox, TIMEOUT, tiny_job, undisturbed};
-use proto::v1::{CancelJobRequest, Job, JobState, ListWorkersRequest};
+use proto::v1::{CancelJobRequest, Job, JobState};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -22,13 +22,7 @@ fn faulty(sandbox: &Sandbox, slots: u32, fault: &str) -> Command {
 async fn busy(sandbox: &Sandbox, slots: u32) {
     let start = Instant::now();
     loop {
-        let workers = sandbox
-            .client()
-            .list_workers(ListWorkersRequest {})
-            .await
-            .expect("the coordinator lists its workers")
-            .into_inner()
-            .workers;
+        let workers = sandbox.workers().await;
         if workers.iter().any(|w| w.busy >= slots) {
             return tokio::time::sleep(Duration::from_millis(100)).await;
         }
@@ -86,14 +80,7 @@ async fn draining_worker_behind_blocked_network_takes_no_new_tasks() {
     let begun = sandbox.submit("begun", &cheap_job(24, 1)).await;
     prepared(&sandbox, &begun).await;
     busy(&sandbox, 1).await;
-    let held = sandbox
-        .client()
-        .list_workers(ListWorkersRequest {})
-        .await
-        .expect("the coordinator lists its workers")
-        .into_inner()
-        .workers[0]
-        .busy;
+    let held = sandbox.workers().await[0].busy;
 
     network.block(Direction::Up, true);
     leaves.signal("TERM");

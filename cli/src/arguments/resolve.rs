@@ -24,17 +24,7 @@ pub fn parse() -> Result<Resolved, Error> {
 pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
     let command = match raw.command {
         raw::Command::Run(run) => Command::Run(Run { file: run.file.into(), to: run_to(run.to)? }),
-        raw::Command::Plan(plan) => Command::Plan(Plan {
-            of: run_of(plan.run, &plan.to)?,
-            environment: plan.environment,
-            seeds: plan.seeds,
-            iterations: plan.iterations,
-            algorithm: plan.algorithm,
-            reuse_tolerance: plan.reuse_tolerance,
-            whole_trees: plan.whole_trees,
-            seed: plan.seed,
-            to: run_to(plan.to)?,
-        }),
+        raw::Command::Plan(plan) => Command::Plan(planning(plan)?),
         raw::Command::Simulate(simulate) => Command::Simulate(simulation(*simulate)?),
         raw::Command::Submit(submit) => Command::Submit(Submit {
             file: submit.file.into(),
@@ -65,27 +55,13 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
         }
         raw::Command::Workers(on) => Command::Workers { json: on.json, on: coordinator(on)? },
         raw::Command::Demand(on) => Command::Demand { json: on.json, on: coordinator(on)? },
-        raw::Command::Health(health) => {
-            let json = health.on.json;
-            let of = match health.process {
-                Some(address) => HealthOf::Process(address),
-                None => HealthOf::Coordinator { alive: health.alive, on: coordinator(health.on)? },
-            };
-            Command::Health(Health { of, json })
-        }
+        raw::Command::Health(raw) => Command::Health(health(raw)?),
         raw::Command::Compare(compare) => Command::Compare(Compare {
             folders: compare.folders.into_iter().map(folder_of).collect(),
             out: compare.out.map(picture).transpose()?,
             json: compare.json,
         }),
-        raw::Command::Replay(replay) => Command::Replay(Replay {
-            folder: folder_of(replay.folder),
-            what: match replay.what.gait {
-                Some(n) => ReplayWhat::Gait(n as usize - 1),
-                None => ReplayWhat::Plan,
-            },
-            out: replay.out,
-        }),
+        raw::Command::Replay(raw) => Command::Replay(replay(raw)),
         raw::Command::Verify(verify) => {
             Command::Verify(Verify { folder: folder_of(verify.folder), full: verify.full, json: verify.json })
         }
@@ -102,13 +78,7 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
             unit: robot.unit,
             json: robot.json,
         }),
-        raw::Command::Certs(certs) => {
-            let (action, raw::CertsFolder { folder, hosts, days }) = match certs.action {
-                raw::CertsAction::Init(folder) => (CertsAction::Init, folder),
-                raw::CertsAction::Renew(folder) => (CertsAction::Renew, folder),
-            };
-            Command::Certs(Certs { action, folder, hosts, days })
-        }
+        raw::Command::Certs(raw) => Command::Certs(certs(raw)),
         raw::Command::Completions(completions) => Command::Completions(completions.shell),
         raw::Command::Man(man) => Command::Man { out: man.out },
         raw::Command::Scenarios(scenarios) => Command::Scenarios {
@@ -135,6 +105,20 @@ fn run_to(raw: raw::RunTo) -> Result<RunTo, Error> {
         },
     };
     Ok(RunTo { out: raw.out, place, json: raw.json })
+}
+
+fn planning(raw: raw::Plan) -> Result<Plan, Error> {
+    Ok(Plan {
+        of: run_of(raw.run, &raw.to)?,
+        environment: raw.environment,
+        seeds: raw.seeds,
+        iterations: raw.iterations,
+        algorithm: raw.algorithm,
+        reuse_tolerance: raw.reuse_tolerance,
+        whole_trees: raw.whole_trees,
+        seed: raw.seed,
+        to: run_to(raw.to)?,
+    })
 }
 
 fn simulation(raw: raw::Simulate) -> Result<Simulate, Error> {
@@ -220,6 +204,31 @@ fn evaluation(raw: raw::Evaluate) -> Result<Evaluate, Error> {
             EvaluateWhat::File(JobFile { job: raw.job, seed: None })
         },
     })
+}
+
+fn health(raw: raw::Health) -> Result<Health, Error> {
+    let json = raw.on.json;
+    let of = match raw.process {
+        Some(address) => HealthOf::Process(address),
+        None => HealthOf::Coordinator { alive: raw.alive, on: coordinator(raw.on)? },
+    };
+    Ok(Health { of, json })
+}
+
+fn replay(raw: raw::Replay) -> Replay {
+    let what = match raw.what.gait {
+        Some(n) => ReplayWhat::Gait(n as usize - 1),
+        None => ReplayWhat::Plan,
+    };
+    Replay { folder: folder_of(raw.folder), what, out: raw.out }
+}
+
+fn certs(raw: raw::Certs) -> Certs {
+    let (action, raw::CertsFolder { folder, hosts, days }) = match raw.action {
+        raw::CertsAction::Init(folder) => (CertsAction::Init, folder),
+        raw::CertsAction::Renew(folder) => (CertsAction::Renew, folder),
+    };
+    Certs { action, folder, hosts, days }
 }
 
 /// Returns true if the text has the form of a job id: j, a number, a dash and twelve hexadecimal digits.

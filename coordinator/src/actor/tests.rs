@@ -84,11 +84,10 @@ async fn reply_is_sent_during_flood_of_heartbeats() {
     let (flood, full, ebb) = (commands.clone(), Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
     let (seen_full, ebbs) = (full.clone(), ebb.clone());
     let flooding = std::thread::spawn(move || {
-        let heartbeat = || Command::Heartbeat {
+        let heartbeat = || Command::Session {
             worker: WorkerId("w".into()),
             session,
-            running: vec![AssignmentId(7); 10_000],
-            progress: vec![0; 10_000],
+            event: SessionEvent::Heartbeat { running: vec![AssignmentId(7); 10_000], progress: vec![0; 10_000] },
         };
         while !ebbs.load(Ordering::Relaxed) && flood.blocking_send(heartbeat()).is_ok() {
             seen_full.fetch_or(flood.capacity() == 0, Ordering::Relaxed);

@@ -2,7 +2,7 @@
 
 use super::{Api, hello, id, printable, stopping, store_failed};
 use crate::access::CallPermit;
-use crate::actor::Command;
+use crate::actor::{Command, SessionEvent};
 use crate::convert;
 use crate::limits::{HELLO_WITHIN, MAX_RUNNING};
 use crate::scheduler::{
@@ -119,36 +119,34 @@ impl Api {
                 Err(status) => {
                     let reason = status.message().to_owned();
                     // The actor may have stopped.
-                    let _ = self.commands.send(Command::Expel { worker, session, reason }).await;
+                    let event = SessionEvent::Expel { reason };
+                    let _ = self.commands.send(Command::Session { worker, session, event }).await;
                     return;
                 }
             };
-            let worker = worker.clone();
-            let command = match received {
+            let event = match received {
                 Some(WorkerMessage { message: Some(message) }) => match message {
                     worker_message::Message::Heartbeat(Heartbeat { running: named, progress: told })
                         if named.len().max(told.len()) > MAX_RUNNING =>
                     {
                         tracing::warn!(%worker, running = named.len(), told = told.len(), MAX_RUNNING, "malformed heartbeat: session closed");
-                        Command::Disconnect { worker, session }
+                        SessionEvent::Disconnect
                     }
                     worker_message::Message::Drain(drain) if drain.finishing.len() > MAX_RUNNING => {
                         tracing::warn!(%worker, finishing = drain.finishing.len(), MAX_RUNNING, "malformed drain message: session closed");
-                        Command::Disconnect { worker, session }
+                        SessionEvent::Disconnect
                     }
                     worker_message::Message::Heartbeat(heartbeat) => {
                         let running = heartbeat.running.into_iter().map(AssignmentId).collect();
-                        Command::Heartbeat { worker, session, running, progress: heartbeat.progress }
+                        SessionEvent::Heartbeat { running, progress: heartbeat.progress }
                     }
-                    worker_message::Message::Reject(reject) => Command::Reject {
-                        worker,
-                        session,
+                    worker_message::Message::Reject(reject) => SessionEvent::Reject {
                         assignment: AssignmentId(reject.assignment_id),
                         reason: shortened(reject.reason),
                     },
                     worker_message::Message::Drain(drain) => {
                         let finishing = drain.finishing.into_iter().map(AssignmentId).collect();
-                        Command::Drain { worker, session, finishing }
+                        SessionEvent::Drain { finishing }
                     }
                     // A repeated Hello is ignored.
                     worker_message::Message::Hello(_) => continue,
@@ -156,10 +154,12 @@ impl Api {
                 // A message of a later version is ignored.
                 Some(WorkerMessage { message: None }) => continue,
                 None => {
-                    let _ = self.commands.send(Command::Disconnect { worker, session }).await;
+                    let event = SessionEvent::Disconnect;
+                    let _ = self.commands.send(Command::Session { worker, session, event }).await;
                     return;
                 }
             };
+            let command = Command::Session { worker: worker.clone(), session, event };
             if self.commands.send(command).await.is_err() {
                 return;
             }

@@ -194,13 +194,13 @@ fn hand_out(core: &mut Scheduler, now: Now, worker: &WorkerId, id: &JobId, size:
     let Some(job) = core.jobs.active.get_mut(id) else { return };
     let Some(range) = job.round.cut(size, assignment) else { return };
     let tasks = job.tasks(&range);
-    let charged = charge(&mut core.queue, job, range.count);
+    let charged = charge_job(&mut core.queue, job, range.count);
     let lease = Lease { charged, ..Lease::new(now, worker, id, range, LeaseKind::Ordinary) };
     assign(core, now, assignment, lease, tasks);
 }
 
 /// Adds the cost of a lease to the job's tag, and returns it.
-pub(super) fn charge(queue: &mut Queue, job: &mut ActiveJob, count: u32) -> f64 {
+pub(super) fn charge_job(queue: &mut Queue, job: &mut ActiveJob, count: u32) -> f64 {
     let charged = job.cost.unwrap_or(UNKNOWN_COST) * f64::from(count) / f64::from(job.record.priority);
     let tag = job.finish_tag.max(queue.virtual_time - CREDIT);
     queue.virtual_time = queue.virtual_time.max(tag);

@@ -265,7 +265,7 @@ pub(super) fn record_failure(
     }
     let Range { first, count, round } = *range;
     let attempt = sure && count == 1;
-    job.charge(Charge { first, count, attempt, lost: lost.map(|worker| worker.0.clone()) });
+    job.record_charge(Charge { first, count, attempt, lost: lost.map(|worker| worker.0.clone()) });
     let attempts = if attempt { job.round.attempts_of(first) } else { 0 };
     if attempts > 0 {
         let (job, range, why) = (lease.job.clone(), *range, why.to_owned());

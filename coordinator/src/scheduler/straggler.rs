@@ -1,7 +1,7 @@
 //! Stragglers: leases that take far longer than expected at the end of a round. A second worker gets a copy of each.
 //! The first result counts; both have the same bits.
 
-use super::dispatch::charge;
+use super::dispatch::charge_job;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
 use super::lease::{AssignmentId, Lease, LeaseKind, assign};
@@ -57,7 +57,7 @@ fn copy(core: &mut Scheduler, now: Now, id: &WorkerId, original: AssignmentId) {
     let Some(lease) = core.leases.all.get(&original).cloned() else { return };
     let Some(job) = core.jobs.active.get_mut(&lease.job) else { return };
     let tasks = job.tasks(&lease.range);
-    let charged = charge(&mut core.queue, job, lease.range.count);
+    let charged = charge_job(&mut core.queue, job, lease.range.count);
     core.leases.copies.insert(original, copy);
     let lease = Lease { charged, ..Lease::new(now, id, &lease.job, lease.range, LeaseKind::Copy(original)) };
     assign(core, now, copy, lease, tasks);

@@ -1,7 +1,7 @@
 //! Suspects: tasks that ran on a worker that crashed. The scheduler can't know which of them caused the crash. So each
 //! suspect runs on a worker without any other lease. If that worker crashes too, only this task is charged.
 
-use super::dispatch::charge;
+use super::dispatch::charge_job;
 use super::fleet::{Worker, WorkerId};
 use super::job::ActiveJob;
 use super::lease::{Lease, LeaseKind, assign};
@@ -71,7 +71,7 @@ fn isolate(core: &mut Scheduler, now: Now, worker: &WorkerId, id: &JobId) {
     let Some(job) = core.jobs.active.get_mut(id) else { return };
     let Some(range) = job.round.cut_suspect(assignment) else { return };
     let tasks = job.tasks(&range);
-    let charged = charge(&mut core.queue, job, range.count);
+    let charged = charge_job(&mut core.queue, job, range.count);
     let lease = Lease { charged, solo: true, ..Lease::new(now, worker, id, range, LeaseKind::Ordinary) };
     assign(core, now, assignment, lease, tasks);
     core.leases.solos.insert(assignment, id.clone());
@@ -82,7 +82,7 @@ fn isolate(core: &mut Scheduler, now: Now, worker: &WorkerId, id: &JobId) {
 
 impl ActiveJob {
     /// Adds a charge to tasks of the current round.
-    pub(super) fn charge(&mut self, charge: Charge) {
+    pub(super) fn record_charge(&mut self, charge: Charge) {
         // A repeated suspicion changes nothing.
         if charge.attempt || !self.record.charges.contains(&charge) {
             self.record.charges.push(charge);

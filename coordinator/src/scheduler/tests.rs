@@ -192,7 +192,7 @@ impl Rig {
     }
 
     /// Commits the writes, and collects the messages to workers.
-    pub fn settle(&mut self) {
+    pub fn commit_and_collect(&mut self) {
         let actions = self.scheduler.take_actions();
         self.seen.writes(&actions);
         history::Seen::sends(&self.scheduler, self.now, &actions);
@@ -214,7 +214,7 @@ impl Rig {
 
     pub fn submit_job(&mut self, new: NewJob) -> JobId {
         let record = on_submit(&mut self.scheduler, self.now, new);
-        self.settle();
+        self.commit_and_collect();
         record.id
     }
 
@@ -236,7 +236,7 @@ impl Rig {
 
     pub fn greet(&mut self, greeting: Greeting) -> Welcome {
         let welcome = on_connect(&mut self.scheduler, self.now, greeting);
-        self.settle();
+        self.commit_and_collect();
         welcome
     }
 
@@ -247,12 +247,12 @@ impl Rig {
     /// The worker announces that it will stop, and finishes only these leases.
     pub fn drain(&mut self, id: &str, session: SessionId, finishing: &[AssignmentId]) {
         on_drain(&mut self.scheduler, self.now, &WorkerId(id.into()), session, finishing);
-        self.settle();
+        self.commit_and_collect();
     }
 
     pub fn pause(&mut self, id: &JobId, paused: bool) -> Option<JobRecord> {
         let record = on_pause(&mut self.scheduler, self.now, id, paused);
-        self.settle();
+        self.commit_and_collect();
         record
     }
 
@@ -269,7 +269,7 @@ impl Rig {
     /// Delivers once. Compares with the stored digests if the round was sealed long ago.
     pub fn deliver_once(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
         let mut verdict = on_result(&mut self.scheduler, self.now, completed.clone());
-        self.settle();
+        self.commit_and_collect();
         if verdict == Ok(Verdict::Older) {
             verdict = self.compare(completed);
         }
@@ -280,7 +280,7 @@ impl Rig {
     pub fn compare(&mut self, completed: Completed) -> Result<Verdict, RefusedResult> {
         let sealed = at_once(self.store.digests(&completed.job, completed.range.round)).expect("the round is sealed");
         let verdict = on_compare(&mut self.scheduler, self.now, completed, &sealed);
-        self.settle();
+        self.commit_and_collect();
         verdict
     }
 
@@ -343,7 +343,7 @@ impl Rig {
     pub fn advance(&mut self, by: Duration) {
         self.now.since_start += by;
         on_tick(&mut self.scheduler, self.now);
-        self.settle();
+        self.commit_and_collect();
     }
 
     /// Sends a heartbeat with the worker's assignments and `progress` for each.
@@ -357,7 +357,7 @@ impl Rig {
     /// Sends a heartbeat; returns `false` if the session has ended.
     pub fn beat(&mut self, id: &str, session: SessionId, running: &[AssignmentId], progress: &[u64]) -> bool {
         let known = on_heartbeat(&mut self.scheduler, self.now, &WorkerId(id.into()), session, running, progress);
-        self.settle();
+        self.commit_and_collect();
         known
     }
 
@@ -445,7 +445,7 @@ impl Rig {
             let resumed = Resumed { record, toml, procedure, last: state.last, results };
             on_resume(&mut self.scheduler, self.now, resumed).expect("a stored job resumes");
         }
-        self.settle();
+        self.commit_and_collect();
     }
 }
 

@@ -1,40 +1,43 @@
 //! A job, from its file to all inputs of an evaluation.
 
 mod budget;
+mod candidates;
 mod finish;
+mod parts;
 mod plan;
 mod preparation;
 mod scene;
 mod simulate;
 mod spec;
 mod standing;
+mod tables;
 
 pub use finish::{Finish, FinishKind, FinishSpec};
 pub use plan::{GaitSet, PLAN, PlanSpec};
 pub use preparation::{Job, Preparation, Unfit, Unprepared};
 pub use simulate::{ReplanSpec, SIMULATE, SimulateSpec, TargetTable, VarySpec, Way};
 pub use spec::{JobSpec, Reference};
+pub use tables::JobKind;
 
 use crate::base::digest::Digest;
-use crate::base::error::{Faults, Invalid, name, whole_in_range};
+use crate::base::error::{Faults, Invalid, whole_in_range};
 use crate::base::registry::Chosen as Registration;
 use crate::base::score::Direction;
 use crate::base::settings::Settings;
 use crate::base::{limits, toml_file};
-use crate::control::{Controller, GaitsSpec, space_of, validate_gaits, whole_steps};
-use crate::engines::fidelity::FidelityTable;
-use crate::engines::{Chosen, Why, auto};
-use crate::engines::{Quiet, engine, engine_digest, engines_digest};
+use crate::control::{Controller, GaitsSpec};
+use crate::engines::{Chosen, Quiet, engine, engine_digest, engines_digest};
 use crate::genotype::{Genotype, Space};
 use crate::model::environment::Environment;
-use crate::model::{Robot, RobotSpec, catalogue};
+use crate::model::{Robot, RobotSpec};
 use crate::objective::{Coverage, Distance, FitnessSpec, ObjectiveKind};
-use crate::physics::{Engine, Physics};
-use crate::physics::{EngineKind, PhysicsSpec};
-use crate::plan::validate_planner;
-use crate::plan::{PlannerSettings, PlannerSpec, Reuse};
+use crate::physics::{Engine, EngineKind, Physics, PhysicsSpec};
+use crate::plan::{PlannerSettings, Reuse};
 use crate::search::{self, OptimiserSpec, Search};
+use candidates::Candidates;
+use parts::Parts;
 use std::sync::Arc;
+use tables::check_tables;
 
 /// A resolved and validated job with its robot compiled: everything that is known without a simulation. Making and
 /// cloning it takes little time. [`Checked::prepare`] and [`Checked::with`] turn it into a [`Job`].
@@ -73,95 +76,14 @@ impl Checked {
     /// Resolves and validates a self-contained job. Simulates nothing.
     pub fn new(mut spec: JobSpec) -> Result<Self, Invalid> {
         let mut faults = Faults::default();
-        faults.take(name("name", &spec.name));
-        let most = limits::MAX_DESCRIPTION_LENGTH as u64;
-        faults.take(whole_in_range("description length", spec.description.len() as u64, (0, most), "bytes"));
-        faults.take(whole_in_range("seed", spec.seed, (0, limits::MAX_SEED), ""));
-        faults.take(spec.gaits.as_ref().map_or(Ok(()), validate_gaits));
-        faults.take(validate_planner(&spec.planner));
-        faults.take(tables_of_procedure(&spec));
-        if let Some(optimiser) = &spec.optimiser {
-            faults.take(optimiser.validate());
-        }
-        if let Some(plan) = &spec.plan {
-            faults.take(plan.validate(spec.planner.iterations));
-        }
-        if let Some(simulate) = &mut spec.simulate {
-            faults.take(simulate.resolve());
-        }
-        let evolves = JobKind::of(&spec) == JobKind::Evolve;
-        let finish = match evolves {
-            false => Some(None),
-            true => faults.take(spec.finish.clone().unwrap_or_default().resolve(spec.physics.scale)),
-        };
-        let robot_spec = faults.take(resolve_robot(&spec));
-        let environment = faults.take(resolve_environment(&spec.environment));
-        let robot = robot_spec.as_ref().and_then(|robot_spec| faults.take(Robot::compile(robot_spec)));
-        let chosen = match (&robot, &environment) {
-            (Some(robot), Some(environment)) => {
-                faults.take(auto::choose(&spec.physics, robot, environment, FidelityTable::shipped()))
-            }
-            _ => None,
-        };
-        if let Some(Why::Measured(setting)) = chosen.map(|chosen| chosen.why) {
-            spec.physics = auto::with_steps(&spec.physics, setting);
-        }
-        // Ranges of physics are the same for both engines.
-        let engine_kind = chosen.map_or(EngineKind::Rapier, |chosen| chosen.engine);
-        let physics = faults.take(Physics::resolve(engine_kind, &spec.physics));
-        faults.end()?;
-        let (Some(robot_spec), Some(environment), Some(robot), Some(chosen), Some(physics), Some(finish)) =
-            (robot_spec, environment, robot, chosen, physics, finish)
-        else {
-            unreachable!("a missing part has left a fault")
-        };
+        check_tables(&mut spec, &mut faults);
+        let parts = Parts::resolve(&mut spec, faults)?;
+        let Candidates { gaits, space, given } = Candidates::resolve(&mut spec, &parts)?;
+        let fitness = spec.fitness.take().unwrap_or_else(|| default_fitness(&parts.environment));
+        fitness.validate(&parts.environment)?;
 
-        let mut faults = Faults::default();
-        let gaits = spec.gaits.clone().unwrap_or_else(|| {
-            let duration = spec.simulate.as_ref().and_then(SimulateSpec::duration).unwrap_or_default();
-            GaitsSpec::of_motion(simulate::whole_time(duration, physics.steps_per_second))
-        });
-        faults.take(whole_steps("gaits.duration", &gaits, physics.steps_per_second));
-        if let Some(finish) = &finish {
-            faults.take(whole_steps("finish.steps_per_second", &gaits, finish.steps_per_second));
-        }
-        let space = faults.take(space_of(&gaits, &robot));
-        match &spec.simulate {
-            Some(simulate) => faults.take(simulate.fits(&robot, &environment, gaits.count)),
-            None => {
-                faults.take(resolve_stop_at_goal(&mut spec, &environment));
-                faults.take(budget::validate(&spec, &gaits, &environment, &physics))
-            }
-        };
-        let mut given = None;
-        if let Some(space) = &space {
-            if let Some(optimiser) = &spec.optimiser {
-                let parameters = space.longest() as u64 * u64::from(optimiser.population());
-                let most = limits::MAX_GENERATION_PARAMETERS as u64;
-                let field = "parameters of a generation (candidates × length of the genome)";
-                faults.take(whole_in_range(field, parameters, (1, most), ""));
-                faults.take(optimiser.takes(space));
-            }
-            let sets = [
-                ("plan.gaits", spec.plan.as_ref().map(|plan| &plan.gaits)),
-                ("simulate.gaits", spec.simulate.as_ref().and_then(|simulate| simulate.gaits.as_ref())),
-            ];
-            for (field, set) in sets.iter().filter_map(|(field, set)| Some((field, (*set)?))) {
-                let set = faults.take(plan::written_out(field, set));
-                given = set.and_then(|set| faults.take(set.genotype(field, &robot, &gaits, space)));
-            }
-        }
-        faults.end()?;
-        let Some(space) = space else { unreachable!("a missing space has left a fault") };
-        let fitness = spec.fitness.take().unwrap_or_else(|| default_fitness(&environment));
-        fitness.validate(&environment)?;
-
-        spec.variant = None;
-        spec.physics = physics.written_out(chosen.engine, &spec.physics);
-        spec.robot = Reference::Inline(Box::new(robot_spec.clone()));
-        spec.environment = Reference::Inline(Box::new(environment.clone()));
-        spec.fitness = spec.simulate.is_none().then(|| fitness.clone());
-        spec.finish = evolves.then(|| Finish::written_out(finish.as_ref()));
+        write_out(&mut spec, &parts, &fitness);
+        let Parts { robot_spec, robot, environment, engine, physics, finish } = parts;
         let mut reference = finish.as_ref().map(|finish| on_reference(&spec, finish)).transpose()?;
         if spec.simulate.is_some() {
             reference = planning(&mut spec)?;
@@ -172,7 +94,7 @@ impl Checked {
             robot_spec,
             environment,
             robot,
-            engine: chosen,
+            engine,
             physics,
             gaits,
             space,
@@ -337,7 +259,7 @@ impl Checked {
     /// Returns the table of the search.
     ///
     /// # Panics
-    /// If the job does not [evolve](Self::does).
+    /// If the job does not [evolve](Self::kind).
     pub fn optimiser_spec(&self) -> &OptimiserSpec {
         self.0.spec.optimiser.as_ref().expect("a job that evolves has an optimiser")
     }
@@ -345,70 +267,20 @@ impl Checked {
     /// Creates a search at generation 0.
     ///
     /// # Panics
-    /// If the job does not [evolve](Self::does).
+    /// If the job does not [evolve](Self::kind).
     pub fn optimiser(&self) -> Box<dyn Search> {
         search::build(self.optimiser_spec(), self.0.space.clone(), self.direction(), self.0.spec.seed)
     }
 }
 
-/// Kind of work that a job does, by the tables that it needs. A procedure that another program registers counts as
-/// [`JobKind::Evolve`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum JobKind {
-    /// The search for gaits.
-    Evolve,
-    /// The growth of trees with given gaits.
-    Plan,
-    /// The execution of a given motion.
-    Simulate,
-}
-
-impl JobKind {
-    fn of(spec: &JobSpec) -> Self {
-        match spec.procedure.as_deref() {
-            Some(PLAN) => Self::Plan,
-            Some(SIMULATE) => Self::Simulate,
-            _ => Self::Evolve,
-        }
-    }
-}
-
-/// Rejects jobs with a table that their procedure does not use, and jobs without a table that it needs.
-fn tables_of_procedure(spec: &JobSpec) -> Result<(), Invalid> {
-    let does = JobKind::of(spec);
-    let [evolves, plans, simulates] = [JobKind::Evolve, JobKind::Plan, JobKind::Simulate].map(|one| does == one);
-    let needs_gaits = spec.simulate.as_ref().is_none_or(SimulateSpec::uses_gaits);
-    let what = spec.procedure.as_deref().map_or("a job without `procedure`, which evolves,".to_owned(), |name| {
-        format!("a job with procedure = \"{name}\"")
-    });
-    let conflict = |field: &str, reason: String| Err(Invalid::Conflict { field: field.to_owned(), reason });
-    // Per table: its name, its presence, and `Some(true)` if it is required, `Some(false)` if forbidden, `None` if
-    // optional.
-    for (table, there, wanted) in [
-        ("gaits", spec.gaits.is_some(), Some(!simulates || needs_gaits)),
-        ("fitness", spec.fitness.is_some(), (!plans).then_some(evolves)),
-        ("optimiser", spec.optimiser.is_some(), Some(evolves)),
-        ("plan", spec.plan.is_some(), Some(plans)),
-        ("simulate", spec.simulate.is_some(), Some(simulates)),
-        ("finish", spec.finish.is_some(), (!evolves).then_some(false)),
-    ] {
-        match (there, wanted) {
-            (false, Some(true)) => return conflict(table, format!("{what} needs this table: add it")),
-            (true, Some(false)) => return conflict(table, format!("{what} has no such table: leave it out")),
-            _ => {}
-        }
-    }
-    if !evolves && spec.planner.repeats != 1 {
-        let reason = "a job that plans grows one tree per seed: leave this key out and set plan.seeds".to_owned();
-        return conflict("planner.repeats", reason);
-    }
-    let grows = !simulates || spec.simulate.as_ref().is_some_and(|simulate| simulate.replan.is_some());
-    if !grows && spec.planner != PlannerSpec::default() {
-        let reason = "a job that simulates grows trees only if it replans: leave the table out, or add \
-                      [simulate.replan]";
-        return conflict("planner", reason.to_owned());
-    }
-    Ok(())
+/// Writes every setting of the resolved job out into its tables.
+fn write_out(spec: &mut JobSpec, parts: &Parts, fitness: &FitnessSpec) {
+    spec.variant = None;
+    spec.physics = parts.physics.written_out(parts.engine.engine, &spec.physics);
+    spec.robot = Reference::Inline(Box::new(parts.robot_spec.clone()));
+    spec.environment = Reference::Inline(Box::new(parts.environment.clone()));
+    spec.fitness = spec.simulate.is_none().then(|| fitness.clone());
+    spec.finish = (JobKind::of(spec) == JobKind::Evolve).then(|| Finish::written_out(parts.finish.as_ref()));
 }
 
 /// Makes the job that computes the plans of a job that simulates and replans, and writes its physics into
@@ -437,55 +309,11 @@ fn planning(spec: &mut JobSpec) -> Result<Option<Checked>, Invalid> {
     Ok(Some(job))
 }
 
-/// Resolves `planner.stop_at_goal`. Only jobs that plan write the value false out.
-fn resolve_stop_at_goal(spec: &mut JobSpec, environment: &Environment) -> Result<(), Invalid> {
-    let (plans, goal) = (spec.plan.is_some(), environment.goal.is_some());
-    let stop = spec.planner.stop_at_goal.unwrap_or(plans && goal);
-    if stop && !goal {
-        let reason = format!(
-            "environment \"{}\" has no goal: add `goal = {{ x = …, y = … }}` to it, or set this key to false",
-            environment.name
-        );
-        return Err(Invalid::Conflict { field: "planner.stop_at_goal".into(), reason });
-    }
-    spec.planner.stop_at_goal = (stop || plans).then_some(stop);
-    Ok(())
-}
-
 /// Returns the default objective: the distance to the goal, or coverage if there is no goal.
 fn default_fitness(environment: &Environment) -> FitnessSpec {
     let kind: Registration<dyn ObjectiveKind> =
         if environment.goal.is_some() { Registration(&Distance) } else { Registration(&Coverage) };
     FitnessSpec { kind, settings: Settings::defaults(kind.0.settings()) }
-}
-
-fn resolve_robot(spec: &JobSpec) -> Result<RobotSpec, Invalid> {
-    let mut robot: RobotSpec = match &spec.robot {
-        Reference::Inline(robot) => (**robot).clone(),
-        Reference::Named(name) => toml::from_str(shipped("robot", catalogue::robots(), name)?)?,
-    };
-    if let Some(variant) = &spec.variant {
-        robot = robot.variant(variant)?;
-    }
-    robot.variants.clear();
-    Ok(robot)
-}
-
-fn resolve_environment(reference: &Reference<Environment>) -> Result<Environment, Invalid> {
-    let environment: Environment = match reference {
-        Reference::Inline(environment) => (**environment).clone(),
-        Reference::Named(name) => toml::from_str(shipped("environment", catalogue::environments(), name)?)?,
-    };
-    environment.validate()?;
-    Ok(environment)
-}
-
-fn shipped(field: &str, entries: &'static [catalogue::Entry], name: &str) -> Result<&'static str, Invalid> {
-    catalogue::find(entries, name).map(|e| e.toml).ok_or_else(|| Invalid::Unknown {
-        field: field.to_owned(),
-        value: name.to_owned(),
-        known: entries.iter().map(|e| e.name.to_owned()).collect(),
-    })
 }
 
 /// Makes a job with other physics and without a finish.

@@ -147,8 +147,8 @@ impl Checked {
     /// # Errors
     /// If the robot can't stand, its start is blocked, or `stop` returns true.
     pub fn prepare(&self, stop: &dyn Fn() -> bool) -> Result<Preparation, Unprepared> {
-        let own = self.settle(stop)?;
-        let on_reference = |reference: &Checked| match (reference.settle(stop), self.finish()) {
+        let own = self.settled_start(stop)?;
+        let on_reference = |reference: &Checked| match (reference.settled_start(stop), self.finish()) {
             (Err(Unprepared::Refused(fault)), Some(finish)) => {
                 Err(Unprepared::Refused(unusable_reference(finish, &fault)))
             }
@@ -192,7 +192,7 @@ impl Checked {
         self.standing(settled, reference)
     }
 
-    fn settle(&self, stop: &dyn Fn() -> bool) -> Result<Start, Unprepared> {
+    fn settled_start(&self, stop: &dyn Fn() -> bool) -> Result<Start, Unprepared> {
         let settled =
             settle_quietly_until(self.chosen().engine, self.robot(), self.physics(), stop).map_err(unsettled)?;
         let start = Start::of(&settled);

@@ -10,6 +10,7 @@ mod exchange;
 mod finish;
 mod fixed_parameters;
 mod formats;
+mod import_doubts;
 mod import_kinds;
 mod jobs;
 mod misspelt;

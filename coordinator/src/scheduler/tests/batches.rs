@@ -11,7 +11,7 @@ fn waiting_job_goes_on_with_its_batch() {
         rig.connect("w", 1);
         let offer = |rig: &mut Rig, batch: &[u8]| {
             let answer = on_offer(&mut rig.scheduler, rig.now, &job, batch).expect("the job has not ended");
-            rig.settle();
+            rig.commit_and_collect();
             answer.map(|record| record.state)
         };
         assert!(offer(&mut rig, b"batch").is_err(), "a running job accepts no batch");
@@ -58,7 +58,7 @@ fn late_result_is_compared_while_job_waits() {
     assert_eq!((rig.quarantined(), rig.stored(&job).state), (vec!["x".to_owned()], JobState::Waiting));
     let answer = on_offer(&mut rig.scheduler, rig.now, &job, b"batch");
     assert!(answer.is_some_and(|answer| answer.is_ok()));
-    rig.settle();
+    rig.commit_and_collect();
     rig.work_off();
     assert_eq!(rig.stored(&job).result_digest, Some(digest_of("a", fake).0));
 }

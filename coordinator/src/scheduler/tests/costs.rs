@@ -93,7 +93,7 @@ fn leases_lost_together_are_written_once() {
         let session = rig.connect(&format!("w{worker}"), 2);
         rig.disconnect(&format!("w{worker}"), session);
     }
-    rig.settle();
+    rig.commit_and_collect();
     rig.now.since_start += LEASE;
     on_tick(&mut rig.scheduler, rig.now);
     let written = rig.scheduler.take_actions().iter().filter(|a| matches!(a, Action::Write(_))).count();

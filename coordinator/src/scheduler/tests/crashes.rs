@@ -121,7 +121,7 @@ fn reconnect(rig: &mut Rig, id: &str, slots: u32) -> SessionId {
     let running = mine.map(Given::claim).collect();
     let welcome = rig.greet(Greeting { running, ..greeting(id, slots) });
     rig.given.retain(|g| !welcome.drop.contains(&g.id()));
-    rig.settle();
+    rig.commit_and_collect();
     welcome.session
 }
 

@@ -117,7 +117,7 @@ fn arbiter_is_on_another_host_if_possible() {
     let elsewhere = Greeting { address: "10.0.0.2:1".to_owned(), ..greeting("z", 1) };
     rig.greet(elsewhere);
     rig.pause(&job, false);
-    rig.settle();
+    rig.commit_and_collect();
     let mut asked = rig.scheduler.leases.all.values().filter(|l| l.kind == lease::LeaseKind::Arbitration);
     assert_eq!(
         asked.next().map(|l| l.worker.to_string()).as_deref(),
@@ -199,7 +199,7 @@ fn self_contradicting_worker_has_no_vote() {
 
 fn connect_at(rig: &mut Rig, id: &str, host: u8) {
     rig.greet(Greeting { address: format!("10.0.0.{host}:7"), ..greeting(id, 1) });
-    rig.settle();
+    rig.commit_and_collect();
 }
 
 /// The worker delivers results of its next assignment.

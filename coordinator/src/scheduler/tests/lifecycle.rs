@@ -98,7 +98,7 @@ fn repeated_late_or_wrong_result_gets_its_verdict() {
     assert_eq!(rig.answer(&rig.given_to("w", &unknown)), Verdict::Unknown);
 
     on_cancel(&mut rig.scheduler, rig.now, &job);
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(rig.complete(given.completed(delivery)), Verdict::Obsolete);
     assert_eq!(rig.stored(&job).state, JobState::Cancelled);
 }
@@ -158,7 +158,7 @@ fn paused_job_frees_slots_and_can_be_cancelled() {
     rig.work_off();
     assert_eq!(rig.stored(&other).state, JobState::Succeeded);
     let cancelled = on_cancel(&mut rig.scheduler, rig.now, &job).unwrap();
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!((cancelled.state, cancelled.paused), (JobState::Cancelled, false));
 }
 
@@ -180,7 +180,7 @@ fn returned_leases_cost_no_attempt() {
         let id = format!("drains{round}");
         let session = rig.connect(&id, 4);
         rig.drain(id.as_str(), session, &[]);
-        rig.settle();
+        rig.commit_and_collect();
         assert_eq!(leased(&rig, &job), 0);
     }
     let session = rig.connect("rejects", 1);
@@ -188,7 +188,7 @@ fn returned_leases_cost_no_attempt() {
     for _ in 0..5 {
         let given = rig.take().unwrap();
         on_return(&mut rig.scheduler, rig.now, &given.worker, session, given.id());
-        rig.settle();
+        rig.commit_and_collect();
         assert_eq!(leased(&rig, &job), 0, "the worker gets no work of a job that it just rejected");
         rig.now.since_start += LEASE / 2;
         assert!(on_heartbeat(&mut rig.scheduler, rig.now, &given.worker, session, &[], &[]));
@@ -206,7 +206,7 @@ fn draining_worker_keeps_only_what_it_finishes() {
     let leaves = WorkerId("leaves".into());
     let kept = rig.take().expect("the worker has an assignment");
     on_drain(&mut rig.scheduler, rig.now, &leaves, session, &[kept.id()]);
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(leased(&rig, &job), 1);
 
     // A second drain message returns the remaining leases.
@@ -214,7 +214,7 @@ fn draining_worker_keeps_only_what_it_finishes() {
     let given_up = rig.given.pop().expect("the worker has an assignment");
     on_drain(&mut rig.scheduler, rig.now, &given_up.worker, second, &[given_up.id()]);
     on_drain(&mut rig.scheduler, rig.now, &given_up.worker, second, &[]);
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(leased(&rig, &job), 1);
 
     assert_eq!(rig.answer(&kept), Verdict::Accepted);
@@ -312,7 +312,7 @@ fn reconnected_worker_keeps_its_leases() {
     let future = Running { assignment: AssignmentId(u64::MAX), ..second.claim() };
     let running = vec![first.claim(), unknown, future];
     let welcome = rig.greet(Greeting { running, ..greeting("w", 2) });
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(welcome.keep, [first.id()]);
     assert_eq!(welcome.drop, [AssignmentId(5), AssignmentId(u64::MAX)]);
     let again = rig.take().expect("the lease that the worker did not report is assigned again");
@@ -328,7 +328,7 @@ fn running_work_is_adopted_after_restart() {
     rig.restart();
     let claim = running.claim();
     let welcome = rig.greet(Greeting { running: vec![claim], ..greeting("w", 1) });
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(welcome.keep, [running.id()]);
     assert!(rig.given.is_empty(), "the only slot is busy with the adopted lease");
     assert_eq!(rig.answer(&running), Verdict::Accepted);

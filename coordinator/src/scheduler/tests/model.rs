@@ -158,6 +158,12 @@ impl World {
         (!all.is_empty()).then(|| all[pick % all.len()])
     }
 
+    /// Returns one of the assignments that match. Without `keep` its worker does not have it any more.
+    fn take(&mut self, pick: usize, keep: bool, of: impl Fn(&Given) -> bool) -> Option<Given> {
+        let at = self.pick(pick, of)?;
+        Some(if keep { self.rig.given[at].clone() } else { self.rig.given.remove(at) })
+    }
+
     fn deliver(&mut self, given: &Given, worker: WorkerId, delivery: Delivery) {
         let correct = worker != worker_id(FAULTY);
         let wrong = differs(&delivery, &given.delivery());
@@ -231,42 +237,69 @@ impl World {
         }
     }
 
+    fn submit(&mut self, slot: u8) {
+        if !self.jobs.contains_key(&slot) {
+            let id = self.rig.submit(NAMES[slot as usize], TASKS[slot as usize], ROUNDS);
+            self.jobs.insert(slot, id);
+        }
+    }
+
+    fn connect(&mut self, worker: u8, slots: u32, left: Option<u64>) {
+        let greeting = Greeting { time_left: left.map(Duration::from_secs), ..self.greeting(worker, slots) };
+        let welcome = on_connect(&mut self.rig.scheduler, self.rig.now, greeting);
+        self.adopted |= !welcome.keep.is_empty();
+        self.rig.given.retain(|g| !welcome.drop.contains(&g.id()));
+        self.sessions.insert(worker, welcome.session);
+    }
+
+    fn disconnect(&mut self, worker: u8) {
+        if let Some(session) = self.sessions.get(&worker) {
+            self.faults += 1;
+            on_disconnect(&mut self.rig.scheduler, self.rig.now, &worker_id(worker), *session);
+        }
+    }
+
+    /// A worker rejects an assignment.
+    fn reject(&mut self, pick: usize) {
+        let Some(given) = self.take(pick, false, |_| true) else { return };
+        let worker: u8 = given.worker.0[1..].parse().unwrap();
+        if let Some(session) = self.sessions.get(&worker) {
+            on_return(&mut self.rig.scheduler, self.rig.now, &given.worker, *session, given.id());
+        }
+    }
+
+    /// A worker delivers a failure.
+    fn fail(&mut self, pick: usize) {
+        let Some(given) = self.take(pick, false, |_| true) else { return };
+        self.faults += 1;
+        let failure = Delivery::Failure("by the test".to_owned());
+        self.rig.deliver(given.completed(failure)).expect("the assignment was issued");
+    }
+
+    fn restart(&mut self) {
+        self.rig.commit_and_collect();
+        self.rig.restart();
+        self.sessions.clear();
+        self.still.clear();
+    }
+
     fn step(&mut self, step: Step) {
         let now = self.rig.now;
         match step {
-            Step::Submit(slot) => {
-                if !self.jobs.contains_key(&slot) {
-                    let id = self.rig.submit(NAMES[slot as usize], TASKS[slot as usize], ROUNDS);
-                    self.jobs.insert(slot, id);
-                }
-            }
-            Step::Connect { worker, slots, left } => {
-                let greeting = Greeting { time_left: left.map(Duration::from_secs), ..self.greeting(worker, slots) };
-                let welcome = on_connect(&mut self.rig.scheduler, now, greeting);
-                self.adopted |= !welcome.keep.is_empty();
-                self.rig.given.retain(|g| !welcome.drop.contains(&g.id()));
-                self.sessions.insert(worker, welcome.session);
-            }
+            Step::Submit(slot) => self.submit(slot),
+            Step::Connect { worker, slots, left } => self.connect(worker, slots, left),
             Step::Reconnect(worker) => {
                 if self.sessions.contains_key(&worker) {
                     self.step(Step::Connect { worker, slots: 2, left: None });
                 }
             }
             Step::Complete { pick, keep } => {
-                if let Some(at) = self.pick(pick, |_| true) {
-                    let given = self.rig.given[at].clone();
-                    if !keep {
-                        self.rig.given.remove(at);
-                    }
+                if let Some(given) = self.take(pick, keep, |_| true) {
                     self.deliver(&given, given.worker.clone(), given.delivery());
                 }
             }
             Step::CompleteWrong { pick, keep, how } => {
-                if let Some(at) = self.pick(pick, |g| g.worker == worker_id(FAULTY)) {
-                    let given = self.rig.given[at].clone();
-                    if !keep {
-                        self.rig.given.remove(at);
-                    }
+                if let Some(given) = self.take(pick, keep, |g| g.worker == worker_id(FAULTY)) {
                     self.deliver(&given, given.worker.clone(), given.wrong(how));
                 }
             }
@@ -277,17 +310,11 @@ impl World {
                 }
             }
             Step::Twice { pick, worker } => {
-                if let Some(at) = self.pick(pick, |_| true) {
-                    let given = self.rig.given[at].clone();
+                if let Some(given) = self.take(pick, true, |_| true) {
                     self.deliver(&given, worker_id(worker), given.delivery());
                 }
             }
-            Step::Disconnect(worker) => {
-                if let Some(session) = self.sessions.get(&worker) {
-                    self.faults += 1;
-                    on_disconnect(&mut self.rig.scheduler, now, &worker_id(worker), *session);
-                }
-            }
+            Step::Disconnect(worker) => self.disconnect(worker),
             Step::Heartbeat { worker, moves } => self.heartbeat(worker, moves),
             Step::Drain(worker) => {
                 if let Some(session) = self.sessions.get(&worker) {
@@ -299,23 +326,8 @@ impl World {
                     on_expel(&mut self.rig.scheduler, now, &worker_id(worker), *session);
                 }
             }
-            Step::Reject(pick) => {
-                if let Some(at) = self.pick(pick, |_| true) {
-                    let given = self.rig.given.remove(at);
-                    let worker: u8 = given.worker.0[1..].parse().unwrap();
-                    if let Some(session) = self.sessions.get(&worker) {
-                        on_return(&mut self.rig.scheduler, now, &given.worker, *session, given.id());
-                    }
-                }
-            }
-            Step::Fail(pick) => {
-                if let Some(at) = self.pick(pick, |_| true) {
-                    self.faults += 1;
-                    let given = self.rig.given.remove(at);
-                    let failure = Delivery::Failure("by the test".to_owned());
-                    self.rig.deliver(given.completed(failure)).expect("the assignment was issued");
-                }
-            }
+            Step::Reject(pick) => self.reject(pick),
+            Step::Fail(pick) => self.fail(pick),
             Step::Forge { pick, how } => self.forge(pick, how),
             Step::Garble { pick, how } => self.garble(pick, how),
             Step::Pass(seconds) => {
@@ -336,14 +348,9 @@ impl World {
                     on_cancel(&mut self.rig.scheduler, now, id);
                 }
             }
-            Step::Restart => {
-                self.rig.settle();
-                self.rig.restart();
-                self.sessions.clear();
-                self.still.clear();
-            }
+            Step::Restart => self.restart(),
         }
-        self.rig.settle();
+        self.rig.commit_and_collect();
         let leases = &self.rig.scheduler.leases.all;
         self.still.retain(|id, _| leases.contains_key(id));
     }
@@ -372,7 +379,7 @@ impl World {
     fn finish(&mut self) {
         self.rig.now.since_start += LEASE * 2;
         on_tick(&mut self.rig.scheduler, self.rig.now);
-        self.rig.settle();
+        self.rig.commit_and_collect();
         for id in self.jobs.values() {
             on_pause(&mut self.rig.scheduler, self.rig.now, id, false);
         }

@@ -192,7 +192,7 @@ fn quarantine_keeps_a_bounded_number_of_entries() {
     let finder = crate::record::Claimant { worker: "one more".into(), host: "".into() };
     let source = crate::record::Source { finder, name: "".into() };
     trust::quarantine(&mut rig.scheduler, rig.now, &source, "it is a test");
-    rig.settle();
+    rig.commit_and_collect();
     let all = rig.quarantined();
     assert_eq!(all.len(), MAX_QUARANTINED);
     assert!(!rig.is_quarantined("w00000") && rig.is_quarantined("w00001") && rig.is_quarantined("one more"));

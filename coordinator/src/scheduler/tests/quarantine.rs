@@ -74,7 +74,7 @@ fn disputes_in_other_jobs_need_one_write_each() {
         let disputes = |id: &JobId| rig.scheduler.jobs.active[id].record.disputes.len();
         let noted: Vec<_> = rig.scheduler.out.to_note.iter().map(|id| (id.clone(), disputes(id))).collect();
         assert_eq!(noted, [(job.clone(), 5), (sealed.clone(), 5)], "one write per job");
-        rig.settle();
+        rig.commit_and_collect();
 
         rig.connect("d", 1);
         rig.connect("e", 1);

@@ -98,7 +98,7 @@ fn result_of_quarantined_worker_or_ended_job_is_ignored() {
     let finder = crate::record::Claimant { worker: "late".into(), host: "".into() };
     let source = crate::record::Source { finder, name: "".into() };
     trust::quarantine(&mut rig.scheduler, rig.now, &source, "it is a test");
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(rig.compare(late.clone()), Ok(Verdict::Quarantined));
     assert_eq!(
         on_result(&mut rig.scheduler, rig.now, late),
@@ -106,7 +106,7 @@ fn result_of_quarantined_worker_or_ended_job_is_ignored() {
         "a quarantined worker's result is not compared"
     );
     on_cancel(&mut rig.scheduler, rig.now, &job);
-    rig.settle();
+    rig.commit_and_collect();
     let other = rig.given_to("other", &first);
     assert_eq!(rig.compare(other.completed(other.delivery())), Ok(Verdict::Obsolete));
     assert_eq!(rig.rulings(&job), []);

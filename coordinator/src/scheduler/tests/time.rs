@@ -58,7 +58,7 @@ fn copy_takes_over_from_drained_original() {
     rig.heartbeat("fast", sessions["fast"], 0);
     let copy = rig.take_of("fast").expect("a copy");
     on_drain(&mut rig.scheduler, rig.now, &slow.worker, sessions["slow"], &[]);
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(leased(&rig, &job), 1, "the copy continues, with no third lease");
     assert_eq!(rig.scheduler.jobs.active[&job].round.pending(), 0);
     assert_eq!(rig.answer(&copy), Verdict::Accepted);
@@ -67,14 +67,14 @@ fn copy_takes_over_from_drained_original() {
     rig.now.since_start += Duration::from_secs(3);
     rig.heartbeat("fast", sessions["fast"], 0);
     rig.drain("fast", sessions["fast"], &[]);
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(
         (leased(&rig, &job), rig.scheduler.leases.copies.len()),
         (1, 0),
         "the original continues without a copy"
     );
     rig.drain("slow", sessions["slow"], &[]);
-    rig.settle();
+    rig.commit_and_collect();
     assert_eq!(rig.scheduler.jobs.active[&job].round.pending(), 1);
 }
 
@@ -130,7 +130,7 @@ fn queued_or_unreported_lease_is_not_revoked() {
         rig.now.since_start += LEASE / 2;
         assert!(rig.beat("w", session, &ids, &[]));
     }
-    rig.settle();
+    rig.commit_and_collect();
     assert!(rig.cancelled.is_empty());
 }
 
@@ -144,7 +144,7 @@ fn undelivered_lease_is_assigned_again() {
     for _ in 0..4 {
         rig.now.since_start += LEASE / 5;
         assert!(rig.beat("w", session, &[], &[]));
-        rig.settle();
+        rig.commit_and_collect();
     }
     let again = rig.take().expect("the task is assigned again");
     assert!(again.id() != lost.id() && again.range() == lost.range());
@@ -176,7 +176,7 @@ fn worker_with_own_stuck_timeout_gets_more_time() {
     rig.submit("a", 1, 1);
     let stuck_after = Some(10 * LEASE);
     let session = rig.greet(Greeting { stuck_after, ..greeting("slow", 1) }).session;
-    rig.settle();
+    rig.commit_and_collect();
     for beat in 0..25 {
         rig.now.since_start += LEASE / 2;
         rig.heartbeat("slow", session, 1);
@@ -214,7 +214,7 @@ fn leaving_worker_gets_only_tasks_that_fit() {
     let seconds = |s| Some(Duration::from_secs(s));
     let connect = |rig: &mut Rig, id: &str, time_left| {
         rig.greet(Greeting { time_left, ..greeting(id, 1) });
-        rig.settle();
+        rig.commit_and_collect();
         rig.take_of(id).map(|g| g.range().count)
     };
     // The worker is drained 4 s before its machine shuts down, so 3 of its 7 s remain, and a range of 5 tasks would

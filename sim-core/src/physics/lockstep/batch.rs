@@ -52,6 +52,45 @@ struct Lane {
     effort: Effort,
 }
 
+impl Lane {
+    /// Makes the rollout of the lane. `rate` is the number of steps per second, `end_speed` the greatest speed at the
+    /// end, mu/s, and `effort` the work of the motors over all steps.
+    fn into_rollout(
+        self,
+        (request, course): &(Request<'_>, Course),
+        rate: u32,
+        end_speed: f32,
+        effort: Effort,
+    ) -> Rollout {
+        let (outcome, done) = match self.broken {
+            None => (course.outcome, course.steps),
+            Some((step, bound)) => {
+                (Outcome::Unstable { time: (f64::from(step) / f64::from(rate)) as f32, bound }, step)
+            }
+        };
+        // Last sample at which the simulation was sound.
+        let sound = (0..self.trace.len()).take_while(|&s| self.trace.time(s) * rate as f32 <= done as f32).last();
+        let mut end = request.start.clone();
+        if let Some(s) = sound {
+            let state = self.trace.state(s);
+            end = State { velocities: Some(self.velocities), connections: end.connections, phase: end.phase, ..state };
+        }
+        if outcome == Outcome::Completed {
+            end.phase = request.motion.end_phase().clone();
+        }
+        let kept = sound.map_or(1, |s| s + 1);
+        Rollout {
+            end,
+            end_speed,
+            swept: spans(&self.boxes[..kept.min(self.boxes.len())]),
+            trace: self.trace,
+            outcome,
+            simulated_ms: u64::from(done) * 1000 / u64::from(rate),
+            effort: self.broken.map_or(effort, |_| self.effort),
+        }
+    }
+}
+
 /// Simulates up to one rollout per lane, all of the same number of steps.
 #[inline(always)]
 fn roll<S: Simd, G: Surface<S>>(
@@ -108,36 +147,11 @@ fn roll<S: Simd, G: Surface<S>>(
             break;
         }
     }
-    let ms = |step: u32| u64::from(step) * 1000 / u64::from(rate);
-    let outcome = |(lane, (request, course)): (Lane, &&(Request<'_>, Course)), i: usize| {
-        let (outcome, done) = match lane.broken {
-            None => (course.outcome, steps),
-            Some((step, bound)) => {
-                (Outcome::Unstable { time: (f64::from(step) / f64::from(rate)) as f32, bound }, step)
-            }
-        };
-        // Last sample at which the simulation was sound.
-        let sound = (0..lane.trace.len()).take_while(|&s| lane.trace.time(s) * rate as f32 <= done as f32).last();
-        let mut end = request.start.clone();
-        if let Some(s) = sound {
-            let state = lane.trace.state(s);
-            end = State { velocities: Some(lane.velocities), connections: end.connections, phase: end.phase, ..state };
-        }
-        if outcome == Outcome::Completed {
-            end.phase = request.motion.end_phase().clone();
-        }
-        let kept = sound.map_or(1, |s| s + 1);
-        Rollout {
-            end,
-            end_speed: speeds[i].sqrt(),
-            swept: spans(&lane.boxes[..kept.min(lane.boxes.len())]),
-            trace: lane.trace,
-            outcome,
-            simulated_ms: ms(done),
-            effort: lane.broken.map_or_else(|| ledger.effort(i), |_| lane.effort),
-        }
+    let finished = lanes.into_iter().zip(requests).enumerate();
+    let rollout = |(i, (lane, request)): (usize, (Lane, &&(Request<'_>, Course)))| {
+        lane.into_rollout(request, rate, speeds[i].sqrt(), ledger.effort(i))
     };
-    Some(lanes.into_iter().zip(requests).enumerate().map(|(i, pair)| outcome(pair, i)).collect())
+    Some(finished.map(rollout).collect())
 }
 
 /// Returns the values of the lanes in use; unused lanes get the value of the last one.
