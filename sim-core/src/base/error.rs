@@ -148,10 +148,23 @@ pub enum Invalid {
 
 impl From<toml::de::Error> for Invalid {
     fn from(error: toml::de::Error) -> Self {
-        let message = error.to_string().trim_end().to_owned();
+        let message = without_structs(error.to_string().trim_end());
         Self::Syntax { message: EXPECTED.iter().fold(message, |text, (rust, words)| text.replace(rust, words)) }
     }
 }
+
+/// Replaces "struct Name" of a message by "a table": the names of Rust types say nothing to users.
+fn without_structs(message: &str) -> String {
+    let (head, rest) = match message.split_once(STRUCT) {
+        Some(split) => split,
+        None => return message.to_owned(),
+    };
+    let name = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+    format!("{head}expected a table{}", without_structs(&rest[name..]))
+}
+
+/// Words before the name of a Rust type in the TOML parser's messages.
+const STRUCT: &str = "expected struct ";
 
 /// Rust types in the TOML parser's messages, with wording that needs no knowledge of Rust.
 const EXPECTED: [(&str, &str); 11] = [
