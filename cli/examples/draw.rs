@@ -223,7 +223,8 @@ fn quadropod() -> Vec<DrawnBox> {
         for side in [-0.25, 0.25] {
             let center = if along_x { [x + side, y, 0.5] } else { [x, y + side, 0.5] };
             let half = if along_x { [0.24, 0.45, 0.45] } else { [0.45, 0.24, 0.45] };
-            boxes.push(DrawnBox { center, rotation: [0.0, 0.0, 0.0, 1.0], half, module: name.into(), failed });
+            let rotation = [0.0, 0.0, 0.0, 1.0];
+            boxes.push(DrawnBox { center, rotation, half, outline: None, module: name.into(), failed });
         }
     };
     module("body-1", -0.5, 0.0, true, false);
@@ -249,6 +250,7 @@ fn turned() -> Vec<DrawnBox> {
                 center: [f64::from(i / 2) * 2.0, f64::from(i % 2) * 2.2, 0.3 * f64::from(i)],
                 rotation,
                 half: [0.9, 0.5, 0.4],
+                outline: None,
                 module: format!("m{i}"),
                 failed: false,
             }

@@ -83,7 +83,7 @@ fn exchanged_seeds() -> Vec<Vec<u8>> {
     let specs = catalogue::robots().iter().filter_map(|entry| toml::from_str::<RobotSpec>(entry.toml).ok());
     let robots = specs.filter_map(|spec| Robot::compile(&spec).ok());
     let physics = Physics::of_scale(Scale::Paper);
-    robots.flat_map(|robot| [Format::Mjcf, Format::Urdf].map(|f| f.write(&robot, &physics).into_bytes())).collect()
+    robots.flat_map(|robot| [Format::Mjcf, Format::Urdf].map(|f| f.write(&robot, &physics).unwrap_or_default().into_bytes())).collect()
 }
 
 /// Returns the first message of a worker that still runs an assignment.

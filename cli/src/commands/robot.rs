@@ -53,7 +53,9 @@ pub fn run(args: arguments::Robot, quiet: bool) -> Result<(), Error> {
             Some(format!("  picture   {}", path.display()))
         }
         Some(RobotOutput::Export { format, scale, to }) => {
-            let text = format.write(&robot, &Physics::of_scale(*scale));
+            let text = format
+                .write(&robot, &Physics::of_scale(*scale))
+                .map_err(|unwritable| Error::Usage { message: unwritable.to_string() })?;
             let Some(path) = to else { return console::say(&text) };
             atomic::write_file(path, text.as_bytes())?;
             Some(format!("  export    {}", path.display()))
@@ -92,6 +94,7 @@ fn boxes(robot: &Robot) -> Vec<DrawnBox> {
         center: part.center,
         rotation: part.rotation,
         half: part.half,
+        outline: part.outline(),
         module: part.module.clone(),
         failed: part.failed,
     });
@@ -179,7 +182,7 @@ mod tests {
         let spec = load::robot("lizard", None).unwrap().spec;
         let robot = Robot::compile(&spec).unwrap();
         assert_eq!(pieces(&spec, &robot), format!("{} modules", spec.modules.len()));
-        let imported = read(&Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper))).unwrap().robot;
+        let imported = read(&Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper)).unwrap()).unwrap().robot;
         let robot = Robot::compile(&imported).unwrap();
         assert_eq!(pieces(&imported, &robot), format!("{} bodies", robot.bodies.len()));
     }

@@ -24,6 +24,9 @@ pub struct DrawnBox {
     pub rotation: [f64; 4],
     /// Half side lengths along its own axes, mu.
     pub half: [f64; 3],
+    /// Corners (x, y) of a convex outline within the box, counter-clockwise and relative to the centre, mu, for a prism
+    /// along z; `None` for the box itself.
+    pub outline: Option<Vec<[f64; 2]>>,
     /// Name of the box's module, or of its body for robots made of bodies. Boxes with the same name have one colour.
     pub module: String,
     /// True if the module has failed.
@@ -98,6 +101,8 @@ struct Solid {
     center: Point,
     /// Axes of the box, each with the length of half a side.
     axes: [Point; 3],
+    /// Corners of a prism's outline in units of half sides; `None` for a box.
+    outline: Option<Vec<[f64; 2]>>,
     module: usize,
     failed: bool,
 }
@@ -118,7 +123,9 @@ impl Solid {
             [2.0 * (x * z + y * w), 2.0 * (y * z - x * w), 1.0 - 2.0 * (x * x + y * y)],
         ];
         let scaled = |i: usize| axes[i].map(|c| c * b.half[i]);
-        Some(Self { center: b.center, axes: [scaled(0), scaled(1), scaled(2)], module, failed: b.failed })
+        let outline =
+            b.outline.as_ref().map(|corners| corners.iter().map(|c| [c[0] / b.half[0], c[1] / b.half[1]]).collect());
+        Some(Self { center: b.center, axes: [scaled(0), scaled(1), scaled(2)], outline, module, failed: b.failed })
     }
 
     /// Returns the point at (u, v, w) in units of half sides.
@@ -127,13 +134,40 @@ impl Solid {
         [along(0), along(1), along(2)]
     }
 
-    fn corners(&self) -> [Point; 8] {
+    fn corners(&self) -> Vec<Point> {
+        if let Some(outline) = &self.outline {
+            return [-1.0, 1.0].iter().flat_map(|z| outline.iter().map(|[x, y]| self.point([*x, *y, *z]))).collect();
+        }
         let sign = |i: usize, bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
-        std::array::from_fn(|i| self.point([sign(i, 0), sign(i, 1), sign(i, 2)]))
+        (0..8).map(|i| self.point([sign(i, 0), sign(i, 1), sign(i, 2)])).collect()
     }
 
-    /// Returns the six faces: outward normal with the length of half a side, and four corners in order around the face.
-    fn faces(&self) -> impl Iterator<Item = (Point, [Point; 4])> {
+    /// Returns the faces: an outward normal, and the corners in order around the face.
+    fn faces(&self) -> Vec<(Point, Vec<Point>)> {
+        match &self.outline {
+            Some(outline) => self.prism_faces(outline),
+            None => self.box_faces().collect(),
+        }
+    }
+
+    fn prism_faces(&self, outline: &[[f64; 2]]) -> Vec<(Point, Vec<Point>)> {
+        let end = |z: f64| {
+            let corners = outline.iter().map(|[x, y]| self.point([*x, *y, z])).collect();
+            (self.axes[2].map(|c| c * z), corners)
+        };
+        let side = |i: usize| {
+            let ([ax, ay], [bx, by]) = (outline[i], outline[(i + 1) % outline.len()]);
+            // The axes are orthogonal, so the normal of the edge from a to b is its direction turned by a quarter.
+            let length = |axis: usize| dot(self.axes[axis], self.axes[axis]);
+            let (u, v) = ((by - ay) / length(0), (ax - bx) / length(1));
+            let normal = std::array::from_fn(|k| u * self.axes[0][k] + v * self.axes[1][k]);
+            let corners = [[ax, ay, -1.0], [bx, by, -1.0], [bx, by, 1.0], [ax, ay, 1.0]];
+            (normal, corners.map(|uvw| self.point(uvw)).to_vec())
+        };
+        [end(-1.0), end(1.0)].into_iter().chain((0..outline.len()).map(side)).collect()
+    }
+
+    fn box_faces(&self) -> impl Iterator<Item = (Point, Vec<Point>)> {
         (0..6).map(|f| {
             let (axis, sign) = (f / 2, if f % 2 == 0 { 1.0 } else { -1.0 });
             let corner = |a: f64, b: f64| {
@@ -142,14 +176,14 @@ impl Solid {
                 self.point(uvw)
             };
             let normal = self.axes[axis].map(|c| c * sign);
-            (normal, [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)])
+            (normal, vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)])
         })
     }
 
     /// Returns `Some(true)` if a face of this box proves that the other box is in front of it, `Some(false)` if a face
     /// proves that the other box is behind it.
     fn tells(&self, other: &Self) -> Option<bool> {
-        self.faces().find_map(|(normal, corners)| {
+        self.faces().into_iter().find_map(|(normal, corners)| {
             let length = dot(normal, normal).sqrt();
             let beyond = |p: Point| (dot(normal, p) - dot(normal, corners[0])) / length >= -1e-3;
             let towards = dot(normal, TO_VIEWER) / length;
@@ -246,8 +280,8 @@ fn draw_ground(canvas: &mut Canvas, view: &View, ground: &Ground) {
 }
 
 fn draw(canvas: &mut Canvas, view: &View, solid: &Solid) {
-    for (normal, corners) in solid.faces().filter(|(n, _)| dot(*n, TO_VIEWER) > 0.0) {
-        let outline = corners.map(|c| view.at(c));
+    for (normal, corners) in solid.faces().into_iter().filter(|(n, _)| dot(*n, TO_VIEWER) > 0.0) {
+        let outline: Vec<[f64; 2]> = corners.into_iter().map(|c| view.at(c)).collect();
         let light = (dot(normal, TO_LIGHT) / dot(normal, normal).sqrt()).max(0.0);
         let edge = format!("{} stroke-linejoin=\"round\"", stroke(INK, 1.1));
         if solid.failed {
@@ -321,7 +355,7 @@ mod tests {
 
     fn solid(center: Point, half: Point) -> Solid {
         let rotation = [0.0, 0.0, 0.0, 1.0];
-        Solid::of(&DrawnBox { center, rotation, half, module: String::new(), failed: false }, 0).unwrap()
+        Solid::of(&DrawnBox { center, rotation, half, outline: None, module: String::new(), failed: false }, 0).unwrap()
     }
 
     /// In a block of cubes in shuffled order, each cube is drawn after the cubes behind, below and to the left of it.

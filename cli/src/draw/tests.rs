@@ -52,7 +52,7 @@ fn trace(end: f64) -> GaitTrace {
 
 fn cube(x: f64, y: f64, z: f64, module: &str) -> DrawnBox {
     let (rotation, half) = ([0.0, 0.0, 0.0, 1.0], [0.5; 3]);
-    DrawnBox { center: [x, y, z], rotation, half, module: module.into(), failed: module == "bad" }
+    DrawnBox { center: [x, y, z], rotation, half, outline: None, module: module.into(), failed: module == "bad" }
 }
 
 fn frontier_set(speeds: &[f64]) -> FrontierSet {

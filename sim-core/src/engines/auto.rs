@@ -29,6 +29,8 @@ pub enum Why {
     Terrain,
     /// The robot has capsules, which lockstep can't simulate.
     Capsules,
+    /// The robot has D-shaped parts, which lockstep can't simulate.
+    Prisms,
     /// The job has multibody joints, which only rapier has.
     Multibody,
     /// Gravity, friction, motors or steps differ from the defaults of the scale.
@@ -47,6 +49,7 @@ impl fmt::Display for Chosen {
             Why::Measured(_) => "with measured fidelity on this robot",
             Why::Terrain => "since there is terrain",
             Why::Capsules => "since the robot has capsules",
+            Why::Prisms => "since the robot has D-shaped parts",
             Why::Multibody => "since joints are multibody",
             Why::OtherPhysics => "since the physics differs from the scale's defaults",
             Why::Unmeasured => "since lockstep's fidelity on this robot is not measured",
@@ -85,7 +88,11 @@ pub(crate) fn choose(
 fn obstacle(spec: &PhysicsSpec, robot: &Robot, environment: &Environment) -> Option<(Why, String)> {
     match lockstep::supports(robot, &environment.terrain) {
         Err(reason) => {
-            let why = if reason == Unsupported::Terrain { Why::Terrain } else { Why::Capsules };
+            let why = match reason {
+                Unsupported::Terrain => Why::Terrain,
+                Unsupported::Prisms => Why::Prisms,
+                _ => Why::Capsules,
+            };
             Some((why, reason.to_string()))
         }
         Ok(()) if spec.joints == JointKind::Multibody => {

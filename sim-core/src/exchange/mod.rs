@@ -4,6 +4,8 @@
 //! One unit of length in a file is 1 mu, unless the caller gives another unit. Numbers are written so that reading them
 //! gives the same bits.
 //!
+//! D-shaped parts are written as convex meshes in MJCF, which is not read back. URDF has no place for them.
+//!
 //! An imported robot is a tree of hinges from −90° to 90° with boxes and capsules on its bodies. Every element and
 //! attribute is read, ignored by the format's schema, or refused with its line. Gravity, friction and motors are not
 //! part of the robot: they come from a job's `[physics]`.
@@ -32,13 +34,22 @@ pub enum Format {
 
 impl Format {
     /// Writes the robot, with the gravity, friction and motors of `physics`, as text of this format.
-    pub fn write(self, robot: &Robot, physics: &Physics) -> String {
+    ///
+    /// # Errors
+    /// If the format has no place for a shape of the robot.
+    pub fn write(self, robot: &Robot, physics: &Physics) -> Result<String, Unwritable> {
         match self {
-            Self::Mjcf => mjcf::write(robot, physics),
-            Self::Urdf => urdf::write(robot, physics),
+            Self::Mjcf => Ok(mjcf::write(robot, physics)),
+            Self::Urdf if robot.bodies.iter().any(|body| !body.prisms.is_empty()) => Err(Unwritable),
+            Self::Urdf => Ok(urdf::write(robot, physics)),
         }
     }
 }
+
+/// Error of a robot that a format can't describe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("URDF describes D-shaped parts only by mesh files, which evogait does not write: export the robot as MJCF")]
+pub struct Unwritable;
 
 /// Robot from another format.
 #[derive(Clone, Debug, PartialEq)]

@@ -196,6 +196,18 @@ impl RobotSpec {
                     known: ["0", "90", "180", "270"].map(str::to_owned).to_vec(),
                 });
             }
+            if !face.gender.fits(own.gender) {
+                let reason = format!(
+                    "face \"{}\" of module \"{}\" and face \"{}\" of module \"{}\" are both {}: one of them must be \
+                     active, the other passive",
+                    face.name,
+                    attach.to,
+                    own.name,
+                    module.name,
+                    face.gender.name()
+                );
+                return Err(Invalid::Conflict { field: format!("{field}.attach"), reason });
+            }
             carriers.push(Some(to));
             docks.push((kind, Some((to, face, own, f64::from(attach.turn)))));
         }

@@ -6,7 +6,8 @@
 
 use super::RobotSpec;
 use super::assemble::Placed;
-use super::kind::HingeKind;
+use super::kind::{HingeKind, PartShape};
+use super::prism::{self, CollisionPrism};
 use crate::base::error::Invalid;
 use crate::base::math::{Pose, Rotation, Vector};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -41,6 +42,8 @@ pub struct Body {
     pub boxes: Vec<CollisionBox>,
     /// Collision capsules, in the body's frame. An engine without capsules must refuse a robot that has any.
     pub capsules: Vec<CollisionCapsule>,
+    /// Convex prisms, in the body's frame. An engine without prisms must refuse a robot that has any.
+    pub prisms: Vec<CollisionPrism>,
     /// Mass, kg.
     pub mass: f32,
     /// Centre of mass in the body's frame, mu.
@@ -107,13 +110,24 @@ pub struct PartBox {
     pub rotation: [f64; 4],
     /// Half of its side lengths, mu.
     pub half: [f64; 3],
+    /// Shape within the box.
+    pub shape: PartShape,
     /// Index of its body.
     pub body: usize,
+}
+
+impl PartBox {
+    /// Returns the corners (x, y) of the outline of a D-shaped part, which extends along z, counter-clockwise and
+    /// relative to the centre, mu; `None` for other shapes.
+    pub fn outline(&self) -> Option<Vec<[f64; 2]>> {
+        prism::d_outline(self.shape, self.half[0])
+    }
 }
 
 struct Part {
     module: usize,
     part: usize,
+    shape: PartShape,
     rotation: Matrix3<f64>,
     center: Vector3<f64>,
     half: Vector3<f64>,
@@ -192,6 +206,26 @@ impl Robot {
     }
 }
 
+impl Part {
+    /// Returns the centre of mass in the neutral configuration, mu, and the inertia about it in the part's axes, kg·mu².
+    fn center_and_inertia(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        let d = |ahead: f64| {
+            let (offset, inertia) = prism::d_mass(self.half.x, self.half.z, self.mass, ahead);
+            (self.center + self.rotation * offset, inertia)
+        };
+        match self.shape {
+            PartShape::RoundAhead => d(1.0),
+            PartShape::RoundBehind => d(-1.0),
+            PartShape::Box | PartShape::None => {
+                let side = self.half * 2.0;
+                let square = side.component_mul(&side);
+                let moments = Vector3::new(square.y + square.z, square.x + square.z, square.x + square.y);
+                (self.center, Matrix3::from_diagonal(&moments) * (self.mass / 12.0))
+            }
+        }
+    }
+}
+
 fn parts_of(placed: &[Placed]) -> Vec<Part> {
     let mut parts = Vec::new();
     for (module, p) in placed.iter().enumerate() {
@@ -199,6 +233,7 @@ fn parts_of(placed: &[Placed]) -> Vec<Part> {
             parts.push(Part {
                 module,
                 part,
+                shape: kind.shape,
                 rotation: p.frame.rotation,
                 center: p.frame.point(kind.center),
                 half: Vector3::from(kind.half),
@@ -211,8 +246,9 @@ fn parts_of(placed: &[Placed]) -> Vec<Part> {
 
 fn refuse_overlaps(spec: &RobotSpec, parts: &[Part]) -> Result<(), Invalid> {
     let shape = |p: &Part| (Pose::from_parts(vector(p.center), quaternion(p.rotation)), Cuboid::new(vector(p.half)));
-    for (i, a) in parts.iter().enumerate() {
-        for b in parts[..i].iter().filter(|b| b.module != a.module) {
+    let solid: Vec<&Part> = parts.iter().filter(|part| part.shape != PartShape::None).collect();
+    for (i, a) in solid.iter().enumerate() {
+        for b in solid[..i].iter().filter(|b| b.module != a.module) {
             if (a.center - b.center).norm() > a.half.norm() + b.half.norm() {
                 continue;
             }
@@ -282,6 +318,7 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
             center: (p.center - origin).into(),
             rotation: [q.i, q.j, q.k, q.w],
             half: p.half.into(),
+            shape: p.shape,
             body: order.iter().position(|o| o == g).expect("every group must be reached from the pivot"),
         }
     });
@@ -299,14 +336,11 @@ fn pivot_name(hinges: &[Hinge]) -> String {
 
 fn body(name: String, parts: &[&Part], origin: &Vector3<f64>) -> Body {
     let mass: f64 = parts.iter().map(|p| p.mass).sum();
-    let center = parts.iter().map(|p| (p.center - origin) * p.mass).sum::<Vector3<f64>>() / mass;
+    let lumps: Vec<_> = parts.iter().map(|p| (p, p.center_and_inertia())).collect();
+    let center = lumps.iter().map(|(p, (at, _))| (at - origin) * p.mass).sum::<Vector3<f64>>() / mass;
     let mut inertia = Matrix3::zeros();
-    for p in parts {
-        let side = p.half * 2.0;
-        let square = side.component_mul(&side);
-        let own = Matrix3::from_diagonal(&Vector3::new(square.y + square.z, square.x + square.z, square.x + square.y))
-            * (p.mass / 12.0);
-        let arm = p.center - origin - center;
+    for (p, (at, own)) in lumps {
+        let arm = at - origin - center;
         inertia += p.rotation * own * p.rotation.transpose();
         inertia += (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * p.mass;
     }
@@ -317,11 +351,17 @@ fn body(name: String, parts: &[&Part], origin: &Vector3<f64>) -> Body {
             half: vector(half),
         })
         .collect();
+    let prisms = parts.iter().filter_map(|p| {
+        let outline = prism::d_outline(p.shape, p.half.x)?;
+        let pose = Pose::from_parts(vector(p.center - origin), quaternion(p.rotation));
+        Some(CollisionPrism::new(&outline, p.half.z, &pose))
+    });
     let row = |i: usize| [inertia[(i, 0)] as f32, inertia[(i, 1)] as f32, inertia[(i, 2)] as f32];
     Body {
         name,
         boxes,
         capsules: Vec::new(),
+        prisms: prisms.collect(),
         mass: mass as f32,
         center_of_mass: vector(center),
         inertia: [row(0), row(1), row(2)],
@@ -333,7 +373,8 @@ type Cell = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);
 /// Merges boxes that continue each other along one axis, as often as possible.
 fn merged(parts: &[&Part]) -> Vec<Cell> {
     // A box that is turned by quarter turns can be written in another box's axes. Docked modules need this.
-    let mut boxes: Vec<Cell> = parts.iter().map(|p| (p.rotation, p.center, p.half)).collect();
+    let solid = parts.iter().filter(|p| p.shape == PartShape::Box);
+    let mut boxes: Vec<Cell> = solid.map(|p| (p.rotation, p.center, p.half)).collect();
     let mut i = 0;
     while i < boxes.len() {
         match (0..boxes.len()).find_map(|j| (j != i).then(|| union(&boxes[i], &boxes[j]).map(|u| (j, u))).flatten()) {

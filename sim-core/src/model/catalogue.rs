@@ -17,7 +17,7 @@ macro_rules! entries {
 
 /// Returns the robots that ship.
 pub fn robots() -> &'static [Entry] {
-    entries!("robots": "quadropod", "lizard", "l-shape", "h-shape", "t-shape")
+    entries!("robots": "quadropod", "lizard", "l-shape", "h-shape", "t-shape", "mtran-three")
 }
 
 /// Returns the environments that ship.

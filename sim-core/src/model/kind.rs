@@ -10,7 +10,7 @@ pub const QUARTER_TURNS: [f32; 2] = [-std::f32::consts::FRAC_PI_2, std::f32::con
 pub struct ModuleKind {
     /// Name in robot files.
     pub name: &'static str,
-    /// Rigid boxes. The hinges join all of them to one tree.
+    /// Rigid parts. The hinges join all of them to one tree.
     pub parts: &'static [PartKind],
     /// Hinges, each between two parts.
     pub hinges: &'static [HingeKind],
@@ -18,17 +18,43 @@ pub struct ModuleKind {
     pub faces: &'static [FaceKind],
 }
 
-/// Rigid box of a module.
+/// Rigid part of a module.
 #[derive(Debug)]
 pub struct PartKind {
     /// Name, used for pivots: `module/part`.
     pub name: &'static str,
-    /// Centre, mu.
+    /// Shape for collisions and pictures.
+    pub shape: PartShape,
+    /// Centre of the box around the shape, mu.
     pub center: [f64; 3],
-    /// Half of its side lengths, mu.
+    /// Half of the side lengths of the box around the shape, mu.
     pub half: [f64; 3],
-    /// Mass, kg.
+    /// Mass, kg, spread evenly over the shape; over the box for a part without a shape.
     pub mass: f64,
+}
+
+/// Shape of a part within its box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PartShape {
+    /// The box itself.
+    Box,
+    /// Prism along z with a D-shaped outline, in a box that is as wide along x as along y: half of a box on the side of
+    /// −y, and half of a cylinder about z on the side of +y. The half cylinder has [`D_EDGES`] flat faces.
+    RoundAhead,
+    /// The same with the half cylinder on the side of −y.
+    RoundBehind,
+    /// No shape: the part touches nothing.
+    None,
+}
+
+/// Number of flat faces of the round half of a D-shaped part.
+pub const D_EDGES: usize = 8;
+
+impl PartKind {
+    /// Creates a part that is a box.
+    pub const fn cuboid(name: &'static str, center: [f64; 3], half: [f64; 3], mass: f64) -> Self {
+        Self { name, shape: PartShape::Box, center, half, mass }
+    }
 }
 
 /// Hinge between two parts of a module.
@@ -72,6 +98,35 @@ pub struct FaceKind {
     pub normal: [f64; 3],
     /// Up direction. Two docked faces share it at turn 0.
     pub up: [f64; 3],
+    /// Faces that it can dock to.
+    pub gender: Gender,
+}
+
+/// Which faces a face can dock to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gender {
+    /// All faces.
+    Any,
+    /// Passive faces, and those that dock to all: the face has the latch.
+    Active,
+    /// Active faces, and those that dock to all.
+    Passive,
+}
+
+impl Gender {
+    /// Returns true if faces of these genders can dock.
+    pub fn fits(self, other: Self) -> bool {
+        self == Self::Any || other == Self::Any || self != other
+    }
+
+    /// Returns the name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Any => "any",
+            Self::Active => "active",
+            Self::Passive => "passive",
+        }
+    }
 }
 
 impl Component for ModuleKind {

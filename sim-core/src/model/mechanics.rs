@@ -22,6 +22,11 @@ impl Robot {
         let hinges: Vec<_> = self.hinges.iter().map(hinge).collect();
         let own = |h: &Hinge| (h.limits, h.speed, h.torque);
         let owns: Vec<_> = self.hinges.iter().map(own).collect();
+        let corners = |b: &Body| b.prisms.iter().map(|p| p.corners().iter().map(|c| c.to_array()).collect()).collect();
+        let prisms: Vec<Vec<Vec<[f32; 3]>>> = self.bodies.iter().map(corners).collect();
+        if prisms.iter().any(|of_body| !of_body.is_empty()) {
+            return Digest::of("evogait mechanics 1", &(bodies, hinges, owns, prisms));
+        }
         if owns.iter().all(|own| *own == (QUARTER_TURNS, None, None)) {
             return Digest::of("evogait mechanics 1", &(bodies, hinges));
         }

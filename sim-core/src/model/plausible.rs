@@ -57,12 +57,14 @@ impl Body {
             .capsules
             .iter()
             .flat_map(|c| c.ends.map(|end| (Pose::from_parts(end, Default::default()), Vector::splat(c.radius))));
-        boxes.chain(capsules).flat_map(|(pose, half)| {
+        let prisms = self.prisms.iter().flat_map(|prism| prism.corners().iter().copied());
+        let corners = boxes.chain(capsules).flat_map(|(pose, half)| {
             (0..8u8).map(move |i| {
                 let side = |bit: u8| if i & bit == 0 { -1.0 } else { 1.0 };
                 pose.transform_point(Vector::new(half.x * side(1), half.y * side(2), half.z * side(4)))
             })
-        })
+        });
+        corners.chain(prisms)
     }
 }
 

@@ -140,6 +140,11 @@ impl Robot {
                 low = low.min(placed.translation - reach);
                 high = high.max(placed.translation + reach);
             }
+            for corner in body.prisms.iter().flat_map(|prism| prism.corners()) {
+                let at = pose.transform_point(*corner);
+                low = low.min(at);
+                high = high.max(at);
+            }
             for capsule in &body.capsules {
                 for end in capsule.ends.map(|end| pose.transform_point(end)) {
                     low = low.min(end - Vector::splat(capsule.radius));

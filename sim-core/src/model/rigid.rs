@@ -1,7 +1,7 @@
 //! Compilation of robots that are written out body by body: the second form of the robot file, which imports use.
 
 use super::body::{OVERLAP_TOLERANCE, vector};
-use super::kind::QUARTER_TURNS;
+use super::kind::{PartShape, QUARTER_TURNS};
 use super::{Body, BodySpec, CollisionBox, CollisionCapsule, Hinge, PartBox, Robot, RobotSpec};
 use crate::base::error::{Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
@@ -287,6 +287,7 @@ fn body(spec: &RobotSpec, members: &[(usize, Vector3<f64>)]) -> Body {
         name: spec.bodies[members[0].0].name.clone(),
         boxes,
         capsules,
+        prisms: Vec::new(),
         mass: lump.mass as f32,
         center_of_mass: vector(lump.center),
         inertia: [row(0), row(1), row(2)],
@@ -296,6 +297,7 @@ fn body(spec: &RobotSpec, members: &[(usize, Vector3<f64>)]) -> Body {
 /// Returns the shapes of a body for pictures. A capsule is drawn as the box around it.
 fn drawn(spec: &BodySpec, body: usize, origin: Vector3<f64>, failed: bool) -> impl Iterator<Item = PartBox> {
     let part = move |center: Vector3<f64>, rotation, half| PartBox {
+        shape: PartShape::Box,
         module: spec.name.clone(),
         failed,
         center: (origin + center).into(),

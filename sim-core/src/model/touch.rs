@@ -1,7 +1,7 @@
 //! Exact tests between a robot's shapes and the blocks of an environment.
 
 use super::environment::Block;
-use super::{Body, CollisionBox, CollisionCapsule, Place, Robot, State};
+use super::{Body, CollisionBox, CollisionCapsule, CollisionPrism, Place, Robot, State};
 use crate::base::math::{Pose, Vector, about_z};
 use rapier3d::parry::query::details::{intersection_test_cuboid_cuboid, intersection_test_support_map_support_map};
 use rapier3d::parry::shape::{Capsule, Cuboid};
@@ -32,7 +32,13 @@ pub fn bodies_touching(robot: &Robot, terrain: &[Block], state: &State) -> Vec<b
             let grown = Capsule::new(a, b, part.radius + TOUCH);
             lowest <= TOUCH || solids.iter().any(|solid| solid.meets_capsule(&pose, &grown))
         };
-        body.boxes.iter().any(box_touches) || body.capsules.iter().any(capsule_touches)
+        let prism_touches = |prism: &CollisionPrism| {
+            let lowest = prism.corners().iter().map(|corner| (pose * *corner).z).fold(f32::INFINITY, f32::min);
+            lowest <= TOUCH || solids.iter().any(|solid| solid.is_near_prism(&pose, prism, TOUCH))
+        };
+        body.boxes.iter().any(box_touches)
+            || body.capsules.iter().any(capsule_touches)
+            || body.prisms.iter().any(prism_touches)
     };
     robot.bodies.iter().zip(robot.body_poses(state)).map(touching).collect()
 }
@@ -66,12 +72,19 @@ impl<'a> Solid<'a> {
                 let [a, b] = part.ends;
                 self.meets_capsule(&(*frame * *pose), &Capsule::new(a, b, part.radius))
             };
-            body.boxes.iter().any(of_box) || body.capsules.iter().any(of_capsule)
+            let of_prism = |prism: &CollisionPrism| self.is_near_prism(&(*frame * *pose), prism, 0.0);
+            body.boxes.iter().any(of_box) || body.capsules.iter().any(of_capsule) || body.prisms.iter().any(of_prism)
         })
     }
 
     fn meets_box(&self, pose: &Pose, part: &Cuboid) -> bool {
         intersection_test_cuboid_cuboid(&self.pose.inv_mul(pose), &self.cuboid, part)
+    }
+
+    /// Returns true if a prism of a body at a pose is at most `distance` mu from the block, along each of its axes.
+    fn is_near_prism(&self, pose: &Pose, prism: &CollisionPrism, distance: f32) -> bool {
+        let grown = Cuboid::new(self.cuboid.half_extents + Vector::splat(distance));
+        intersection_test_support_map_support_map(&self.pose.inv_mul(pose), &grown, prism.polyhedron())
     }
 
     fn meets_capsule(&self, pose: &Pose, part: &Capsule) -> bool {

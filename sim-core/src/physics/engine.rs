@@ -22,9 +22,12 @@ pub enum Unsupported {
          all between the same two lines, which are at least 10 mu apart"
     )]
     Terrain,
-    /// Shapes that lockstep can't simulate.
+    /// Capsules, which lockstep can't simulate.
     #[error("the lockstep engine simulates boxes only, and the robot has capsules")]
     Capsules,
+    /// Prisms, which lockstep can't simulate.
+    #[error("the lockstep engine simulates boxes only, and the robot has D-shaped parts")]
+    Prisms,
     /// Event that no engine executes, by the name of its kind.
     #[error("no engine executes the event \"{0}\": a robot keeps its modules and their connections during a rollout")]
     Event(&'static str),

@@ -103,12 +103,13 @@ fn validate_substeps(physics: &Physics) -> Result<(), Invalid> {
 }
 
 /// Returns the most body-substeps that a robot takes to settle on one setting, weighted so that each takes about the
-/// same time on every engine. A box or capsule counts as a body. A step counts as two additional substeps, for its
+/// same time on every engine. A box, capsule or prism counts as a body. A step counts as two additional substeps, for its
 /// search for contacts. In reduced coordinates (multibody joints) each body's motion involves all others, so n bodies
 /// count 1 + n/4 times.
 fn settling(robot: &Robot, physics: &Physics) -> u64 {
     let bodies = robot.bodies.len() as u64;
-    let shapes: usize = robot.bodies.iter().map(|body| body.boxes.len() + body.capsules.len()).sum();
+    let shapes: usize =
+        robot.bodies.iter().map(|body| body.boxes.len() + body.capsules.len() + body.prisms.len()).sum();
     let quarters = if physics.joints == JointKind::Multibody { 4 + bodies } else { 4 };
     let steps = u64::from(physics.steps(LONGEST_SETTLING));
     steps * (u64::from(physics.substeps) + 2) * (bodies + shapes as u64) * quarters / 4

@@ -70,7 +70,7 @@ pub(super) fn blocked_goal(robot: &Robot, environment: &Environment, start: &Sta
     (1..GOAL_HEADINGS).all(|heading| touched(heading).is_some()).then_some(first)
 }
 
-/// Returns the corners of the robot's boxes and the outermost points of its capsules, in the robot's frame.
+/// Returns the corners of the robot's boxes and prisms and the outermost points of its capsules, in the robot's frame.
 fn footprint(robot: &Robot, state: &State) -> Vec<Vector> {
     let mut points = Vec::new();
     for (body, pose) in robot.bodies.iter().zip(robot.body_poses(state)) {
@@ -80,6 +80,7 @@ fn footprint(robot: &Robot, state: &State) -> Vec<Vector> {
                 points.push(pose * part.pose * (part.half * Vector::new(sign(0), sign(1), sign(2))));
             }
         }
+        points.extend(body.prisms.iter().flat_map(|prism| prism.corners()).map(|corner| pose * *corner));
         for part in &body.capsules {
             for offset in [Vector::X, Vector::NEG_X, Vector::Y, Vector::NEG_Y] {
                 points.extend(part.ends.map(|end| pose * end + offset * part.radius));

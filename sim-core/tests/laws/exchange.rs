@@ -20,9 +20,10 @@ fn physics() -> Physics {
     Physics::of_scale(Scale::Paper)
 }
 
-/// Every shipped robot: its variant E2, with two failed modules, and the whole robot.
+/// Every shipped robot of boxes: its variant E2, with two failed modules, and the whole robot.
 fn robots() -> Vec<(RobotSpec, Robot)> {
-    let specs = catalogue::robots().iter().flat_map(|entry| {
+    let of_boxes = catalogue::robots().iter().filter(|entry| entry.name != "mtran-three");
+    let specs = of_boxes.flat_map(|entry| {
         let spec: RobotSpec = toml::from_str(entry.toml).unwrap();
         [spec.variant("E2").unwrap(), spec]
     });
@@ -30,7 +31,7 @@ fn robots() -> Vec<(RobotSpec, Robot)> {
 }
 
 fn through(format: Format, robot: &Robot) -> Robot {
-    let text = format.write(robot, &physics());
+    let text = format.write(robot, &physics()).unwrap();
     let spec = read(&text).unwrap_or_else(|e| panic!("{}: {e}\n{text}", robot.name));
     let written: RobotSpec = toml::from_str(&toml::to_string(&spec).unwrap()).unwrap();
     assert_eq!(written, spec, "a robot file must hold the whole robot");
@@ -93,7 +94,7 @@ fn urdf_round_trip_keeps_robot_up_to_rounding() {
 fn stuck_hinge_joins_bodies_like_a_failed_module() {
     for (spec, damaged) in robots().into_iter().filter(|(spec, _)| !spec.failed.is_empty()) {
         let healthy = Robot::compile(&RobotSpec { failed: Vec::new(), ..spec.clone() }).unwrap();
-        let imported = read(&Format::Mjcf.write(&healthy, &physics())).unwrap();
+        let imported = read(&Format::Mjcf.write(&healthy, &physics()).unwrap()).unwrap();
         let stuck = Robot::compile(&RobotSpec { failed: spec.failed.clone(), ..imported }).unwrap();
         assert_eq!(stuck.joint_names(), damaged.joint_names());
         for (a, b) in stuck.bodies.iter().zip(&damaged.bodies) {
@@ -341,7 +342,7 @@ fn exported_joints_have_own_or_job_limits() {
     assert_eq!(toml::from_str::<RobotSpec>(&toml::to_string(&spec).unwrap()).unwrap(), spec);
     let robot = Robot::compile(&spec).unwrap();
     let most = physics().max_torque;
-    let mjcf = Format::Mjcf.write(&robot, &physics());
+    let mjcf = Format::Mjcf.write(&robot, &physics()).unwrap();
     for part in [
         "range=\"-0.25 0.5\"",
         "ctrlrange=\"-0.25 0.5\"",
@@ -350,7 +351,7 @@ fn exported_joints_have_own_or_job_limits() {
     ] {
         assert_eq!(mjcf.matches(&format!(" {part}")).count(), 1, "{part}\n{mjcf}");
     }
-    let urdf = Format::Urdf.write(&robot, &physics());
+    let urdf = Format::Urdf.write(&robot, &physics()).unwrap();
     for part in
         ["lower=\"-0.25\" upper=\"0.5\" effort=\"7\" velocity=\"2.5\"", &format!("effort=\"{most}\" velocity=\"1000\"")]
     {
@@ -438,8 +439,8 @@ proptest! {
     ) {
         let lizard = Robot::compile(&toml::from_str(catalogue::robots()[1].toml).unwrap()).unwrap();
         let mut text = match which {
-            0 => Format::Mjcf.write(&lizard, &physics()),
-            1 => Format::Urdf.write(&lizard, &physics()),
+            0 => Format::Mjcf.write(&lizard, &physics()).unwrap(),
+            1 => Format::Urdf.write(&lizard, &physics()).unwrap(),
             2 => include_str!("oracle.xml").to_owned(),
             _ => WORM.to_owned(),
         };

@@ -15,6 +15,7 @@ mod import_kinds;
 mod jobs;
 mod misspelt;
 mod motions;
+mod mtran;
 mod nearest;
 mod optimisers;
 mod own_joints;

@@ -135,15 +135,17 @@ fn check(seed: u64, goods: &[Good]) {
     }
 }
 
+/// Robots that can be read back from MJCF and URDF.
 fn robots() -> Vec<Robot> {
     let spec = |toml: &str| toml::from_str::<RobotSpec>(toml).unwrap();
-    catalogue::robots().iter().map(|entry| Robot::compile(&spec(entry.toml)).unwrap()).collect()
+    let robots = catalogue::robots().iter().map(|entry| Robot::compile(&spec(entry.toml)).unwrap());
+    robots.filter(|robot| robot.bodies.iter().all(|body| body.prisms.is_empty())).collect()
 }
 
 #[test]
 fn misspelt_names_in_mjcf_are_refused_with_their_line() {
     let physics = Physics::of_scale(Scale::Paper);
-    let mut goods: Vec<Good> = robots().iter().map(|robot| xml(Format::Mjcf.write(robot, &physics))).collect();
+    let mut goods: Vec<Good> = robots().iter().map(|robot| xml(Format::Mjcf.write(robot, &physics).unwrap())).collect();
     goods.extend((0..3).map(|_| xml(include_str!("oracle.xml").to_owned())));
     check(1, &goods);
 }
@@ -151,7 +153,7 @@ fn misspelt_names_in_mjcf_are_refused_with_their_line() {
 #[test]
 fn misspelt_names_in_urdf_are_refused_with_their_line() {
     let physics = Physics::of_scale(Scale::Paper);
-    let goods: Vec<Good> = robots().iter().map(|robot| xml(Format::Urdf.write(robot, &physics))).collect();
+    let goods: Vec<Good> = robots().iter().map(|robot| xml(Format::Urdf.write(robot, &physics).unwrap())).collect();
     check(2, &goods);
 }
 

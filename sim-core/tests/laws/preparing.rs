@@ -48,7 +48,9 @@ fn impossible_preparations_are_refused() {
 #[test]
 fn encoded_preparation_keeps_its_bits() {
     for entry in sim_core::model::catalogue::robots() {
-        let job = Checked::from_toml(&SMALL.replace("quadropod", entry.name)).unwrap();
+        let engine = if entry.name == "mtran-three" { "rapier" } else { "lockstep" };
+        let text = SMALL.replace("quadropod", entry.name).replace("\"lockstep\"", &format!("\"{engine}\""));
+        let job = Checked::from_toml(&text).unwrap();
         let preparation = job.prepare(&|| false).unwrap();
         let read = Preparation::decode(&preparation.encode()).unwrap();
         assert_eq!(read.encode(), preparation.encode());

@@ -57,6 +57,7 @@ fn golden_rollouts_have_their_recorded_bits() {
     l-shape fe845f59ef94
     h-shape 50e4c752e404
     t-shape 8b2ae2440815
+    mtran-three 176ef7ea4c5c
     ");
 }
 
@@ -65,8 +66,9 @@ fn golden_rollouts_have_their_recorded_bits() {
 fn lockstep_golden_rollouts_have_their_recorded_bits() {
     let physics = Physics::of(EngineKind::Lockstep, Scale::Paper);
     let engine = engine(EngineKind::Lockstep);
-    let robots = robots();
-    let recorded = robots.iter().map(|robot| {
+    let robots = robots().into_iter().filter(|robot| robot.bodies.iter().all(|body| body.prisms.is_empty()));
+    let recorded = robots.map(|robot| {
+        let robot = &robot;
         let start = settle(engine, robot, &physics).unwrap();
         let motion = gait(robot, 1, 5.0);
         let rollout = engine.run(robot, &physics, &[], &[Request { start: &start, motion: &motion }]).swap_remove(0);
@@ -104,6 +106,7 @@ fn multibody_joints_settle_and_have_their_recorded_bits() {
     l-shape d3f84355986a
     h-shape 1e4086a31c69
     t-shape 8f64e4e4565a
+    mtran-three 4d4436b76edc
     ");
 }
 

@@ -150,7 +150,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scale = if arguments.real { Scale::Real } else { Scale::Paper };
     let physics = Physics::of_scale(scale);
     if arguments.mjcf {
-        println!("{}", Format::Mjcf.write(&robot, &physics));
+        println!("{}", Format::Mjcf.write(&robot, &physics).expect("MJCF describes all robots"));
         return Ok(());
     }
     let rapier = engine(EngineKind::Rapier);

@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 index,
                 heading,
                 toml: toml::to_string(&spec)?,
-                mjcf: Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper)),
+                mjcf: Format::Mjcf.write(&robot, &Physics::of_scale(Scale::Paper)).expect("MJCF describes all robots"),
                 refused: engines.map(|(name, engine)| (name, refusal(&spec, engine))).into(),
             };
             println!("{}", serde_json::to_string(&answer)?);

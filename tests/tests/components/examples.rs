@@ -8,7 +8,7 @@ use sim_core::base::settings::{Configurable, Setting, Settings};
 use sim_core::control::{Controller, Infeasible, Parameter, Signals};
 use sim_core::genotype::Space;
 use sim_core::model::environment::Environment;
-use sim_core::model::{FaceKind, HingeKind, ModuleKind, PartKind};
+use sim_core::model::{FaceKind, Gender, HingeKind, ModuleKind, PartKind};
 use sim_core::objective::{Objective, ObjectiveKind};
 use sim_core::plan::{Arrival, Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Root, Tree};
 use sim_core::problem::{Checked, Job};
@@ -36,13 +36,27 @@ pub fn add() {
 pub static ELBOW: ModuleKind = ModuleKind {
     name: "elbow",
     parts: &[
-        PartKind { name: "rear", center: [-0.25, 0.0, 0.0], half: [0.24; 3], mass: 0.5 },
-        PartKind { name: "front", center: [0.25, 0.0, 0.0], half: [0.24; 3], mass: 0.5 },
+        PartKind::cuboid("rear", [-0.25, 0.0, 0.0], [0.24; 3], 0.5),
+        PartKind::cuboid("front", [0.25, 0.0, 0.0], [0.24; 3], 0.5),
     ],
     hinges: &[HingeKind::new("axis", [0, 1], [0.0; 3], [0.0, 1.0, 0.0])],
     faces: &[
-        FaceKind { name: "back", part: 0, position: [-0.5, 0.0, 0.0], normal: [-1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] },
-        FaceKind { name: "front", part: 1, position: [0.5, 0.0, 0.0], normal: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0] },
+        FaceKind {
+            name: "back",
+            part: 0,
+            position: [-0.5, 0.0, 0.0],
+            normal: [-1.0, 0.0, 0.0],
+            up: [0.0, 0.0, 1.0],
+            gender: Gender::Any,
+        },
+        FaceKind {
+            name: "front",
+            part: 1,
+            position: [0.5, 0.0, 0.0],
+            normal: [1.0, 0.0, 0.0],
+            up: [0.0, 0.0, 1.0],
+            gender: Gender::Any,
+        },
     ],
 };
 

@@ -3,7 +3,7 @@
 use sim_core::base::math::{Vector, about, angle_between};
 use sim_core::base::registry::Registered;
 use sim_core::engines::engine;
-use sim_core::model::{FaceKind, HingeKind, ModuleKind, PartKind, Robot, RobotSpec};
+use sim_core::model::{FaceKind, Gender, HingeKind, ModuleKind, PartKind, Robot, RobotSpec};
 use sim_core::physics::{EngineKind, Outcome, Physics, Request, Scale, Targets};
 
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -14,9 +14,9 @@ const Z: [f64; 3] = [0.0, 0.0, 1.0];
 static TWO_AXES: ModuleKind = ModuleKind {
     name: "two-axes",
     parts: &[
-        PartKind { name: "rear", center: [-0.5, 0.0, 0.0], half: [0.24; 3], mass: 0.4 },
-        PartKind { name: "link", center: [0.0; 3], half: [0.24, 0.2, 0.05], mass: 0.2 },
-        PartKind { name: "front", center: [0.5, 0.0, 0.0], half: [0.24; 3], mass: 0.4 },
+        PartKind::cuboid("rear", [-0.5, 0.0, 0.0], [0.24; 3], 0.4),
+        PartKind::cuboid("link", [0.0; 3], [0.24, 0.2, 0.05], 0.2),
+        PartKind::cuboid("front", [0.5, 0.0, 0.0], [0.24; 3], 0.4),
     ],
     hinges: &[
         HingeKind::new("rear", [0, 1], [-0.5, 0.0, 0.0], Y),
@@ -28,8 +28,22 @@ static TWO_AXES: ModuleKind = ModuleKind {
         },
     ],
     faces: &[
-        FaceKind { name: "back", part: 0, position: [-0.75, 0.0, 0.0], normal: [-1.0, 0.0, 0.0], up: Z },
-        FaceKind { name: "front", part: 2, position: [0.75, 0.0, 0.0], normal: [1.0, 0.0, 0.0], up: Z },
+        FaceKind {
+            name: "back",
+            part: 0,
+            position: [-0.75, 0.0, 0.0],
+            normal: [-1.0, 0.0, 0.0],
+            up: Z,
+            gender: Gender::Any,
+        },
+        FaceKind {
+            name: "front",
+            part: 2,
+            position: [0.75, 0.0, 0.0],
+            normal: [1.0, 0.0, 0.0],
+            up: Z,
+            gender: Gender::Any,
+        },
     ],
 };
 

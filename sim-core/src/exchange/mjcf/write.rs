@@ -39,6 +39,7 @@ pub(in crate::exchange) fn write(robot: &Robot, physics: &Physics) -> String {
             ("cone", "elliptic".into()),
         ],
     );
+    meshes(&mut xml, robot);
     xml.open("worldbody", &[]);
     xml.leaf("light", &[("pos", "0 0 10".into()), ("directional", "true".into())]);
     let plane = [("name", "ground".into()), ("type", "plane".into()), ("size", "0 0 1".into())];
@@ -101,10 +102,33 @@ fn body(xml: &mut Writer, robot: &Robot, index: usize, place: &[Attribute], surf
         let shape = [("type", "capsule".into()), ("size", part.radius.to_string()), ("fromto", line)];
         xml.leaf("geom", &[&shape[..], &[("mass", "0".into())], &surface()].concat());
     }
+    for i in 0..body.prisms.len() {
+        let shape = [("type", "mesh".into()), ("mesh", mesh_name(body, i)), ("mass", "0".into())];
+        xml.leaf("geom", &[&shape[..], &surface()].concat());
+    }
     for (i, hinge) in robot.hinges.iter().enumerate().filter(|(_, hinge)| hinge.parent == index) {
         self::body(xml, robot, i + 1, &[("pos", triple(hinge.anchor))], surface);
     }
     xml.close();
+}
+
+/// Writes the corners of all prisms, of which MuJoCo makes convex meshes.
+fn meshes(xml: &mut Writer, robot: &Robot) {
+    if robot.bodies.iter().all(|body| body.prisms.is_empty()) {
+        return;
+    }
+    xml.open("asset", &[]);
+    for body in &robot.bodies {
+        for (i, prism) in body.prisms.iter().enumerate() {
+            let corners: Vec<String> = prism.corners().iter().map(|corner| triple(*corner)).collect();
+            xml.leaf("mesh", &[("name", mesh_name(body, i)), ("vertex", corners.join("  "))]);
+        }
+    }
+    xml.close();
+}
+
+fn mesh_name(body: &Body, prism: usize) -> String {
+    format!("{}-{prism}", body.name)
 }
 
 fn placed(pose: &Pose) -> Vec<Attribute> {

@@ -6,7 +6,7 @@ use crate::model::kind::{ModuleKind, PartKind};
 /// Passive cube with six faces, to attach legs to.
 pub(super) static BLOCK: ModuleKind = ModuleKind {
     name: "block",
-    parts: &[PartKind { name: "cube", center: [0.0; 3], half: HALF, mass: CUBE_MASS }],
+    parts: &[PartKind::cuboid("cube", [0.0; 3], HALF, CUBE_MASS)],
     hinges: &[],
     faces: &[
         face("back", 0, [-0.25, 0.0, 0.0], NEG_X, Z),

@@ -8,8 +8,8 @@ use crate::model::kind::{HingeKind, ModuleKind, PartKind};
 pub(super) static COSMO: ModuleKind = ModuleKind {
     name: "cosmo",
     parts: &[
-        PartKind { name: "a", center: [-0.25, 0.0, 0.0], half: HALF, mass: CUBE_MASS },
-        PartKind { name: "b", center: [0.25, 0.0, 0.0], half: HALF, mass: CUBE_MASS },
+        PartKind::cuboid("a", [-0.25, 0.0, 0.0], HALF, CUBE_MASS),
+        PartKind::cuboid("b", [0.25, 0.0, 0.0], HALF, CUBE_MASS),
     ],
     hinges: &[HingeKind::new("joint", [0, 1], [0.0; 3], Z)],
     faces: &[

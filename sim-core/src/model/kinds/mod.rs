@@ -2,12 +2,13 @@
 
 mod block;
 mod cosmo;
+mod mtran;
 
-use super::kind::{FaceKind, ModuleKind};
+use super::kind::{FaceKind, Gender, ModuleKind};
 use crate::base::registry::{Registered, Registry};
 
 /// Kinds that ship. Messages list them in this order.
-static KINDS: Registry<ModuleKind> = Registry::new(&[&cosmo::COSMO, &block::BLOCK]);
+static KINDS: Registry<ModuleKind> = Registry::new(&[&cosmo::COSMO, &block::BLOCK, &mtran::MTRAN]);
 
 impl Registered for ModuleKind {
     fn registry() -> &'static Registry<Self> {
@@ -28,7 +29,7 @@ const NEG_Y: [f64; 3] = [0.0, -1.0, 0.0];
 const NEG_Z: [f64; 3] = [0.0, 0.0, -1.0];
 
 const fn face(name: &'static str, part: usize, position: [f64; 3], normal: [f64; 3], up: [f64; 3]) -> FaceKind {
-    FaceKind { name, part, position, normal, up }
+    FaceKind { name, part, position, normal, up, gender: Gender::Any }
 }
 
 #[cfg(test)]

@@ -53,6 +53,9 @@ pub fn supports(robot: &Robot, terrain: &[Block]) -> Result<(), Unsupported> {
     if robot.bodies.iter().any(|body| !body.capsules.is_empty()) {
         return Err(Unsupported::Capsules);
     }
+    if robot.bodies.iter().any(|body| !body.prisms.is_empty()) {
+        return Err(Unsupported::Prisms);
+    }
     Ok(())
 }
 

@@ -116,6 +116,10 @@ impl<'a> Simulation<'a> {
                     .friction(self.physics.friction);
                 self.world.insert_collider(shape, Some(handle));
             }
+            for prism in &body.prisms {
+                let shape = ColliderBuilder::new(prism.shape().clone()).density(0.0).friction(self.physics.friction);
+                self.world.insert_collider(shape, Some(handle));
+            }
             self.bodies.push(handle);
         }
         self.joints = Joints::insert(&mut self.world, self.robot, self.physics, &self.bodies, start);
