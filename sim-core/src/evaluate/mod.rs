@@ -176,7 +176,13 @@ impl Trial {
 
     /// Returns the score of each tree.
     pub fn scores(&self, scene: &dyn Scene) -> Vec<f64> {
-        self.growths.iter().map(|g| scene.fitness().score(g.tree())).collect()
+        (0..self.growths.len()).map(|i| self.score_by(scene, scene.fitness(), i)).collect()
+    }
+
+    /// Returns the score of a tree by an objective.
+    pub fn score_by(&self, scene: &dyn Scene, objective: &dyn Objective, tree: usize) -> f64 {
+        let growth = &self.growths[tree];
+        objective.score(growth.tree(), &|node| growth.mass_center(scene.robot(), &self.table, node))
     }
 
     /// Returns the mean of the trees' scores.

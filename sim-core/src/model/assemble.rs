@@ -1,7 +1,7 @@
 //! Assembly of a robot file's modules in the neutral configuration: names, attachments, faces.
 
-use super::RobotSpec;
 use super::kind::{FaceKind, ModuleKind};
+use super::{Face, RobotSpec};
 use crate::base::error::{Invalid, in_range, name, whole_in_range};
 use crate::base::limits;
 use crate::base::registry::Registered;
@@ -46,6 +46,8 @@ pub(super) struct Placed {
     pub frame: Frame,
     /// Rigid dock: the module's own part, and (module, part) of the carrier.
     pub dock: Option<(usize, (usize, usize))>,
+    /// The docked faces: the carrier's, then its own.
+    pub faces: Option<[Face; 2]>,
 }
 
 /// Returns sine and cosine: exact for multiples of 90°, otherwise from `libm`.
@@ -260,12 +262,24 @@ impl RobotSpec {
                     continue;
                 }
                 placed[i] = match dock {
-                    None => Some(Placed { kind, frame: self.root_frame(i)?, dock: None }),
+                    None => Some(Placed { kind, frame: self.root_frame(i)?, dock: None, faces: None }),
                     Some((to, face, own, turn)) => placed[*to].as_ref().map(|carrier| {
                         let flip = Frame { rotation: rotation(2, 180.0), origin: Vector3::zeros() };
                         let turn = Frame { rotation: rotation(0, *turn), origin: Vector3::zeros() };
                         let docked = Frame::of_face(face).then(&turn).then(&flip).then(&Frame::of_face(own).inverse());
-                        Placed { kind, frame: carrier.frame.then(&docked), dock: Some((own.part, (*to, face.part))) }
+                        let index = |kind: &ModuleKind, face: &FaceKind| {
+                            kind.faces.iter().position(|f| f.name == face.name).expect("the face is of this kind")
+                        };
+                        let faces = [
+                            Face { module: *to, face: index(carrier.kind, face) },
+                            Face { module: i, face: index(kind, own) },
+                        ];
+                        Placed {
+                            kind,
+                            frame: carrier.frame.then(&docked),
+                            dock: Some((own.part, (*to, face.part))),
+                            faces: Some(faces),
+                        }
                     }),
                 };
             }

@@ -4,10 +4,10 @@
 //! centre of the pivot part. The origin of any other body is the anchor of the hinge that carries it. So the pose of a
 //! carried body is `parent · translate(anchor) · rotate(axis, angle)`, and the pose of body 0 is the robot's pose.
 
-use super::RobotSpec;
 use super::assemble::Placed;
-use super::kind::{HingeKind, PartShape};
+use super::kind::{HingeKind, ModuleKind, PartShape};
 use super::prism::{self, CollisionPrism};
+use super::{Face, ModuleSpec, RobotSpec};
 use crate::base::error::Invalid;
 use crate::base::math::{Pose, Rotation, Vector};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -31,6 +31,21 @@ pub struct Robot {
     pub hinges: Vec<Hinge>,
     /// All parts as boxes in the neutral configuration, for pictures.
     pub parts: Vec<PartBox>,
+    /// Modules in the order of the robot file; empty for a robot of bodies.
+    pub modules: Vec<Module>,
+    /// Docked faces of modules; empty for a robot of bodies.
+    pub docks: Vec<[Face; 2]>,
+}
+
+/// Module of a compiled robot.
+#[derive(Clone, Debug)]
+pub struct Module {
+    /// Name.
+    pub name: String,
+    /// Kind.
+    pub kind: &'static ModuleKind,
+    /// Joint of each hinge of the kind, by index; `None` for a stuck hinge.
+    pub joints: Vec<Option<usize>>,
 }
 
 /// Rigid body: parts that never move relative to each other.
@@ -174,10 +189,7 @@ impl Robot {
                     join(ends[0], ends[1]); // stuck at zero
                     continue;
                 }
-                let name = match p.kind.hinges {
-                    [_] => own.clone(),
-                    _ => format!("{own}.{}", hinge.name),
-                };
+                let name = joint_name(p.kind, own, hinge);
                 if joints.iter().any(|joint: &Joint| joint.name == name) {
                     return Err(Invalid::Duplicate {
                         field: format!("name of a joint of robot.module[{module}]"),
@@ -192,7 +204,19 @@ impl Robot {
             let reason = "a robot needs at least one joint that moves".to_owned();
             return Err(Invalid::Conflict { field: "robot.module".into(), reason });
         }
-        Ok(build(spec, &parts, &group, &joints, pivot))
+        let robot = build(spec, &parts, &group, &joints, pivot);
+        let joint = |p: &Placed, module: &str, hinge: &HingeKind| {
+            let name = joint_name(p.kind, module, hinge);
+            robot.hinges.iter().position(|h| h.name == name)
+        };
+        let modules = placed.iter().zip(&spec.modules).map(|(p, ModuleSpec { name, .. })| {
+            let stuck = spec.failed.contains(name);
+            let joints = p.kind.hinges.iter().map(|hinge| joint(p, name, hinge).filter(|_| !stuck)).collect();
+            Module { name: name.clone(), kind: p.kind, joints }
+        });
+        let modules = modules.collect();
+        let docks = placed.iter().filter_map(|p| p.faces).collect();
+        Ok(Robot { modules, docks, ..robot })
     }
 
     /// Returns the total mass, kg.
@@ -223,6 +247,14 @@ impl Part {
                 (self.center, Matrix3::from_diagonal(&moments) * (self.mass / 12.0))
             }
         }
+    }
+}
+
+/// Returns the name of a module's joint: the module's own if it has one hinge.
+fn joint_name(kind: &ModuleKind, module: &str, hinge: &HingeKind) -> String {
+    match kind.hinges {
+        [_] => module.to_owned(),
+        _ => format!("{module}.{}", hinge.name),
     }
 }
 
@@ -322,7 +354,7 @@ fn build(spec: &RobotSpec, parts: &[Part], group: &[usize], joints: &[Joint], pi
             body: order.iter().position(|o| o == g).expect("every group must be reached from the pivot"),
         }
     });
-    Robot { name: spec.name.clone(), bodies, hinges, parts: parts.collect() }
+    Robot { name: spec.name.clone(), bodies, hinges, parts: parts.collect(), modules: Vec::new(), docks: Vec::new() }
 }
 
 /// Returns a name for the pivot's body that no hinge has.

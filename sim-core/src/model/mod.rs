@@ -15,7 +15,7 @@ pub(crate) mod rigid;
 mod spec;
 mod touch;
 
-pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, PartBox, Robot};
+pub use body::{Body, CollisionBox, CollisionCapsule, Hinge, Module, PartBox, Robot};
 pub use kind::{D_EDGES, FaceKind, Gender, HingeKind, ModuleKind, PartKind, PartShape, QUARTER_TURNS};
 pub use place::{Place, Plane};
 pub use pose::{Connection, Face, Phase, State, Twist, Velocities};

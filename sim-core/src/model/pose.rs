@@ -126,6 +126,17 @@ impl Robot {
         Some(twists)
     }
 
+    /// Returns the centre of mass, (x, y, z), mu.
+    pub fn mass_center(&self, state: &State) -> [f64; 3] {
+        let (mut sum, mut mass) = ([0.0; 3], 0.0);
+        for (body, pose) in self.bodies.iter().zip(self.body_poses(state)) {
+            let (own, at) = (f64::from(body.mass), pose.transform_point(body.center_of_mass).to_array());
+            mass += own;
+            (0..3).for_each(|axis| sum[axis] += own * f64::from(at[axis]));
+        }
+        sum.map(|sum| sum / mass)
+    }
+
     /// Returns the axis-aligned box around the whole robot: (lower, upper) corner, mu.
     pub fn bounds(&self, state: &State) -> (Vector, Vector) {
         let poses = self.body_poses(state);

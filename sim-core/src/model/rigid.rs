@@ -117,7 +117,14 @@ pub(super) fn compile(spec: &RobotSpec) -> Result<Robot, Invalid> {
             .iter()
             .flat_map(move |&(i, offset)| drawn(&spec.bodies[i], body, origin + offset, stuck(i)).collect::<Vec<_>>())
     });
-    let robot = Robot { name: spec.name.clone(), bodies, parts: parts.collect(), hinges };
+    let robot = Robot {
+        name: spec.name.clone(),
+        bodies,
+        parts: parts.collect(),
+        hinges,
+        modules: Vec::new(),
+        docks: Vec::new(),
+    };
     refuse_overlaps(&robot)?;
     Ok(robot)
 }

@@ -1,6 +1,6 @@
 //! Coverage: the share of a map's cells that a tree reaches.
 
-use super::{Objective, ObjectiveKind};
+use super::{Centers, Objective, ObjectiveKind};
 use crate::base::error::{Invalid, in_range, whole_in_range};
 use crate::base::limits;
 use crate::base::registry::Component;
@@ -169,7 +169,7 @@ impl Grid {
 
 impl Objective for Grid {
     /// Returns the percentage of the counted cells that hold a node.
-    fn score(&self, tree: &Tree) -> f64 {
+    fn score(&self, tree: &Tree, _: &Centers<'_>) -> f64 {
         // Zeroed memory costs nothing until it is touched, so the time grows with the nodes and not with the cells.
         let mut covered = vec![false; self.counted.len()];
         let mut count = 0;

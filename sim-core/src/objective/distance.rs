@@ -1,6 +1,6 @@
 //! Distance objective: the least distance of a tree's nodes to the goal.
 
-use super::{Objective, ObjectiveKind};
+use super::{Centers, Objective, ObjectiveKind};
 use crate::base::error::Invalid;
 use crate::base::registry::Component;
 use crate::base::score::Direction;
@@ -74,7 +74,7 @@ struct ToGoal {
 }
 
 impl Objective for ToGoal {
-    fn score(&self, tree: &Tree) -> f64 {
+    fn score(&self, tree: &Tree, _: &Centers<'_>) -> f64 {
         let distance = |place: &Place| self.metric.squared(place, &self.place).sqrt();
         distance(&tree.nodes[tree.least(distance)].place)
     }
@@ -105,7 +105,7 @@ mod tests {
         let tree = Tree { nodes: vec![at(3.0, 1.0, 0.0), at(3.5, 0.0, 2.0)] };
         let score = |yaw_weight: f64, z: f64| {
             let place = Place { x: 0.0, y: 0.0, z: 0.0, yaw: 2.0 };
-            ToGoal { place, metric: Metric { yaw_weight, z, ..Metric::default() } }.score(&tree)
+            ToGoal { place, metric: Metric { yaw_weight, z, ..Metric::default() } }.score(&tree, &|_| [0.0; 3])
         };
         assert_eq!(score(0.0, 0.0), 5.0);
         let second = (3.5f64 * 3.5 + 16.0).sqrt();

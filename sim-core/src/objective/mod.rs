@@ -3,10 +3,12 @@
 mod coverage;
 mod distance;
 mod path_length;
+mod travel;
 
 pub use coverage::{CELL, Coverage};
 pub use distance::Distance;
 pub use path_length::{PathLength, UNREACHED};
+pub use travel::Travel;
 
 use crate::base::error::Invalid;
 use crate::base::registry::{Registered, Registry};
@@ -17,13 +19,17 @@ use crate::plan::Tree;
 use std::fmt::Debug;
 
 /// All objectives.
-static OBJECTIVES: Registry<dyn ObjectiveKind> = Registry::new(&[&Coverage, &Distance, &PathLength]);
+static OBJECTIVES: Registry<dyn ObjectiveKind> = Registry::new(&[&Coverage, &Distance, &PathLength, &Travel]);
 
 /// An objective prepared for an environment, ready to score trees.
 pub trait Objective: Debug + Send + Sync {
-    /// Returns the score of a tree, in the kind's unit and range.
-    fn score(&self, tree: &Tree) -> f64;
+    /// Returns the score of a tree, in the kind's unit and range. `centers` gives the centre of mass of the robot at a
+    /// node.
+    fn score(&self, tree: &Tree, centers: &Centers<'_>) -> f64;
 }
+
+/// Centre of mass of the robot at a node of a tree, by the node's index: (x, y, z) in the map, mu.
+pub type Centers<'a> = dyn Fn(usize) -> [f64; 3] + 'a;
 
 /// A kind of objective, chosen by `kind` in the `[fitness]` table.
 pub trait ObjectiveKind: Configurable {

@@ -2,7 +2,7 @@
 //! needs another measure while no path is found.
 
 use super::distance::goal_of;
-use super::{Objective, ObjectiveKind};
+use super::{Centers, Objective, ObjectiveKind};
 use crate::base::error::Invalid;
 use crate::base::registry::Component;
 use crate::base::score::Direction;
@@ -58,7 +58,7 @@ impl ObjectiveKind for PathLength {
 struct ToGoal(Goal);
 
 impl Objective for ToGoal {
-    fn score(&self, tree: &Tree) -> f64 {
+    fn score(&self, tree: &Tree, _: &Centers<'_>) -> f64 {
         let goal = Place { x: self.0.x, y: self.0.y, ..Place::ORIGIN };
         // A child comes after its parent.
         let mut lengths: Vec<f64> = Vec::with_capacity(tree.nodes.len());
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn shortest_path_counts_unless_goal_is_unreached() {
-        let score = |radius: f64, tree: &Tree| ToGoal(Goal::at(4.0, 3.0, radius)).score(tree);
+        let score = |radius: f64, tree: &Tree| ToGoal(Goal::at(4.0, 3.0, radius)).score(tree, &|_| [0.0; 3]);
         let around = vec![
             node(0.0, 0.0, None),
             node(4.0, 0.0, Some((0, 0))),

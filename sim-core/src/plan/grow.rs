@@ -87,6 +87,13 @@ impl Growth {
         if table.is_in_place(key.start) { Place::ORIGIN } else { self.tree().nodes[node].place }
     }
 
+    /// Returns the centre of mass of the robot at a node, (x, y, z) in the map, mu.
+    pub fn mass_center(&self, robot: &Robot, table: &Transitions, node: usize) -> [f64; 3] {
+        let NodeStart { local, exact, .. } = &self.nodes[node];
+        let standing = || standing_at(table.start(*local), &self.tree().nodes[node].place);
+        robot.mass_center(exact.as_ref().unwrap_or(&standing()))
+    }
+
     /// Grows the tree until transitions are missing and returns their keys. Returns no keys once the tree is complete.
     pub fn advance(&mut self, setting: &TreeScene<'_>, table: &mut Transitions) -> Vec<TransitionKey> {
         let ground = |x: f64, y: f64| {

@@ -110,7 +110,11 @@ fn tree_of_only_its_root_covers_nothing() {
                     let job = job(robot, &map, &fitness, "").unwrap();
                     let growth = Growth::new(job.planner(), job.root(), Stream::new(1, Purpose::Planner, 0, 0, 0));
                     assert_eq!(growth.tree().nodes.len(), 1);
-                    assert_eq!(job.fitness().score(growth.tree()), 0.0, "{robot} at ({x}, {y}): {fitness}");
+                    assert_eq!(
+                        job.fitness().score(growth.tree(), &|_| [0.0; 3]),
+                        0.0,
+                        "{robot} at ({x}, {y}): {fitness}"
+                    );
                 }
             }
         }
@@ -118,7 +122,7 @@ fn tree_of_only_its_root_covers_nothing() {
     let plateau = map(&terrain([-10.0, 0.0], [10.0, 10.0], 1.5));
     let job = job("lizard", &plateau, "{ kind = \"coverage\", cell = 0.5, dimensions = 3 }", "").unwrap();
     let growth = Growth::new(job.planner(), job.root(), Stream::new(1, Purpose::Planner, 0, 0, 0));
-    assert_eq!(job.fitness().score(growth.tree()), 0.0);
+    assert_eq!(job.fitness().score(growth.tree(), &|_| [0.0; 3]), 0.0);
 }
 
 #[test]

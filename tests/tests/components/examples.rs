@@ -9,7 +9,7 @@ use sim_core::control::{Controller, Infeasible, Parameter, Signals};
 use sim_core::genotype::Space;
 use sim_core::model::environment::Environment;
 use sim_core::model::{FaceKind, Gender, HingeKind, ModuleKind, PartKind};
-use sim_core::objective::{Objective, ObjectiveKind};
+use sim_core::objective::{Centers, Objective, ObjectiveKind};
 use sim_core::plan::{Arrival, Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Root, Tree};
 use sim_core::problem::{Checked, Job};
 use sim_core::procedure::{
@@ -175,7 +175,7 @@ impl ObjectiveKind for Reach {
 }
 
 impl Objective for Farthest {
-    fn score(&self, tree: &Tree) -> f64 {
+    fn score(&self, tree: &Tree, _: &Centers<'_>) -> f64 {
         let root = tree.nodes[0].place;
         self.0 * tree.nodes.iter().map(|node| node.place.planar_distance(&root)).fold(0.0, f64::max)
     }

@@ -7,7 +7,6 @@ use crate::evaluate::{Trial, grow};
 use crate::genotype::Genotype;
 use crate::model::Place;
 use crate::objective::{Coverage, Objective, ObjectiveKind as _};
-use crate::plan::Tree;
 use crate::problem::Job;
 use crate::procedure::{Hooks, NotRun};
 use crate::report::{end_of_plan, traces};
@@ -31,7 +30,7 @@ pub(super) fn run(job: &Job, tasks: &[(u32, Vec<u8>)], hooks: &dyn Hooks) -> Res
     grow(job, &mut trials, &stop)?;
     let coverage = coverage(job);
     for (place, trial) in places.into_iter().zip(&trials) {
-        let grown = trial.failure.is_none().then(|| in_short(job, trial.tree(), coverage.as_deref()));
+        let grown = trial.failure.is_none().then(|| in_short(job, trial, coverage.as_deref()));
         results[place] = TaskResult::Grown(Tried { grown, counts: trial.counts() }).encode();
     }
     Ok(results)
@@ -51,7 +50,8 @@ fn coverage(job: &Job) -> Option<Box<dyn Objective>> {
     Coverage.prepare(settings, job.environment(), job.root().z).ok()
 }
 
-fn in_short(job: &Job, tree: &Tree, coverage: Option<&dyn Objective>) -> Grown {
+fn in_short(job: &Job, trial: &Trial, coverage: Option<&dyn Objective>) -> Grown {
+    let tree = trial.tree();
     let path = tree.path(end_of_plan(job.environment(), tree));
     let end = tree.nodes[path[path.len() - 1]].place;
     let goal = job.environment().goal;
@@ -61,10 +61,10 @@ fn in_short(job: &Job, tree: &Tree, coverage: Option<&dyn Objective>) -> Grown {
         Some(PlanStep { gait: gait as u32, x, y, z, yaw })
     };
     Grown {
-        score: job.fitness().score(tree),
+        score: trial.score_by(job, job.fitness(), 0),
         reached: goal.zip(distance).is_some_and(|(goal, distance)| distance <= goal.radius),
         distance,
-        coverage: coverage.map(|coverage| coverage.score(tree)),
+        coverage: coverage.map(|coverage| trial.score_by(job, coverage, 0)),
         plan: path.iter().filter_map(step).collect(),
     }
 }
