@@ -6,6 +6,7 @@ use crate::output::{
 };
 use sim_core::base::score::Direction;
 use sim_core::problem::{Checked, SimulateSpec};
+use sim_core::search::OptimiserSpec;
 use std::path::Path;
 
 /// Returns the main numbers of a result, its files and the next commands.
@@ -14,6 +15,15 @@ pub fn text(finished: &Finished, folder: &Path) -> String {
         Finished::Evolved(result) => evolved(result, folder),
         Finished::Planned(result) => planned(result, folder),
         Finished::Simulated(result) => simulated(result, folder),
+    }
+}
+
+/// Describes the candidates of a search's generations, such as "20 candidates", or "40, later 22 candidates" if the
+/// generations after the first have fewer.
+pub fn candidates(optimiser: &OptimiserSpec) -> String {
+    match (optimiser.population(), optimiser.candidates(1)) {
+        (first, later) if later == first || optimiser.generations() == 1 => format!("{first} candidates"),
+        (first, later) => format!("{first}, later {later} candidates"),
     }
 }
 
@@ -320,4 +330,17 @@ fn scores(result: &ResultFile, winner: &Candidate) -> Vec<String> {
         ));
     }
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn later_generations_of_another_size_are_mentioned() {
+        let said = |table: &str| candidates(&toml::from_str(table).unwrap());
+        assert_eq!(said("kind = 'ga'"), "20 candidates");
+        assert_eq!(said("kind = 'sequence-ga'"), "40, later 22 candidates");
+        assert_eq!(said("kind = 'sequence-ga'\ngenerations = 1"), "40 candidates");
+    }
 }

@@ -35,7 +35,7 @@ pub fn evolved(jobs: impl Iterator<Item = Job>, n: u32, each: &dyn Fn()) -> Vec<
 /// Returns the number of generations that [`evolved`] runs for `n` gaits if no gait occurs twice.
 pub fn generations(job: &Job, n: u32) -> u64 {
     let optimiser = job.optimiser_spec();
-    let gaits_of_a_run = optimiser.population() * job.gaits().count;
+    let gaits_of_a_run = optimiser.candidates(optimiser.generations() - 1) * job.gaits().count;
     u64::from(n.div_ceil(gaits_of_a_run)) * u64::from(optimiser.generations())
 }
 

@@ -171,7 +171,7 @@ fn amount(job: &Checked) -> String {
         (None, Some(simulate)) => summary::motion(job, simulate),
         (None, None) => {
             let optimiser = job.optimiser_spec();
-            format!("{} generations of {} candidates", optimiser.generations(), optimiser.population())
+            format!("{} generations of {}", optimiser.generations(), summary::candidates(optimiser))
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::failed_task::{self, Subject};
 use crate::progress::Label;
 use crate::standing::{self, StandingView};
+use crate::summary;
 use crate::values::{self, count, number};
 use crate::view::{JobView, generations, hex, ruling, running_time};
 use crate::watch;
@@ -43,7 +44,7 @@ pub async fn run(args: Show) -> Result<(), Error> {
     let setting = spec.as_ref().and_then(|spec| PhysicsSetting::of_resolved(&spec.physics));
     let optimiser = spec.as_ref().and_then(|spec| spec.optimiser.as_ref());
     let candidates =
-        optimiser.map_or_else(String::new, |optimiser| format!(", {} candidates each", optimiser.population()));
+        optimiser.map_or_else(String::new, |optimiser| format!(", {} each", summary::candidates(optimiser)));
     let v1::Progress { done, total, unit, values, .. } = values::progress(&job);
     let counts = values::counts(&values);
     let because = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };

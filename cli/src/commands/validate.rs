@@ -41,6 +41,9 @@ struct View<'a> {
     genotype_length: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     population: Option<u32>,
+    /// Candidates of a generation, as text.
+    #[serde(skip)]
+    candidates: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     generations: Option<u32>,
     /// Motion of a job that simulates.
@@ -87,7 +90,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
     let optimiser = job.spec().optimiser.as_ref();
     let JobSpec { plan, simulate, .. } = job.spec();
     let evaluations = match (optimiser, plan, simulate) {
-        (Some(optimiser), ..) => u64::from(optimiser.population()) * u64::from(optimiser.generations()),
+        (Some(optimiser), ..) => optimiser.evaluations(optimiser.generations()),
         (None, Some(plan), _) => plan.seeds.into(),
         (None, None, simulate) => 1 + u64::from(simulate.as_ref().and_then(|simulate| simulate.repeats).unwrap_or(0)),
     };
@@ -108,6 +111,7 @@ pub fn run(args: Validate) -> Result<(), Error> {
         genotype_length: job.spec().gaits.as_ref().map_or(0, |_| job.space().longest()),
         motion: simulate.as_ref().map(|simulate| summary::motion(&job, simulate)),
         population: optimiser.map(OptimiserSpec::population),
+        candidates: optimiser.map(summary::candidates),
         generations: optimiser.map(OptimiserSpec::generations),
         evaluations,
         most_rollouts_per_evaluation: if simulate.is_some() { job.motion_rollouts() } else { job.most_rollouts() },
@@ -167,12 +171,12 @@ fn text(view: &View) -> String {
                 view.genotype_length
             ),
         },
-        match view.generations.zip(view.population) {
+        match view.generations.zip(view.candidates.as_ref()) {
             None if view.motion.is_some() => {
                 format!("  runs           {}, seed {}", count(view.evaluations), view.seed)
             }
-            Some((generations, population)) => format!(
-                "  search         {} generations of {population} candidates: {} evaluations, seed {}",
+            Some((generations, candidates)) => format!(
+                "  search         {} generations of {candidates}: {} evaluations, seed {}",
                 count(generations.into()),
                 count(view.evaluations),
                 view.seed

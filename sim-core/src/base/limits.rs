@@ -26,12 +26,16 @@ pub const MAX_FAULTS_SOUGHT: usize = 1000;
 pub const MAX_BOXES: usize = 256;
 /// Maximum number of gaits of a candidate, k.
 pub const MAX_GAITS: u32 = 32;
+/// Maximum number of segments of a gait that is a sequence.
+pub const MAX_SEGMENTS: u32 = 200;
 /// Maximum duration of a gait, s.
 pub const MAX_DURATION: f64 = 600.0;
 /// Maximum number of iterations of a planner, K.
 pub const MAX_ITERATIONS: u32 = 100_000;
 /// Maximum number of candidates of a generation.
 pub const MAX_POPULATION: u32 = 10_000;
+/// Maximum number of times that a search breeds a candidate again because it breaks the rules of the job.
+pub const MAX_TRIES: usize = 1_000;
 /// Maximum number of generations of a job.
 pub const MAX_GENERATIONS: u32 = 1_000_000;
 /// Maximum number of trees of an evaluation.

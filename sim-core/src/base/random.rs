@@ -36,6 +36,10 @@ pub enum Purpose {
     Vary = 11,
     /// Random configurations q_rand of the planner when a simulated plan is replanned.
     Replan = 12,
+    /// Choice of the individuals that survive a generation of a genetic algorithm.
+    Selection = 13,
+    /// Random configurations of modules.
+    Configuration = 16,
 }
 
 /// Stream of random numbers for one decision.

@@ -55,6 +55,11 @@ impl Setting {
         Self { name, unit, number: NumberType::Real, default: Some(Number::Real(default)), range: None }
     }
 
+    /// Creates an optional setting with whole numbers.
+    pub const fn optional_whole(name: &'static str) -> Self {
+        Self { name, unit: "", number: NumberType::Whole, default: None, range: None }
+    }
+
     /// Creates an optional setting with real numbers.
     pub const fn optional_real(name: &'static str, unit: &'static str) -> Self {
         Self { name, unit, number: NumberType::Real, default: None, range: None }
@@ -110,11 +115,20 @@ impl Settings {
     /// Returns the value of a setting with whole numbers.
     ///
     /// # Panics
-    /// If the component has no such setting.
+    /// If the component has no such setting, or if the setting is optional and not given.
     pub fn whole(&self, setting: &Setting) -> u32 {
+        self.optional_whole(setting).unwrap_or_else(|| panic!("setting {} has no value", setting.name))
+    }
+
+    /// Returns the value of an optional setting with whole numbers.
+    ///
+    /// # Panics
+    /// If the component has no such setting.
+    pub fn optional_whole(&self, setting: &Setting) -> Option<u32> {
         match self.value(setting) {
-            Some(Number::Whole(value)) => value,
-            other => panic!("setting {} is {other:?}, not a whole number", setting.name),
+            None => None,
+            Some(Number::Whole(value)) => Some(value),
+            Some(Number::Real(value)) => panic!("setting {} is {value}, not a whole number", setting.name),
         }
     }
 
@@ -322,9 +336,12 @@ mod tests {
     const STEPS: Setting = Setting::whole("steps", 5).within(1.0, 9.0);
     const GAIN: Setting = Setting::real("gain", "1/s", 0.5).within(0.0, 1.0);
     const LIMIT: Setting = Setting::optional_real("limit", "mu");
+    const COUNT: Setting = Setting::optional_whole("count").within(1.0, 9.0);
 
-    static KINDS: Registry<Kind> =
-        Registry::new(&[&Kind("one", &[GAIN, STEPS]), &Kind("other", &[STEPS, LIMIT, Setting::whole("gain", 1)])]);
+    static KINDS: Registry<Kind> = Registry::new(&[
+        &Kind("one", &[GAIN, STEPS]),
+        &Kind("other", &[STEPS, LIMIT, Setting::whole("gain", 1), COUNT]),
+    ]);
 
     impl Component for Kind {
         fn name(&self) -> &'static str {
@@ -356,12 +373,18 @@ mod tests {
         assert_eq!(written("kind = 'other'\nlimit = 2.5"), "kind = \"other\"\nsteps = 5\nlimit = 2.5\ngain = 1\n");
         let table = read("kind = 'other'").unwrap();
         assert_eq!((table.settings.whole(&STEPS), table.settings.optional(&LIMIT)), (5, None));
+        assert_eq!(table.settings.optional_whole(&COUNT), None);
+        assert_eq!(read("kind = 'other'\ncount = 3").unwrap().settings.optional_whole(&COUNT), Some(3));
     }
 
     #[test]
     fn wrong_keys_and_values_are_refused_with_their_line() {
         for (text, line, says) in [
-            ("kind = 'one'\nstep = 1", 2, "unknown field `step`, expected one of `kind`, `gain`, `steps`, `limit`"),
+            (
+                "kind = 'one'\nstep = 1",
+                2,
+                "unknown field `step`, expected one of `kind`, `gain`, `steps`, `limit`, `count`",
+            ),
             ("steps = -1\nkind = 'one'", 1, "expected u32"),
             ("kind = 'one'\n\ngain = 'much'", 3, "expected f64"),
             ("kind = 'two'", 1, "unknown variant `two`, expected `one` or `other`"),

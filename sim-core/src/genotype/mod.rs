@@ -1,7 +1,9 @@
 //! Genotypes, which a search varies, and their space.
 
+mod rules;
 mod space;
 
+pub use rules::{NoRules, Rules};
 pub use space::{Gene, Length, Misfit, NamedGene, Space};
 
 use serde::{Deserialize, Serialize};

@@ -139,6 +139,22 @@ impl Space {
         self.genes.iter().map(|named| named.name.clone()).collect()
     }
 
+    /// Returns the names of the first `count` numbers of a genotype. In a sequence the number of the segment comes before
+    /// the name of the gene, as in `gait1.segment3.turn1.module`.
+    pub fn names_of(&self, count: usize) -> Vec<String> {
+        let of_sequence = |i: usize| {
+            let (segment, gene) = (i / self.genes.len() + 1, &self.genes[i % self.genes.len()].name);
+            match gene.split_once('.').filter(|(gait, _)| gait.starts_with("gait")) {
+                Some((gait, rest)) => format!("{gait}.segment{segment}.{rest}"),
+                None => format!("segment{segment}.{gene}"),
+            }
+        };
+        match self.length {
+            Length::Sequence { .. } if !self.genes.is_empty() => (0..count).map(of_sequence).collect(),
+            Length::Fixed | Length::Sequence { .. } => self.names().into_iter().take(count).collect(),
+        }
+    }
+
     /// Returns the least and the greatest value of each gene, in order.
     pub fn bounds(&self) -> impl Iterator<Item = (f64, f64)> {
         self.genes.iter().map(|named| named.gene.bounds())
@@ -195,11 +211,21 @@ impl Space {
 
     /// Returns a genotype drawn uniformly: first the number of segments, if it varies, then gene after gene.
     pub fn draw(&self, random: &mut Stream) -> Genotype {
-        let segments = match self.length {
+        let segments = self.draw_length(random);
+        Genotype((0..segments).flat_map(|_| self.draw_segment(random)).collect())
+    }
+
+    /// Returns a number of segments drawn uniformly; 1 for a genotype that is not a sequence.
+    pub fn draw_length(&self, random: &mut Stream) -> u32 {
+        match self.length {
             Length::Fixed => 1,
             Length::Sequence { least, most } => least + random.below(most - least + 1),
-        };
-        Genotype((0..segments).flat_map(|_| &self.genes).map(|named| named.gene.draw(random)).collect())
+        }
+    }
+
+    /// Returns the numbers of one segment, drawn uniformly gene after gene.
+    pub fn draw_segment(&self, random: &mut Stream) -> Vec<f64> {
+        self.genes.iter().map(|named| named.gene.draw(random)).collect()
     }
 }
 
@@ -245,6 +271,18 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn names_in_sequence_have_the_number_of_their_segment() {
+        let named = |name: &str| NamedGene { name: name.to_owned(), unit: "", gene: Gene::Choice { options: 2 } };
+        let genes = vec![named("gait1.turn1.module"), named("face")];
+        let fixed = Space { genes, length: Length::Fixed };
+        let sequence = Space { length: Length::Sequence { least: 1, most: 9 }, ..fixed.clone() };
+        assert_eq!(fixed.names_of(2), fixed.names());
+        let names = sequence.names_of(4);
+        assert_eq!(names[..2], ["gait1.segment1.turn1.module", "segment1.face"]);
+        assert_eq!(names[2..], ["gait1.segment2.turn1.module", "segment2.face"]);
     }
 
     #[test]

@@ -1,16 +1,18 @@
 //! Kinds of searches, and the `[optimiser]` table of a job, which selects one.
 
 use super::real::{Constriction, Ga, Pso};
+use super::sequence::SequenceGa;
 use super::{Ask, Search};
 use crate::base::error::{Faults, Invalid};
 use crate::base::limits::MAX_GENERATIONS;
 use crate::base::registry::{Registered, Registry};
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings, Table};
-use crate::genotype::{Gene, Length, NamedGene, Space};
+use crate::genotype::{Gene, Length, NamedGene, Rules, Space};
+use std::sync::Arc;
 
 /// The built-in kinds of searches.
-static SEARCHES: Registry<dyn SearchKind> = Registry::new(&[&Pso, &Constriction, &Ga]);
+static SEARCHES: Registry<dyn SearchKind> = Registry::new(&[&Pso, &Constriction, &Ga, &SequenceGa]);
 
 /// Number of generations that are scored. Every kind has this setting.
 pub const GENERATIONS: Setting = Setting::whole("generations", 150).within(1.0, MAX_GENERATIONS as f64);
@@ -22,8 +24,14 @@ pub trait SearchKind: Configurable {
         Ask::Set
     }
 
-    /// Returns the number of candidates in a generation.
+    /// Returns the number of candidates in generation 0. No later generation has more.
     fn population(&self, settings: &Settings) -> u32;
+
+    /// Returns the number of candidates in the first `generations` generations together. By default all generations
+    /// have equally many.
+    fn evaluations(&self, settings: &Settings, generations: u32) -> u64 {
+        u64::from(self.population(settings)) * u64::from(generations)
+    }
 
     /// Rejects combinations of settings that can't work. Ranges are checked separately.
     fn conflicts(&self, _settings: &Settings) -> Result<(), Invalid> {
@@ -46,8 +54,16 @@ pub trait SearchKind: Configurable {
     }
 
     /// Creates a search at generation 0. The settings were validated and the space was accepted by
-    /// [`SearchKind::takes`]. All random numbers follow from `seed`.
-    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search>;
+    /// [`SearchKind::takes`]. All random numbers follow from `seed`. Searches of real vectors ignore the rules: they
+    /// propose candidates that break them too.
+    fn build(
+        &self,
+        settings: &Settings,
+        space: Space,
+        rules: Arc<dyn Rules>,
+        direction: Direction,
+        seed: u64,
+    ) -> Box<dyn Search>;
 }
 
 impl Registered for dyn SearchKind {
@@ -65,9 +81,20 @@ impl OptimiserSpec {
         self.kind.0.revision()
     }
 
-    /// Returns the number of candidates in a generation.
+    /// Returns the number of candidates in generation 0. No later generation has more.
     pub fn population(&self) -> u32 {
         self.kind.0.population(&self.settings)
+    }
+
+    /// Returns the number of candidates in a generation.
+    pub fn candidates(&self, generation: u32) -> u32 {
+        let until = |generation| self.evaluations(generation);
+        (until(generation.saturating_add(1)) - until(generation)) as u32
+    }
+
+    /// Returns the number of candidates in the first `generations` generations together.
+    pub fn evaluations(&self, generations: u32) -> u64 {
+        self.kind.0.evaluations(&self.settings, generations)
     }
 
     /// Rejects a space that the search can't use.

@@ -6,15 +6,19 @@
 pub mod archive;
 mod kind;
 mod real;
+mod sequence;
 mod state;
 
 pub use kind::{GENERATIONS, OptimiserSpec, SearchKind};
 pub use real::{Constriction, Ga, Pso};
+pub use sequence::SequenceGa;
 
 use crate::base::random::{Purpose, Stream};
 use crate::base::score::Direction;
-use crate::genotype::{Genotype, Space};
+use crate::genotype::{Genotype, NoRules, Rules, Space};
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+use std::sync::Arc;
 
 /// A scored candidate and its origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,7 +91,7 @@ pub trait Search: Send {
     /// genotype differs from the one sent, it takes the candidate's place.
     ///
     /// # Panics
-    /// If the number of evaluations is not the population's size.
+    /// If the number of evaluations is not that of the candidates.
     fn tell(&mut self, evaluations: &[Evaluation]);
 
     /// Returns the current generation, from 0: the number of calls of `tell`.
@@ -102,22 +106,59 @@ pub trait Search: Send {
     /// If it is not the state of such a search. The search is unchanged then.
     fn restore(&mut self, state: &[u8]) -> Result<(), BadState>;
 
+    /// Returns the number of candidates so far that are copies of a parent, because all candidates that were bred for
+    /// their places broke the rules.
+    fn copies(&self) -> u64 {
+        0
+    }
+
     /// Returns the direction of better scores: larger or smaller.
     fn direction(&self) -> Direction;
 }
 
-/// Creates the search of a validated table, at generation 0. All random numbers follow from `seed`.
+/// Creates the search of a validated table, at generation 0, for a space without further rules. All random numbers
+/// follow from `seed`.
+///
+/// # Panics
+/// As [`build_with`].
+pub fn build(spec: &OptimiserSpec, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+    build_with(spec, space, Arc::new(NoRules), direction, seed)
+}
+
+/// Creates the search of a validated table, at generation 0. Its candidates keep the rules, if its kind
+/// [checks](SearchKind::build) them. All random numbers follow from `seed`.
 ///
 /// # Panics
 /// If the search does not accept the space, a bound is not finite, or a lower bound exceeds its upper bound.
-pub fn build(spec: &OptimiserSpec, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+pub fn build_with(
+    spec: &OptimiserSpec,
+    space: Space,
+    rules: Arc<dyn Rules>,
+    direction: Direction,
+    seed: u64,
+) -> Box<dyn Search> {
     let usable = |(low, high): (f64, f64)| low <= high && (high - low).is_finite();
     assert!(space.bounds().all(usable), "bounds must be finite, the lower one first");
     assert_eq!(spec.takes(&space), Ok(()), "the search must accept the space");
-    spec.kind.0.build(&spec.settings, space, direction, seed)
+    spec.kind.0.build(&spec.settings, space, rules, direction, seed)
 }
 
 /// Draws candidate `i` of generation 0, uniform in the space.
 fn random_genotype(space: &Space, seed: u64, i: u32) -> Genotype {
     space.draw(&mut Stream::new(seed, Purpose::InitialPosition, 0, i, 0))
+}
+
+/// Returns the indexes from the best to the worst score; ties are ordered by index.
+fn ranking(direction: Direction, scores: &[Option<f64>]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..scores.len()).collect();
+    order.sort_by(|&a, &b| {
+        if direction.better(scores[a], scores[b]) {
+            Ordering::Less
+        } else if direction.better(scores[b], scores[a]) {
+            Ordering::Greater
+        } else {
+            a.cmp(&b)
+        }
+    });
+    order
 }

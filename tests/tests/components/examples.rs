@@ -6,9 +6,9 @@ use sim_core::base::registry::{Component, Registered};
 use sim_core::base::score::Direction;
 use sim_core::base::settings::{Configurable, Setting, Settings};
 use sim_core::control::{Controller, Infeasible, Parameter, Signals};
-use sim_core::genotype::Space;
+use sim_core::genotype::{Rules, Space};
 use sim_core::model::environment::Environment;
-use sim_core::model::{FaceKind, Gender, HingeKind, ModuleKind, PartKind};
+use sim_core::model::{FaceKind, Gender, HingeKind, ModuleKind, PartKind, Robot};
 use sim_core::objective::{Centers, Objective, ObjectiveKind};
 use sim_core::plan::{Arrival, Ask as PlannerAsk, Node, Planner, PlannerKind, PlannerSettings, Root, Tree};
 use sim_core::problem::{Checked, Job};
@@ -79,7 +79,7 @@ impl Controller for Square {
         &[Parameter { name: "height", unit: "rad", bounds: (0.2, 0.9) }]
     }
 
-    fn signals(&self, gait: &[f64], _: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
+    fn signals(&self, _: &Robot, gait: &[f64], _: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
         if gait.iter().any(|height| *height > Self::MOST) {
             return Err(Infeasible("the height is too large".to_owned()));
         }
@@ -211,7 +211,14 @@ impl SearchKind for Scatter {
         settings.whole(&CANDIDATES)
     }
 
-    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+    fn build(
+        &self,
+        settings: &Settings,
+        space: Space,
+        _: Arc<dyn Rules>,
+        direction: Direction,
+        seed: u64,
+    ) -> Box<dyn Search> {
         Box::new(Drawing { candidates: settings.whole(&CANDIDATES), space, direction, seed, generation: 0 })
     }
 }

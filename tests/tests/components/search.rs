@@ -3,9 +3,10 @@
 use sim_core::base::registry::{Component, Registered};
 use sim_core::base::score::Direction;
 use sim_core::base::settings::{Configurable, Setting, Settings};
-use sim_core::genotype::Space;
+use sim_core::genotype::{Rules, Space};
 use sim_core::problem::Checked;
 use sim_core::search::{Ask, GENERATIONS, OptimiserSpec, Pso, Search, SearchKind};
+use std::sync::Arc;
 
 /// Search for single motions, with a setting of its own.
 struct Repertoire;
@@ -33,8 +34,15 @@ impl SearchKind for Repertoire {
         settings.whole(&CELLS)
     }
 
-    fn build(&self, _: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
-        Pso.build(&Settings::defaults(Pso.settings()), space, direction, seed)
+    fn build(
+        &self,
+        _: &Settings,
+        space: Space,
+        rules: Arc<dyn Rules>,
+        direction: Direction,
+        seed: u64,
+    ) -> Box<dyn Search> {
+        Pso.build(&Settings::defaults(Pso.settings()), space, rules, direction, seed)
     }
 }
 

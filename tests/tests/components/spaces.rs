@@ -1,14 +1,16 @@
 //! Spaces of controllers that another program adds: the space of a job, and the searches that accept it.
 
 use sim_core::base::registry::{Component, Registered};
-use sim_core::base::score::Direction;
+use sim_core::base::score::{Counts, Direction};
 use sim_core::base::settings::{Configurable, Setting, Settings};
 use sim_core::control::{Controller, Infeasible, Parameter, Signals};
-use sim_core::genotype::{Gene, Length, NamedGene, Space};
+use sim_core::genotype::{Gene, Length, NamedGene, Rules, Space};
 use sim_core::model::Robot;
 use sim_core::problem::Checked;
+use sim_core::procedure::evolve::{Evolve, TaskResult};
+use sim_core::procedure::{Procedure, Step};
 use sim_core::search::{GENERATIONS, Pso, Search, SearchKind};
-use std::sync::Once;
+use std::sync::{Arc, Once};
 
 /// Controller with one number and one choice for any robot.
 struct Chooser;
@@ -37,7 +39,7 @@ impl Controller for Chooser {
         Space { genes: vec![real("all.swing"), leg], length: Length::Fixed }
     }
 
-    fn signals(&self, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
+    fn signals(&self, _: &Robot, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
         unreachable!("the test simulates nothing")
     }
 }
@@ -58,7 +60,7 @@ impl Controller for Segments {
         Space { genes, length: Length::Sequence { least: 2, most: MOST } }
     }
 
-    fn signals(&self, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
+    fn signals(&self, _: &Robot, _: &[f64], _: Option<&[u8]>, _: usize) -> Result<Signals, Infeasible> {
         unreachable!("the test simulates nothing")
     }
 }
@@ -87,8 +89,15 @@ impl SearchKind for Anything {
         Ok(())
     }
 
-    fn build(&self, _: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
-        Pso.build(&Settings::defaults(Pso.settings()), space, direction, seed)
+    fn build(
+        &self,
+        _: &Settings,
+        space: Space,
+        rules: Arc<dyn Rules>,
+        direction: Direction,
+        seed: u64,
+    ) -> Box<dyn Search> {
+        Pso.build(&Settings::defaults(Pso.settings()), space, rules, direction, seed)
     }
 }
 
@@ -168,4 +177,43 @@ fn job_with_two_sequences_per_candidate_is_refused() {
     let one = job("count = 1, controller = 'segments'", "anything").unwrap();
     assert_eq!(one.space().names(), ["gait1.from", "gait1.to", "gait1.speed"]);
     assert_eq!(one.space().longest(), 3 * MOST as usize);
+}
+
+#[test]
+fn search_of_sequences_refuses_other_spaces() {
+    for gaits in ["count = 2", "count = 2, controller = 'chooser'"] {
+        assert_eq!(
+            job(gaits, "sequence-ga").unwrap_err(),
+            "optimiser.kind: \"sequence-ga\" searches sequences of segments, and the genotypes of this job have a fixed \
+             length: choose another kind, or another controller"
+        );
+    }
+    assert!(job("count = 1, controller = 'segments'", "sequence-ga").is_ok());
+}
+
+/// The first generation has a whole population of candidates, later ones have only its children.
+#[test]
+fn evolution_of_sequences_has_generations_of_different_sizes() {
+    let job = job("count = 1, controller = 'segments'", "sequence-ga").unwrap();
+    let mut evolve = Evolve::new(&job);
+    let mut sizes = Vec::new();
+    for _ in 0..3 {
+        let tasks = evolve.round().tasks;
+        let result = |i: u32| {
+            let score = (i != 3).then(|| f64::from(i % 7));
+            TaskResult::Evaluated { genotype: None, score, descriptors: Vec::new(), counts: Counts::default() }
+        };
+        let results: Vec<Arc<[u8]>> = (0..tasks).map(|i| result(i).encode().into()).collect();
+        for (i, result) in (0..).zip(&results) {
+            evolve.check(i, result).unwrap();
+        }
+        assert_eq!(evolve.tell(&results).step, Step::Next);
+        let saved = evolve.save();
+        evolve = Evolve::load(&job, &saved).unwrap();
+        assert_eq!(evolve.save(), saved);
+        sizes.push(tasks);
+    }
+    assert_eq!((sizes, evolve.round().tasks), (vec![40, 22, 22], 22));
+    let counted = |name| evolve.progress().values.into_iter().find(|value| value.name == name).unwrap().value;
+    assert_eq!((counted("evaluations"), counted("failed")), (Some(84.0), Some(3.0)));
 }

@@ -56,9 +56,8 @@ pub fn stored(folder: &Path) -> Result<Vec<Vec<Genotype>>, Error> {
         };
         read.await.map_err(|e: StoreError| unreadable(e.to_string()))
     })?;
-    let population = job.optimiser_spec().population() as usize;
-    searched(&job, |generation, _| match scores.get(generation as usize) {
-        Some(scores) if scores.len() == population => Ok(scores.clone()),
+    searched(&job, |generation, candidates| match scores.get(generation as usize) {
+        Some(scores) if scores.len() == candidates.len() => Ok(scores.clone()),
         _ => Err(unreadable(format!("the store has no complete scores of generation {generation}"))),
     })
 }

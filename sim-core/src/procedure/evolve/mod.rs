@@ -110,13 +110,9 @@ impl Evolve {
         self.job.optimiser_spec().generations()
     }
 
-    fn population(&self) -> u32 {
-        self.job.optimiser_spec().population()
-    }
-
     /// Returns the number of the search's evaluations so far.
     fn evaluations(&self) -> u64 {
-        u64::from(self.optimiser.generation()) * u64::from(self.population())
+        self.job.optimiser_spec().evaluations(self.optimiser.generation())
     }
 
     /// Returns the best of the search so far: the newest global best.

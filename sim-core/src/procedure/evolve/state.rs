@@ -71,10 +71,10 @@ impl Evolve {
 /// Restores the archive, if its entries are possible for a search of this job.
 fn archive(evolve: &Evolve, entries: Vec<Scored>, bests: Vec<Scored>) -> Result<Archive, BadState> {
     let (plan, job) = (&evolve.plan, &evolve.job);
-    let (generation, population) = (evolve.optimiser.generation(), evolve.population());
+    let generation = evolve.optimiser.generation();
     let fits = |scored: &Scored| {
         scored.generation < generation
-            && scored.candidate < population
+            && scored.candidate < job.optimiser_spec().candidates(scored.generation)
             && check::in_range(job, Some(scored.score)).is_ok()
             && job.space().check(&scored.genotype).is_ok()
     };

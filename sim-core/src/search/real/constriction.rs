@@ -6,8 +6,9 @@ use crate::base::error::Invalid;
 use crate::base::registry::Component;
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
-use crate::genotype::Space;
+use crate::genotype::{Rules, Space};
 use crate::search::{GENERATIONS, Search, SearchKind};
+use std::sync::Arc;
 
 /// The swarm of [`super::Pso`] with v ← χ (v + φ₁ r₁ (…) + φ₂ r₂ (…)), where χ = 2 / |2 − φ − √(φ² − 4φ)| and φ = φ₁ +
 /// φ₂ > 4.
@@ -47,7 +48,14 @@ impl SearchKind for Constriction {
         Ok(())
     }
 
-    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+    fn build(
+        &self,
+        settings: &Settings,
+        space: Space,
+        _: Arc<dyn Rules>,
+        direction: Direction,
+        seed: u64,
+    ) -> Box<dyn Search> {
         let coefficients = coefficients(settings.real(&COGNITIVE), settings.real(&SOCIAL));
         Box::new(Swarm::new(self.population(settings), coefficients, space, direction, seed))
     }

@@ -11,10 +11,10 @@ use crate::base::random::{Purpose, Stream};
 use crate::base::registry::Component;
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
-use crate::genotype::{Genotype, Space};
+use crate::genotype::{Genotype, Rules, Space};
 use crate::search::state::{Owner, Reader, Writer};
-use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genotype};
-use std::cmp::Ordering;
+use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genotype, ranking};
+use std::sync::Arc;
 
 /// The genetic algorithm.
 pub struct Ga;
@@ -61,7 +61,14 @@ impl SearchKind for Ga {
         faults.end()
     }
 
-    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+    fn build(
+        &self,
+        settings: &Settings,
+        space: Space,
+        _: Arc<dyn Rules>,
+        direction: Direction,
+        seed: u64,
+    ) -> Box<dyn Search> {
         let breeding = Breeding {
             tournament: settings.whole(&TOURNAMENT),
             crossover_rate: settings.real(&CROSSOVER_RATE),
@@ -157,21 +164,6 @@ impl GeneticAlgorithm {
     fn numbers(&self) -> usize {
         self.population.len() * self.space.genes.len()
     }
-}
-
-/// Returns the indexes from the best to the worst score; ties are ordered by index.
-fn ranking(direction: Direction, scores: &[Option<f64>]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..scores.len()).collect();
-    order.sort_by(|&a, &b| {
-        if direction.better(scores[a], scores[b]) {
-            Ordering::Less
-        } else if direction.better(scores[b], scores[a]) {
-            Ordering::Greater
-        } else {
-            a.cmp(&b)
-        }
-    });
-    order
 }
 
 /// Returns two children's values, placed symmetrically about the parents' mean: nearer to it than the parents for u <

@@ -13,9 +13,10 @@ use crate::base::random::{Purpose, Stream};
 use crate::base::registry::Component;
 use crate::base::score::Direction;
 use crate::base::settings::{Configurable, Setting, Settings};
-use crate::genotype::{Genotype, Space};
+use crate::genotype::{Genotype, Rules, Space};
 use crate::search::state::{Owner, Reader, Writer};
 use crate::search::{Ask, BadState, Batch, Evaluation, GENERATIONS, Search, SearchKind, random_genotype};
+use std::sync::Arc;
 
 /// The swarm of Eq. 1. The defaults are the paper's coefficients.
 pub struct Pso;
@@ -46,7 +47,14 @@ impl SearchKind for Pso {
         settings.whole(&PARTICLES)
     }
 
-    fn build(&self, settings: &Settings, space: Space, direction: Direction, seed: u64) -> Box<dyn Search> {
+    fn build(
+        &self,
+        settings: &Settings,
+        space: Space,
+        _: Arc<dyn Rules>,
+        direction: Direction,
+        seed: u64,
+    ) -> Box<dyn Search> {
         let coefficients = Coefficients {
             constriction: 1.0,
             inertia_weight: settings.real(&INERTIA_WEIGHT),

@@ -1,0 +1,6 @@
+//! Searches over sequences of segments.
+
+mod domain;
+mod ga;
+
+pub use ga::SequenceGa;
