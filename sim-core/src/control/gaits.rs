@@ -22,6 +22,12 @@ pub struct GaitsSpec {
     /// Controller that generates the joint targets.
     #[serde(default)]
     pub controller: Chosen<dyn Controller>,
+    /// Least and greatest number of segments of a gait, for controllers of sequences. Default: the controller's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segments: Option<(u32, u32)>,
+    /// Allowed overlap of modules in the kinematics of a motion sequence, mu; 1 allows any. Default: 0.02.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub overlap: Option<f64>,
     /// Bounds that replace the controller's own, by name of the parameter: `mu = [0.3, 1.3]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub bounds: BTreeMap<String, (f64, f64)>,
@@ -30,7 +36,14 @@ pub struct GaitsSpec {
 impl GaitsSpec {
     /// Returns the settings of a motion that is not made of gaits and lasts `duration` s.
     pub(crate) fn of_motion(duration: f64) -> Self {
-        Self { count: 1, duration, controller: Chosen::default(), bounds: BTreeMap::new() }
+        Self {
+            count: 1,
+            duration,
+            controller: Chosen::default(),
+            segments: None,
+            overlap: None,
+            bounds: BTreeMap::new(),
+        }
     }
 }
 
@@ -65,6 +78,7 @@ pub(crate) fn whole_steps(field: &str, gaits: &GaitsSpec, steps_per_second: u32)
 /// Returns the space of gait sets: the genes of one gait, repeated for every gait, with the job's bounds.
 pub(crate) fn space_of(gaits: &GaitsSpec, robot: &Robot) -> Result<Space, Invalid> {
     let controller = gaits.controller.0;
+    controller.fits(robot)?;
     let Space { mut genes, length } = controller.space(robot);
     if !genes.is_empty() {
         set_bounds(&mut genes, &gaits.bounds)?;
@@ -73,6 +87,14 @@ pub(crate) fn space_of(gaits: &GaitsSpec, robot: &Robot) -> Result<Space, Invali
                           give one of them two different bounds";
             return Err(Invalid::Conflict { field: "gaits.bounds".into(), reason: reason.into() });
         }
+    }
+    let length = length_of(gaits, length)?;
+    if let Some(overlap) = gaits.overlap {
+        if length == Length::Fixed {
+            let reason = format!("controller \"{}\" does not check overlaps: leave this key out", controller.name());
+            return Err(Invalid::Conflict { field: "gaits.overlap".into(), reason });
+        }
+        in_range("gaits.overlap", overlap, (0.0, 1.0), "mu")?;
     }
     if length != Length::Fixed && gaits.count > 1 {
         let reason = format!(
@@ -87,6 +109,19 @@ pub(crate) fn space_of(gaits: &GaitsSpec, robot: &Robot) -> Result<Space, Invali
     let named = |i: u32, named: &NamedGene| NamedGene { name: format!("gait{i}.{}", named.name), ..named.clone() };
     let genes = (1..=gaits.count).flat_map(|i| gait.genes.iter().map(move |gene| named(i, gene))).collect();
     Ok(Space { genes, length })
+}
+
+/// Returns the length of a gait's genotypes, with the job's number of segments.
+fn length_of(gaits: &GaitsSpec, own: Length) -> Result<Length, Invalid> {
+    let Some((least, most)) = gaits.segments.or(gaits.controller.0.segments()) else { return Ok(own) };
+    if own == Length::Fixed {
+        let name = gaits.controller.0.name();
+        let reason = format!("the gaits of controller \"{name}\" have no segments: leave this key out");
+        return Err(Invalid::Conflict { field: "gaits.segments".into(), reason });
+    }
+    whole_in_range("gaits.segments[0]", least, (1, limits::MAX_SEGMENTS.into()), "")?;
+    whole_in_range("gaits.segments[1]", most, (least.into(), limits::MAX_SEGMENTS.into()), "")?;
+    Ok(Length::Sequence { least, most })
 }
 
 fn is_fixed(gene: Gene) -> bool {

@@ -3,6 +3,7 @@
 use super::{Controller, Infeasible, Parameter, Signals, phase};
 use crate::base::registry::Component;
 use crate::base::simd::{Level, at_level};
+use crate::model::Robot;
 use crate::physics::TICK;
 use fearless_simd::prelude::*;
 
@@ -38,7 +39,7 @@ impl Controller for Hopf {
     }
 
     /// Integrates the oscillators. The state holds x and y of every oscillator, eight bytes each.
-    fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
+    fn signals(&self, _: &Robot, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
         let mut states = match from {
             None => vec![START; gait.len() / EACH],
             Some(bytes) => read(bytes).filter(|s| s.len() == gait.len() / EACH).ok_or(phase::unfit())?,
@@ -164,10 +165,11 @@ fn sigmoid<S: Simd>(simd: S, z: S::f64s) -> S::f64s {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::test_robot;
 
     /// Returns the signals from the controller's own start.
     fn signals(gait: &[f64], ticks: usize) -> Vec<Vec<f64>> {
-        Hopf.signals(gait, None, ticks).unwrap().joints
+        Hopf.signals(&test_robot(), gait, None, ticks).unwrap().joints
     }
 
     /// Returns ω of Eq. 2 as printed, rad/s.

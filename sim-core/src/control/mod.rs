@@ -6,20 +6,24 @@
 mod gaits;
 mod hopf;
 mod phase;
+pub mod sequence;
 mod sine;
 
 pub use gaits::GaitsSpec;
 pub(crate) use gaits::{space_of, validate_gaits, whole_steps};
 pub use hopf::Hopf;
+pub use sequence::Sequence;
 pub use sine::Sine;
 
+use crate::base::error::Invalid;
 use crate::base::registry::{Component, Registered, Registry};
-use crate::genotype::{Gene, Length, NamedGene, Space};
+use crate::genotype::{Gene, Length, NamedGene, NoRules, Rules, Space};
 use crate::model::{Phase, Robot};
 use crate::physics::{Event, Motion, Targets};
+use std::sync::Arc;
 
 /// All controllers; the first is the default of jobs that name none.
-static CONTROLLERS: Registry<dyn Controller> = Registry::new(&[&Hopf, &Sine]);
+static CONTROLLERS: Registry<dyn Controller> = Registry::new(&[&Hopf, &Sine, &Sequence]);
 
 /// A parameter of a controller; every joint has its own value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +77,11 @@ pub trait Controller: Component {
     /// Returns the parameters of one joint.
     fn parameters(&self) -> &'static [Parameter];
 
+    /// Refuses a robot that the controller can't move.
+    fn fits(&self, _robot: &Robot) -> Result<(), Invalid> {
+        Ok(())
+    }
+
     /// Returns the space of one gait on a robot. Its genes are named `joint.parameter`.
     fn space(&self, robot: &Robot) -> Space {
         let gene = |joint: &str, &Parameter { name, unit, bounds: (low, high) }: &Parameter| NamedGene {
@@ -84,13 +93,28 @@ pub trait Controller: Component {
         Space { genes: robot.hinges.iter().flat_map(|hinge| of_joint(&hinge.name)).collect(), length: Length::Fixed }
     }
 
+    /// Returns the least and greatest number of segments of a gait if a job gives none, for a controller of sequences.
+    /// `None`: those of the space.
+    fn segments(&self) -> Option<(u32, u32)> {
+        None
+    }
+
+    /// Returns the static rules that gaits of a robot keep, for searches. `overlap` is the allowed overlap of modules,
+    /// mu, `None` for the controller's own.
+    ///
+    /// # Errors
+    /// If the controller has no rules for the robot.
+    fn rules(&self, _robot: &Robot, _overlap: Option<f64>) -> Result<Arc<dyn Rules>, Invalid> {
+        Ok(Arc::new(NoRules))
+    }
+
     /// Returns the signal of every joint of a gait at `ticks` instants, [`TICK`](crate::physics::TICK) apart; `ticks`
     /// is at least one. `from` is the state in which earlier signals ended, and the state at the first instant. Without
     /// it the controller begins at its own start. No joint's signal depends on another joint's parameters.
     ///
     /// # Errors
     /// If the state does not belong to this gait, or the parameters give no signals.
-    fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible>;
+    fn signals(&self, robot: &Robot, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible>;
 
     /// Compiles a gait to a motion: its signals, kept within the joints' limits and greatest speeds.
     ///
@@ -106,11 +130,18 @@ pub trait Controller: Component {
             "the gait's length does not fit the robot and its controller"
         );
         let (from, at) = run.from.map(|phase| phase::read(phase, run.robot.hinges.len())).transpose()?.unzip();
-        let signals = self.signals(gait, from, Targets::ticks(run.duration))?;
+        let signals = self.signals(run.robot, gait, from, Targets::ticks(run.duration))?;
         let targets = Targets::new(&signals.joints, run.duration).within(&run.robot.hinges, at.as_deref());
         let end = phase::write(&signals.end, targets.rows().next_back().unwrap_or(&[]));
         Ok(Motion::from(targets).with_events(run.events.to_vec()).with_end_phase(end))
     }
+}
+
+/// Robot for tests of controllers that do not depend on it.
+#[cfg(test)]
+fn test_robot() -> Robot {
+    let entry = crate::model::catalogue::find(crate::model::catalogue::robots(), "quadropod").unwrap();
+    Robot::compile(&toml::from_str(entry.toml).unwrap()).unwrap()
 }
 
 impl Registered for dyn Controller {

@@ -2,6 +2,7 @@
 
 use super::{Controller, Infeasible, Parameter, Signals, phase};
 use crate::base::registry::Component;
+use crate::model::Robot;
 use crate::physics::TICK;
 use std::f64::consts::PI;
 
@@ -27,7 +28,7 @@ impl Controller for Sine {
     }
 
     /// Computes the signals. The state is the number of ticks since the start, eight bytes.
-    fn signals(&self, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
+    fn signals(&self, _: &Robot, gait: &[f64], from: Option<&[u8]>, ticks: usize) -> Result<Signals, Infeasible> {
         let number = |bytes: &[u8]| bytes.try_into().map(u64::from_le_bytes).map_err(|_| phase::unfit());
         let first = from.map(number).transpose()?.unwrap_or(0);
         let signal = |parameters: &[f64]| {
@@ -42,10 +43,11 @@ impl Controller for Sine {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::test_robot;
 
     #[test]
     fn signal_matches_formula() {
-        let signal = &Sine.signals(&[0.7, -0.2, 3.0, 0.4], None, 401).unwrap().joints[0];
+        let signal = &Sine.signals(&test_robot(), &[0.7, -0.2, 3.0, 0.4], None, 401).unwrap().joints[0];
         for (tick, value) in [(0, 0.4), (200, 3.4), (400, 6.4)] {
             assert_eq!(signal[tick], 0.7 * libm::sin(value) - 0.2, "at tick {tick}");
         }

@@ -17,20 +17,20 @@ macro_rules! entries {
 
 /// Returns the robots that ship.
 pub fn robots() -> &'static [Entry] {
-    entries!("robots": "quadropod", "lizard", "l-shape", "h-shape", "t-shape", "mtran-three")
+    entries!("robots": "quadropod", "lizard", "l-shape", "h-shape", "t-shape", "mtran-three", "mtran-random")
 }
 
 /// Returns the environments that ship.
 pub fn environments() -> &'static [Entry] {
     entries!("environments":
-        "empty", "column", "empty-goal", "column-goal", "reuse-1", "reuse-2", "reuse-3", "stairs")
+        "empty", "column", "empty-goal", "column-goal", "reuse-1", "reuse-2", "reuse-3", "stairs", "plain")
 }
 
 /// Returns the jobs that ship.
 pub fn jobs() -> &'static [Entry] {
     entries!("jobs":
         "quadropod-quick", "quadropod-empty", "quadropod-empty-paper", "lizard-column", "lizard-stairs", "quadropod-goal",
-        "quadropod-plan", "quadropod-friction")
+        "quadropod-plan", "quadropod-friction", "mtran-three-x", "mtran-three-y", "mtran-random-total", "mtran-quick")
 }
 
 /// Returns the entry called `name`.

@@ -7,6 +7,7 @@ pub mod environment;
 mod kind;
 mod kinds;
 mod mechanics;
+pub mod mtran;
 mod place;
 mod plausible;
 mod pose;

@@ -35,6 +35,9 @@ impl Candidates {
                 faults.take(budget::validate(spec, &gaits, environment, physics))
             }
         };
+        if spec.optimiser.is_some() && space.is_some() {
+            faults.take(gaits.controller.0.rules(robot, gaits.overlap));
+        }
         let given = space.as_ref().and_then(|space| {
             check_optimiser(spec, space, &mut faults);
             given_gaits(spec, parts, &gaits, space, &mut faults)

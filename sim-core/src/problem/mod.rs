@@ -269,7 +269,8 @@ impl Checked {
     /// # Panics
     /// If the job does not [evolve](Self::kind).
     pub fn optimiser(&self) -> Box<dyn Search> {
-        search::build(self.optimiser_spec(), self.0.space.clone(), self.direction(), self.0.spec.seed)
+        let rules = self.controller().rules(self.robot(), self.0.gaits.overlap).expect("the rules were checked");
+        search::build_with(self.optimiser_spec(), self.0.space.clone(), rules, self.direction(), self.0.spec.seed)
     }
 }
 

@@ -26,6 +26,8 @@ mod procedure;
 mod recorded_trees;
 mod reuse;
 mod rollouts;
+mod sequence_search;
+mod sequences;
 mod simulating;
 mod starts;
 mod states;

@@ -48,7 +48,7 @@ fn impossible_preparations_are_refused() {
 #[test]
 fn encoded_preparation_keeps_its_bits() {
     for entry in sim_core::model::catalogue::robots() {
-        let engine = if entry.name == "mtran-three" { "rapier" } else { "lockstep" };
+        let engine = if entry.name.starts_with("mtran") { "rapier" } else { "lockstep" };
         let text = SMALL.replace("quadropod", entry.name).replace("\"lockstep\"", &format!("\"{engine}\""));
         let job = Checked::from_toml(&text).unwrap();
         let preparation = job.prepare(&|| false).unwrap();
