@@ -22,7 +22,7 @@ RUSTFLAGS="$coverage" cargo build --quiet --locked --release --manifest-path fuz
 [ "$seconds" != --build ] || exit 0
 program=fuzz/target/$host/release/fuzz
 
-all="job job-spec robot exchange environment fidelity hello complete messages task task-result preparation state blob store-url tokens token addresses"
+all="job job-spec robot exchange environment fidelity hello complete messages task task-result preparation state blob store-url tokens token addresses sequence initial-states"
 mkdir -p fuzz/target/found
 feed() { # PARSER
     local corpus=fuzz/target/corpus/$1 recorded=()

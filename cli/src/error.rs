@@ -227,6 +227,14 @@ pub enum Error {
         /// Cause of the failure.
         reason: String,
     },
+    /// Motion sequence that can't be read, or is not feasible.
+    #[error("{}: {reason}", .file.display())]
+    Sequence {
+        /// Path of the file.
+        file: PathBuf,
+        /// Place and cause.
+        reason: String,
+    },
     /// Picture that can't be drawn.
     #[error("can't draw {what}: {reason}")]
     Draw {

@@ -8,6 +8,7 @@ use sim_core::exchange::{self, Import};
 use sim_core::job::{JobSpec, Reference};
 use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
+use sim_core::model::mtran::{self, Configuration};
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::problem::{Checked, Job, JobKind};
 use sim_core::procedure::kinds;
@@ -173,9 +174,38 @@ fn robot_spec(text: &str, label: &str, unit: f64) -> Result<Import, Invalid> {
     if xml || text.trim_start().starts_with('<') {
         return exchange::read_in(text, unit);
     }
+    if label.to_ascii_lowercase().ends_with(".mtran") {
+        return initial_states(text).map(|robot| Import { robot, notes: Vec::new() });
+    }
     let robot: RobotSpec = toml_file::read(text)?;
     let robot = if unit == 1.0 { robot } else { robot.in_units_of(unit) };
     Ok(Import { robot, notes: Vec::new() })
+}
+
+/// Reads the initial states of M-TRAN modules.
+fn initial_states(text: &str) -> Result<RobotSpec, Invalid> {
+    let refused = |reason: String| Invalid::Conflict { field: "robot".into(), reason };
+    let configuration = Configuration::of_text(text).map_err(|error| refused(error.to_string()))?;
+    configuration.robot("mtran", "").map_err(|error| refused(error.to_string()))
+}
+
+/// Name of a random robot, without its kind, number of modules and seed.
+const RANDOM: &str = "random:";
+
+/// Draws a random robot: `mtran:MODULES:SEED`.
+fn random_robot(name: &str, drawn: &str) -> Result<Source, Error> {
+    let refused = |reason: String| Error::Usage { message: format!("robot \"{name}\": {reason}") };
+    let numbers = drawn.strip_prefix("mtran:").and_then(|rest| rest.split_once(':'));
+    let parsed = numbers.and_then(|(modules, seed)| Some((modules.parse().ok()?, seed.parse().ok()?)));
+    let (modules, seed) = parsed.ok_or_else(|| {
+        refused("a random robot is written random:mtran:MODULES:SEED, such as random:mtran:3:7".to_owned())
+    })?;
+    let configuration = mtran::drawn(modules, seed).map_err(|error| refused(error.to_string()))?;
+    let description = format!("Random connected configuration of {modules} M-TRAN modules, seed {seed}.");
+    let spec = configuration.robot(&format!("mtran-{modules}-{seed}"), &description);
+    let spec = spec.map_err(|error| refused(format!("{error}; choose another seed")))?;
+    let text = toml::to_string(&spec).map_err(|error| refused(error.to_string()))?;
+    Ok(Source { text, label: format!("robot \"{name}\""), folder: None })
 }
 
 fn parse<T>(source: &Source, read: impl Fn(&str) -> Result<T, Invalid>) -> Result<T, Error> {
@@ -236,9 +266,14 @@ fn find(
     relative_to: Option<&Path>,
 ) -> Result<Source, Error> {
     let path = relative_to.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
-    let looks_like_path = [".toml", ".xml", ".mjcf", ".urdf"].iter().any(|ending| name.ends_with(ending))
+    let looks_like_path = [".toml", ".xml", ".mjcf", ".urdf", ".mtran"].iter().any(|ending| name.ends_with(ending))
         || name.contains(std::path::MAIN_SEPARATOR)
         || name.contains('/');
+    if what == "robot"
+        && let Some(drawn) = name.strip_prefix(RANDOM)
+    {
+        return random_robot(name, drawn);
+    }
     if !looks_like_path && let Some(entry) = shipped.iter().find(|entry| entry.name == name) {
         let label = format!("{what} \"{name}\" that ships");
         return Ok(Source { text: entry.toml.to_owned(), label, folder: None });

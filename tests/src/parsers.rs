@@ -5,11 +5,13 @@ use crate::sandbox::{planning_job, simulating_job, tiny_job};
 use prost::Message;
 use proto::{credentials::Token, dial::Addresses, v1};
 use sim_core::base::limits::MAX_TOML_LENGTH;
+use sim_core::control::sequence::{self, MAX_SEGMENTS};
 use sim_core::engines::fidelity::FidelityTable;
 use sim_core::exchange::{self, Format};
 use sim_core::job::JobSpec;
 use sim_core::model::catalogue::{self, Entry};
 use sim_core::model::environment::Environment;
+use sim_core::model::mtran::{self, Configuration};
 use sim_core::model::{Robot, RobotSpec};
 use sim_core::physics::{Physics, Scale};
 use sim_core::problem::{Checked, Job, Preparation};
@@ -41,6 +43,8 @@ pub const PARSERS: &[(&str, Parser)] = &[
     ("tokens", |bytes| with_text(bytes, coordinator::parsers::tokens)),
     ("token", token),
     ("addresses", addresses),
+    ("sequence", |bytes| with_text(bytes, sequence)),
+    ("initial-states", |bytes| with_text(bytes, initial_states)),
 ];
 
 /// Returns valid inputs of a parser, from which the fuzzer starts.
@@ -73,6 +77,12 @@ pub fn seeds(parser: &str) -> Vec<Vec<u8>> {
             vec![format!("# who\nclient token-0123456789abc\nworker sha256:{}\n", "0f".repeat(32)).into_bytes()]
         }
         "token" => vec![b"0123456789abcdef".to_vec()],
+        "sequence" => ["{ m [1 1] 0, -90 c [1 1] 0 } # kept\nL 3 { { m [0 0] 30°, −60; m [2 1] 0, 0 } L 2 { { } } }"]
+            .map(|text| text.as_bytes().to_vec())
+            .into(),
+        "initial-states" => {
+            vec![b"ID 0 p(0,0,0) z(0,1,0) y(-1,0,0) (0, 0)\nID 1 p(-1,1,0) z(-1,0,0) y(0,1,0) (0, 30)".to_vec()]
+        }
         "addresses" => vec![b"https://a.example:7077,http://[::1]:7078".to_vec()],
         _ => Vec::new(),
     }
@@ -83,7 +93,11 @@ fn exchanged_seeds() -> Vec<Vec<u8>> {
     let specs = catalogue::robots().iter().filter_map(|entry| toml::from_str::<RobotSpec>(entry.toml).ok());
     let robots = specs.filter_map(|spec| Robot::compile(&spec).ok());
     let physics = Physics::of_scale(Scale::Paper);
-    robots.flat_map(|robot| [Format::Mjcf, Format::Urdf].map(|f| f.write(&robot, &physics).unwrap_or_default().into_bytes())).collect()
+    robots
+        .flat_map(|robot| {
+            [Format::Mjcf, Format::Urdf].map(|f| f.write(&robot, &physics).unwrap_or_default().into_bytes())
+        })
+        .collect()
 }
 
 /// Returns the first message of a worker that still runs an assignment.
@@ -142,6 +156,25 @@ fn message_seeds() -> Vec<Vec<u8>> {
     ]
     .map(|(kind, message)| [&[kind], message.as_slice()].concat())
     .into()
+}
+
+/// Parses a motion sequence. What parses must print to the same program.
+fn sequence(text: &str) {
+    let Ok(program) = sequence::parse(text) else { return };
+    assert!((1..=MAX_SEGMENTS).contains(&program.count()));
+    assert_eq!(sequence::parse(&program.to_string()).as_ref(), Ok(&program));
+}
+
+/// Parses initial states of M-TRAN modules, and places the modules.
+fn initial_states(text: &str) {
+    if let Ok(places) = mtran::parse(text) {
+        assert_eq!(mtran::parse(&mtran::print(&places)).as_ref(), Ok(&places));
+    }
+    if let Ok(configuration) = Configuration::of_text(text)
+        && let Ok(spec) = configuration.robot("fuzzed", "")
+    {
+        let _ = Robot::compile(&spec);
+    }
 }
 
 /// Passes texts up to the allowed length on to the parser; longer ones are refused before parsing.

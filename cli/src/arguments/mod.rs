@@ -64,9 +64,25 @@ pub enum Command {
     Bench(Bench),
     Robot(Robot),
     Certs(Certs),
+    Sequence(Sequence),
     Scenarios { show: Option<String>, json: bool },
     Completions(Shell),
     Man { out: Option<PathBuf> },
+}
+
+/// A motion sequence, and what is done with it.
+#[derive(Debug)]
+pub struct Sequence {
+    pub file: PathBuf,
+    pub robot: String,
+    pub action: SequenceAction,
+}
+
+#[derive(Debug)]
+pub enum SequenceAction {
+    Check { json: bool },
+    Targets { duration: f64, out: Option<PathBuf> },
+    Run { duration: f64, fine: bool, to: RunTo },
 }
 
 #[derive(Debug)]

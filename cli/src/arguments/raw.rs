@@ -15,7 +15,7 @@ pub use coordinator::{
 };
 pub use job::{
     Compare, Evaluate, JobFile, Plan, Replay, Robot, RobotFormat, RobotScale, Run, RunTo, Scenarios, ScenariosAction,
-    Simulate, SimulateWhat, Validate, Verify,
+    Sequence, SequenceAction, Simulate, SimulateWhat, Validate, Verify,
 };
 
 pub use shell::{Completions, Man};
@@ -337,6 +337,23 @@ Examples:
 
 `init` prints the commands that use the new files.")]
     Certs(Certs),
+
+    /// Check, tabulate or simulate a motion sequence of M-TRAN modules
+    #[command(after_help = "\
+Examples:
+  evogait sequence check walk.seq --robot mtran-three
+  evogait sequence run walk.seq --robot mtran-three --duration 60
+  evogait sequence targets walk.seq --robot mtran-three --out targets.csv
+
+A sequence consists of segments in braces, which are carried out one after the
+other and from the first again until the time is over:
+  { m [1 1] 0, -90  c [1 1] 0 }   module 1 turns with base part 1; the
+                                  connection of its part 1, face 0 is kept
+  L 3 { { m [0 0] 30, 0 } { m [0 0] 0, 0 } }   the same three times
+Angles are multiples of 30 degrees from -90 to 90. Modules are numbered from 0 in
+the order of the robot file. A moving part loses its connections unless the
+segment names a face of them. `#` begins a comment.")]
+    Sequence(Sequence),
 
     /// List the robots, environments and jobs that ship with the program, or print one
     #[command(after_help = "\

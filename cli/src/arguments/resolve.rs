@@ -2,8 +2,8 @@
 
 use super::{
     Bench, Certs, CertsAction, Command, Compare, Evaluate, EvaluateWhat, Fetch, GivenBy, Health, HealthOf, JobFile,
-    List, OneJob, Place, Plan, Replay, ReplayWhat, Resolved, Restart, Robot, RobotOutput, Run, RunOf, RunTo, Show,
-    Simulate, SimulateWhat, Submit, Validate, Verify, raw,
+    List, OneJob, Place, Plan, Replay, ReplayWhat, Resolved, Restart, Robot, RobotOutput, Run, RunOf, RunTo, Sequence,
+    SequenceAction, Show, Simulate, SimulateWhat, Submit, Validate, Verify, raw,
 };
 use crate::client::Url;
 use crate::error::Error;
@@ -81,6 +81,7 @@ pub(super) fn resolve(raw: raw::Cli) -> Result<Resolved, Error> {
         raw::Command::Certs(raw) => Command::Certs(certs(raw)),
         raw::Command::Completions(completions) => Command::Completions(completions.shell),
         raw::Command::Man(man) => Command::Man { out: man.out },
+        raw::Command::Sequence(raw::Sequence { action }) => Command::Sequence(sequence(action)?),
         raw::Command::Scenarios(scenarios) => Command::Scenarios {
             show: scenarios.action.map(|raw::ScenariosAction::Show { name }| name),
             json: scenarios.json,
@@ -156,6 +157,17 @@ fn simulation(raw: raw::Simulate) -> Result<Simulate, Error> {
         seed: raw.seed,
         to: run_to(raw.to)?,
     })
+}
+
+fn sequence(action: raw::SequenceAction) -> Result<Sequence, Error> {
+    let (of, action) = match action {
+        raw::SequenceAction::Check { of, json } => (of, SequenceAction::Check { json }),
+        raw::SequenceAction::Targets { of, duration, out } => (of, SequenceAction::Targets { duration, out }),
+        raw::SequenceAction::Run { of, duration, fine, to } => {
+            (of, SequenceAction::Run { duration, fine, to: run_to(to)? })
+        }
+    };
+    Ok(Sequence { file: of.file, robot: of.robot, action })
 }
 
 fn run_of(run: String, to: &raw::RunTo) -> Result<RunOf, Error> {

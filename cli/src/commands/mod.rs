@@ -18,6 +18,7 @@ mod restart;
 mod robot;
 mod run;
 mod scenarios;
+mod sequence;
 mod show;
 mod simulate;
 mod source_run;
@@ -62,6 +63,7 @@ pub fn execute(resolved: Resolved) -> Result<(), Error> {
         Command::Bench(what) => bench::run(what, quiet),
         Command::Robot(args) => robot::run(args, quiet),
         Command::Certs(args) => certs::run(args, quiet),
+        Command::Sequence(args) => sequence::run(args, quiet),
         Command::Scenarios { show, json } => scenarios::run(show, json),
         Command::Completions(shell) => completions::run(shell),
         Command::Man { out } => man::run(out.as_deref(), quiet),

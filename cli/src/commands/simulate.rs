@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::load;
 use sim_core::base::limits::MAX_NAME_LENGTH;
 use sim_core::job::{JobSpec, Reference};
+use sim_core::model::RobotSpec;
 use sim_core::physics::{EngineChoice, Physics, PhysicsSpec};
 use sim_core::plan::PlannerSpec;
 use sim_core::problem::{Checked, ReplanSpec, SIMULATE, SimulateSpec};
@@ -116,8 +117,18 @@ fn of_robot(args: &Simulate, robot: &str) -> Result<(JobSpec, String), Error> {
             message: "--replan plans with the gaits of a run: give a run instead of --robot".into(),
         });
     }
-    let mut spec = JobSpec {
-        name: format!("{}-{what}", file.spec.name).chars().take(MAX_NAME_LENGTH).collect(),
+    let mut spec = with_robot(file.spec, what, simulate);
+    environment(args, &mut spec)?;
+    if args.fine {
+        spec.physics = finer(&spec.physics);
+    }
+    Ok((spec, format!("{what} of {}", file.label)))
+}
+
+/// Returns the job that simulates a motion of a robot in the empty environment.
+pub(super) fn with_robot(robot: RobotSpec, what: &str, simulate: SimulateSpec) -> JobSpec {
+    let spec = JobSpec {
+        name: format!("{}-{what}", robot.name).chars().take(MAX_NAME_LENGTH).collect(),
         description: String::new(),
         seed: 1,
         variant: None,
@@ -131,13 +142,9 @@ fn of_robot(args: &Simulate, robot: &str) -> Result<(JobSpec, String), Error> {
         physics: PhysicsSpec::default(),
         finish: None,
         environment: Reference::Named("empty".to_owned()),
-        robot: Reference::Inline(Box::new(file.spec)),
+        robot: Reference::Inline(Box::new(robot)),
     };
-    environment(args, &mut spec)?;
-    if args.fine {
-        spec.physics = finer(&spec.physics);
-    }
-    Ok((simulating(spec, simulate), format!("{what} of {}", file.label)))
+    simulating(spec, simulate)
 }
 
 fn simulating(spec: JobSpec, simulate: SimulateSpec) -> JobSpec {
@@ -161,7 +168,7 @@ fn environment(args: &Simulate, spec: &mut JobSpec) -> Result<(), Error> {
 }
 
 /// Returns the reference setting of the same scale: rapier with smaller steps.
-fn finer(physics: &PhysicsSpec) -> PhysicsSpec {
+pub(super) fn finer(physics: &PhysicsSpec) -> PhysicsSpec {
     let reference = Physics::reference_of(physics.scale);
     PhysicsSpec {
         engine: EngineChoice::Rapier,

@@ -1,8 +1,9 @@
 //! gaits.json: the gaits of a winner or of a plan, each with its named parameters and its displacement.
 
 use serde::Serialize;
-use sim_core::base::registry::Chosen;
-use sim_core::control::Controller;
+use sim_core::base::registry::{Chosen, Component as _};
+use sim_core::control::sequence::Genes;
+use sim_core::control::{Controller, Sequence};
 use sim_core::problem::Checked;
 use sim_core::report::GaitTrace;
 use std::collections::BTreeMap;
@@ -51,7 +52,8 @@ pub fn trajectory_name(gait: usize) -> String {
 
 /// Creates the content of gaits.json from the traces of a report.
 pub fn file(job: &Checked, traces: &[GaitTrace]) -> GaitFile {
-    let names = job.space().names();
+    let count = traces.iter().map(|trace| trace.parameters.len()).sum();
+    let names = job.space().names_of(count);
     let mut names = names.iter();
     let gaits = traces.iter().enumerate().map(|(i, trace)| {
         let own = names.by_ref().take(trace.parameters.len());
@@ -69,6 +71,18 @@ pub fn file(job: &Checked, traces: &[GaitTrace]) -> GaitFile {
     });
     let gaits = gaits.collect();
     GaitFile { controller: job.gaits().controller, duration: job.gaits().duration, gaits }
+}
+
+/// Returns the text of a gait that is a motion sequence; `None` for other gaits.
+pub fn program(job: &Checked, trace: &GaitTrace) -> Option<String> {
+    let is_sequence = job.controller().name() == Sequence.name();
+    let genes = Genes::of(job.robot().modules.len());
+    is_sequence.then(|| format!("{}\n", genes.program(&trace.parameters)))
+}
+
+/// Returns the path of the file with a gait's text; `gait` counts from 0.
+pub fn program_name(gait: usize) -> String {
+    format!("trajectories/gait-{}.seq", gait + 1)
 }
 
 /// Returns the displacement of a gait; `None` if it has no samples.

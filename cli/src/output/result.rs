@@ -8,6 +8,7 @@ use sim_core::base::digest::Digest;
 use sim_core::base::score::{Direction, mean};
 use sim_core::base::statistics::median;
 use sim_core::engines::NUMERIC_CRATES;
+use sim_core::genotype::Genotype;
 use sim_core::problem::Checked;
 use sim_core::procedure::evolve::report::{Archived, Audit, Report, Rescored};
 use sim_core::search::Scored;
@@ -169,6 +170,12 @@ pub struct Parameter {
     pub value: f64,
 }
 
+/// Returns the parameters of a genotype with their names.
+fn named(job: &Checked, genotype: &Genotype) -> Vec<Parameter> {
+    let names = job.space().names_of(genotype.numbers().len());
+    names.into_iter().zip(genotype.numbers()).map(|(name, &value)| Parameter { name, value }).collect()
+}
+
 /// Counts of a job's work.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counts {
@@ -249,7 +256,6 @@ impl ResultFile {
         Digests { job: job_digest, result: result_digest, engine: engine_digest }: Digests,
         report: Option<&Report>,
     ) -> Self {
-        let names = job.space().names();
         let candidate = |scored: &Scored, scores: &Rescored| Candidate {
             generation: scored.generation,
             candidate: scored.candidate,
@@ -262,11 +268,7 @@ impl ResultFile {
             without_reuse: mean(&scores.without_reuse),
             less_friction: mean(&scores.less_friction),
             more_friction: mean(&scores.more_friction),
-            genotype: names
-                .iter()
-                .zip(scored.genotype.numbers())
-                .map(|(n, &value)| Parameter { name: n.clone(), value })
-                .collect(),
+            genotype: named(job, &scored.genotype),
         };
         let winner = report.map(|r| candidate(&r.winner, &r.winner_scores));
         let first = report.map(|r| candidate(&r.first, &r.first_scores));

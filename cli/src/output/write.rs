@@ -117,11 +117,14 @@ fn simulated(batch: &mut Batch, job: &Checked, report: &SimulationReport, json: 
     Ok(())
 }
 
-/// Adds gaits.json and the trajectory of each gait.
+/// Adds gaits.json, the trajectory of each gait, and the text of gaits that are motion sequences.
 fn gaits(batch: &mut Batch, job: &Checked, traces: &[GaitTrace]) -> Result<(), Error> {
     batch.add(GAITS, console::json(&gaits::file(job, traces))?.as_bytes())?;
     for (i, gait) in traces.iter().enumerate() {
         batch.add(&gaits::trajectory_name(i), csv::gait(gait).as_bytes())?;
+        if let Some(program) = gaits::program(job, gait) {
+            batch.add(&gaits::program_name(i), program.as_bytes())?;
+        }
     }
     Ok(())
 }

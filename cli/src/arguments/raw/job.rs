@@ -388,6 +388,65 @@ impl From<RobotScale> for Scale {
 }
 
 #[derive(Debug, Args)]
+pub struct Sequence {
+    #[command(subcommand)]
+    pub action: SequenceAction,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum SequenceAction {
+    /// Check that every segment is feasible, and print its effect
+    Check {
+        #[command(flatten)]
+        of: SequenceOf,
+
+        /// Print JSON instead of text
+        #[arg(long, display_order = 99)]
+        json: bool,
+    },
+    /// Write the joint targets over time as CSV, for hardware or `evogait simulate --targets`
+    Targets {
+        #[command(flatten)]
+        of: SequenceOf,
+
+        /// Duration, s
+        #[arg(long, value_name = "S", default_value = "100", value_parser = length)]
+        duration: f64,
+
+        /// Output file [default: standard output]
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+    },
+    /// Simulate the sequence and write its motion, contacts and pictures
+    Run {
+        #[command(flatten)]
+        of: SequenceOf,
+
+        /// Duration, s
+        #[arg(long, value_name = "S", default_value = "100", value_parser = length)]
+        duration: f64,
+
+        /// Simulate on the reference setting of the scale: rapier with smaller steps
+        #[arg(long)]
+        fine: bool,
+
+        #[command(flatten)]
+        to: RunTo,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct SequenceOf {
+    /// File of the sequence
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+
+    /// Robot of M-TRAN modules: a file, the name of one that ships, or random:mtran:MODULES:SEED
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+}
+
+#[derive(Debug, Args)]
 pub struct Scenarios {
     #[command(subcommand)]
     pub action: Option<ScenariosAction>,
