@@ -102,7 +102,7 @@ pub struct FaceKind {
     pub gender: Gender,
 }
 
-/// Which faces a face can dock to.
+/// Gender of a face: the faces that it can dock to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gender {
     /// All faces.

@@ -13,7 +13,7 @@ const MAX_DRAWS: u32 = 10_000;
 /// Rules for programs on one robot: no segment cuts a connection, and modules do not collide, neither the first time
 /// nor when the program begins again.
 ///
-/// Whether a segment cuts a connection does not depend on the segments before it, so crossover keeps this rule.
+/// The connections that a segment cuts do not depend on the segments before it, so crossover keeps the first rule.
 #[derive(Clone, Debug)]
 pub struct Feasible {
     configuration: Configuration,
