@@ -58,6 +58,7 @@ fn golden_rollouts_have_their_recorded_bits() {
     h-shape 50e4c752e404
     t-shape 8b2ae2440815
     mtran-three 176ef7ea4c5c
+    mtran-random 823533c50652
     ");
 }
 
@@ -107,6 +108,7 @@ fn multibody_joints_settle_and_have_their_recorded_bits() {
     h-shape 1e4086a31c69
     t-shape 8f64e4e4565a
     mtran-three 4d4436b76edc
+    mtran-random 5aa04f0996d9
     ");
 }
 
