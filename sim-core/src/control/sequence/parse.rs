@@ -29,7 +29,7 @@ use winnow::{LocatingSlice, Stateful};
 /// Parses a program.
 ///
 /// # Errors
-/// The first place where the text breaks the grammar or a limit of [`program`](super::program). A program is also
+/// The first place where the text breaks the grammar or a limit, such as [`MAX_ITEMS`]. A program is also
 /// rejected if a loop or the program has no items, if a segment turns a module twice or names a face twice, or if its
 /// printed form has more than [`MAX_PROGRAM_LENGTH`] bytes.
 pub fn parse(text: &str) -> Result<Program, ParseError> {
