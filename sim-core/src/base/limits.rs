@@ -27,7 +27,7 @@ pub const MAX_BOXES: usize = 256;
 /// Maximum number of gaits of a candidate, k.
 pub const MAX_GAITS: u32 = 32;
 /// Maximum number of segments of a gait that is a sequence.
-pub const MAX_SEGMENTS: u32 = 200;
+pub const MAX_GAIT_SEGMENTS: u32 = 200;
 /// Maximum duration of a gait, s.
 pub const MAX_DURATION: f64 = 600.0;
 /// Maximum number of iterations of a planner, K.

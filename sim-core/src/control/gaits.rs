@@ -119,8 +119,8 @@ fn length_of(gaits: &GaitsSpec, own: Length) -> Result<Length, Invalid> {
         let reason = format!("the gaits of controller \"{name}\" have no segments: leave this key out");
         return Err(Invalid::Conflict { field: "gaits.segments".into(), reason });
     }
-    whole_in_range("gaits.segments[0]", least, (1, limits::MAX_SEGMENTS.into()), "")?;
-    whole_in_range("gaits.segments[1]", most, (least.into(), limits::MAX_SEGMENTS.into()), "")?;
+    whole_in_range("gaits.segments[0]", least, (1, limits::MAX_GAIT_SEGMENTS.into()), "")?;
+    whole_in_range("gaits.segments[1]", most, (least.into(), limits::MAX_GAIT_SEGMENTS.into()), "")?;
     Ok(Length::Sequence { least, most })
 }
 

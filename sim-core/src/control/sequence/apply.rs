@@ -4,9 +4,8 @@ use super::chain::{Chain, Opened};
 use super::cuts::cut_connections;
 use super::program::{Segment, Turn};
 use super::{Reading, Refusal, Rule, Semantics};
-use crate::model::mtran::Port;
 use crate::model::mtran::{
-    Configuration, Connection, FACES, Frame, MEET, PARTS, components, describe_port, may_connect, ordered,
+    Configuration, Connection, FACES, Frame, MEET, PARTS, Port, components, describe_port, may_connect, ordered,
     part_of_link, penetration,
 };
 use std::collections::BTreeSet;

@@ -1,8 +1,7 @@
 //! Poses of all links while the parts of some modules turn.
 
 use super::program::Segment;
-use crate::model::mtran::Port;
-use crate::model::mtran::{Configuration, Connection, Frame, MEET, components, link_of_part, part_of_link};
+use crate::model::mtran::{Configuration, Connection, Frame, MEET, Port, components, link_of_part, part_of_link};
 use std::collections::BTreeSet;
 
 /// Robot whose connections stay rigid while its parts turn.

@@ -26,7 +26,7 @@ pub use timetable::{Timetable, radians};
 
 use super::{Controller, Infeasible, Parameter, Signals, phase};
 use crate::base::error::Invalid;
-use crate::base::limits::MAX_SEGMENTS as MAX_SEGMENTS_OF_GAIT;
+use crate::base::limits::MAX_GAIT_SEGMENTS;
 use crate::base::registry::Component;
 use crate::genotype::{Length, Rules, Space};
 use crate::model::mtran::Configuration;
@@ -64,7 +64,7 @@ impl Controller for Sequence {
 
     fn space(&self, robot: &Robot) -> Space {
         let genes = Genes::of(robot.modules.len()).named();
-        Space { genes, length: Length::Sequence { least: 1, most: MAX_SEGMENTS_OF_GAIT } }
+        Space { genes, length: Length::Sequence { least: 1, most: MAX_GAIT_SEGMENTS } }
     }
 
     fn segments(&self) -> Option<(u32, u32)> {

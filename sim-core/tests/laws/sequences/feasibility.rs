@@ -44,3 +44,27 @@ fn collisions_refuse_some_connected_segments() {
     println!("{counts:?}");
     assert!(counts["feasible"] > 0 && counts[Rule::Connectivity.name()] > 0);
 }
+
+/// Programs of ten segments that each keep the robot connected: about 39 % make modules overlap.
+#[test]
+fn collisions_refuse_a_third_of_connected_programs() {
+    const PROGRAMS: u32 = 2_000;
+    let start = robot(FIG_2);
+    let mut below = source(3);
+    let connected = Semantics { penetration: None, ..Semantics::default() };
+    let mut colliding = 0;
+    for _ in 0..PROGRAMS {
+        let mut program = Vec::new();
+        while program.len() < 10 {
+            let segment = random_segment(3, &mut below);
+            if start.apply_with(&segment, &connected).is_ok() {
+                program.push(segment);
+            }
+        }
+        let refused = start.apply_all(&program, &Semantics::default()).err();
+        colliding += u32::from(refused.is_some_and(|refusal| refusal.rule == Rule::Collision));
+    }
+    let share = f64::from(colliding) / f64::from(PROGRAMS);
+    println!("{share:.3} of {PROGRAMS} programs collide");
+    assert!((share - 0.39).abs() < 0.03, "{share}");
+}
